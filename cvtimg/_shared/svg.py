@@ -114,12 +114,6 @@ def draw_solid(caption: str, points: _Floats, triangles: NDArray[np.integer], vi
     return captioned(caption, _SIZE, height, f"<g fill='white' stroke='#333' stroke-width='0.5'>{shapes}</g>")
 
 
-def edges_of(triangles: NDArray[np.integer]) -> NDArray[np.integer]:
-    """List the edges (E, 2) of triangles (T, 3), each once."""
-    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return np.unique(pairs, axis=0)
-
-
 def seen_from(direction: Sequence[float]) -> _Floats:
     """Return the axes of a view, as rows: right, up, and toward the viewer."""
     toward = np.asarray(direction, float) / np.linalg.norm(direction)

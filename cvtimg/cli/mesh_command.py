@@ -118,8 +118,6 @@ def _plot(found: Mesh, path: Path, given: Given, *, y_down: bool) -> None:
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
     """Fill a mask of voxels with tetrahedra."""
-    from dataclasses import asdict
-
     from cvtimg.meshes import mesh_volume
 
     flat = {"--size": given.size, "--plot": given.plot}
@@ -127,9 +125,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
     flat |= {"--layers": given.layers, "--periodic": given.periodic, "--name": given.name}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
-    if not is_mask:
-        raise ValueError("has voxels of several labels: choose one by --label")
-    found = mesh_volume(voxels > 0, n=given.n, edge_length=given.edge_length)
+    found = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)
     stopwatch.lap("mesh")
     found.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")
@@ -141,5 +137,6 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
         "volume": found.volume,
         "least_angle": float(found.dihedral_angles.min()),
         **(asdict(found.measures()) if given.measures else {}),
+        **({"labels": {tag: asdict(one) for tag, one in found.measures_by_label().items()}} if given.measures else {}),
         "is_manifold": found.is_manifold,
     }

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
-from cvtimg.halfedges._halfedges import find_twins
-
-__all__ = ["HalfEdges", "TriangleMeasures", "boundary_edges", "find_twins", "half_edges_out", "measure_triangles"]
+from cvtimg.halfedges._halfedges import find_twins as find_twins
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
@@ -49,7 +47,7 @@ class HalfEdges:
     @property
     def edges(self) -> Triangles:
         """The two ends (3 T, 2) of each half-edge."""
-        return np.stack([self.triangles.ravel(), self.triangles[:, [1, 2, 0]].ravel()], axis=1)
+        return edges_around(self.triangles)
 
 
 def half_edges_out(first: Triangles, twins: Triangles, degrees: Triangles) -> Triangles:
@@ -73,11 +71,23 @@ def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
     return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
 
 
+def edges_around(triangles: NDArray[np.integer[Any]]) -> NDArray[Any]:
+    """Return the three edges (3 T, 2) of each triangle, as it goes around."""
+    return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+
+
+def unique_edges(edges: NDArray[np.integer[Any]]) -> tuple[NDArray[Any], NDArray[np.intp], NDArray[np.intp]]:
+    """Return edges (E, 2) once and from the lower end (U, 2), which of these each is (E,), and how many are (U,)."""
+    n = int(edges.max(initial=0)) + 1
+    keys, which, counts = np.unique(edge_keys(edges, n), return_inverse=True, return_counts=True)
+    return np.stack([keys // n, keys % n], axis=1).astype(edges.dtype), which, counts
+
+
 def boundary_edges(triangles: Triangles) -> Triangles:
     """Return the (B, 2) edges that only one triangle has, as it goes around."""
-    edges = np.stack([triangles.ravel(), triangles[:, [1, 2, 0]].ravel()], axis=1)
-    _, inverse, counts = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return edges[counts[inverse.reshape(-1)] == 1]
+    edges = edges_around(triangles)
+    _, which, counts = unique_edges(edges)
+    return edges[counts[which] == 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

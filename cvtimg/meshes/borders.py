@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.progress import first_few
-from cvtimg.halfedges import edge_keys
+from cvtimg.halfedges import edge_keys, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
@@ -239,8 +239,8 @@ def _crowded(
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
     crossed[_crossing(points, edges, *tree.query(segments))] = True
-    _, inverse, counts = np.unique(edge_keys(edges, len(points)), return_inverse=True, return_counts=True)
-    crossed |= counts[inverse] > 1
+    _, which, counts = unique_edges(edges)
+    crossed |= counts[which] > 1
     reach = np.zeros(len(points))
     for end in (0, 1):
         np.maximum.at(reach, edges[:, end], lengths)

@@ -155,11 +155,11 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     cells, data = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}
     names: dict[str, Any] = {}
     sets: dict[str, Any] = {}
+    dimension, name, inside = (2, "surface", "inside") if mesh.kind == "tetra" else (1, "border", None)
     if suffix == ".msh" and len(
         mesh.sides
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
         cells = [(_CELLS[mesh.kind][1], mesh.sides), *cells]
-        dimension, name, inside = (2, "surface", "inside") if mesh.kind == "tetra" else (1, "border", None)
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
@@ -173,8 +173,9 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         usual = {dimension: name, dimension + 1: inside}
         names = {mesh.names.get(key) or usual[key[0]] or str(key[1]): np.array(key[::-1]) for key in keys}
     elif suffix == ".inp" and mesh.side_tags is not None:
-        regions = {name: [np.flatnonzero(mesh.tags == tag)] for (of, tag), name in mesh.names.items() if of == 2}
-        nodes = {name: np.unique(mesh.sides[mesh.side_tags == t]) for (of, t), name in mesh.names.items() if of == 1}
+        inner, sides = ([(k, t) for (of, t), k in mesh.names.items() if of == dimension + at] for at in (1, 0))
+        regions = {name: [np.flatnonzero(mesh.tags == tag)] for name, tag in inner}
+        nodes = {name: np.unique(mesh.sides[mesh.side_tags == tag]) for name, tag in sides}
         sets = {"cell_sets": regions, "point_sets": nodes}
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"

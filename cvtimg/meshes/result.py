@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.svg import MOST_SHAPES, draw_lines, edges_of
+from cvtimg._shared.svg import MOST_SHAPES, draw_lines
 from cvtimg.files.whole import StrPath
-from cvtimg.halfedges import measure_triangles
+from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 from cvtimg.meshes.quadratic import QuadraticTriangles
@@ -168,7 +168,7 @@ class Mesh(ReadOnly):
 
     def _repr_html_(self) -> str:
         """Draw the triangles, or only the borders of many, with y down as in images."""
-        edges = edges_of(self.triangles)
+        edges = unique_edges(edges_around(self.triangles))[0]
         lines = self.points[edges if len(edges) <= MOST_SHAPES else self.edges]
         return draw_lines(repr(self), lines, y_down=True)
 

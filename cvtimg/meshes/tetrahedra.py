@@ -7,18 +7,20 @@ Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.halfedges import edge_keys
-from cvtimg.meshes.measures import boundary_faces
+from cvtimg.halfedges import edge_keys, edges_around, unique_edges
+from cvtimg.meshes.measures import label_faces
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
-#: From (N, 3) points to values (N,), < 0 inside.
-Level = Callable[[Points], NDArray[np.float64]]
+Indices = NDArray[np.intp]
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: A vertex is moved to a place where the surface cuts one of its edges, if that is nearer than this part of the edge.
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
@@ -26,64 +28,268 @@ _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 _OFFSET = np.array([0.118, 0.382, 0.236])
 #: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing.
 _NARROW, _NUDGES, _NUDGE = 15.0, 8, 0.05
-#: What is filled in is so deep, by the spacing.
-_FILLED = 0.5
-#: Pairs of corners of a tetrahedron, and for each the other two.
+#: Points near to several labels go away from these, to this distance by the spacing, in so many rounds.
+_RETREAT, _RETREATS = 0.25, 3
+#: Rounds of moves of vertices where labels meet, to where no dihedral angle is below this, in degrees.
+_DRAWS, _DRAWN = 3, 12.0
+#: Moves that make angles too small are halved so many times, then left out.
+_HALVINGS = 4
+#: Pairs of corners of a tetrahedron; in reverse, those of the other two.
 _PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
-_OTHERS = _PAIRS[::-1]
 
 
-def stuff(level: Level, low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
-    """Fill where a level is below 0, in a box from `low` to `high`, with tetrahedra of a lattice of a spacing.
+class Levels(Protocol):
+    """Distances to labels 0, 1, ..., < 0 inside: a place belongs to the label of the least. 0 is outside."""
 
-    The spacing is the length of the longer edges. The surface is a manifold: where it would meet itself along an edge,
-    a point of the lattice is filled in.
+    def nearest(self, points: Points) -> Indices:
+        """Return the label at each of (N, 3) points."""
+        ...
+
+    def distances(self, points: Points, labels: Indices) -> Values:
+        """Return the distance of each of (N, 3) points to its label (N,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filling:
+    """Tetrahedra with labels, and vertices that had to stay away from the surfaces where they belong."""
+
+    points: Points
+    cells: Cells
+    labels: Indices  # (T,), from 1
+    loose: Indices  # (M,) vertices
+    meeting: Cells  # (M, 4): the labels that meet at each of these; the first fills up the row
+
+
+def stuff(levels: Levels, low: Points, high: Points, spacing: float) -> Filling:
+    """Fill the labels from 1 in a box from `low` to `high` with tetrahedra of a lattice of a spacing.
+
+    The spacing is the length of the longer edges. Neighbors share the triangles between them, and the surface of each
+    label is a manifold: where it would meet itself along an edge, points of the lattice stay where they are.
     """
-    points, cells = lattice(low, high, spacing)
-    values = level(points)
+    lattice = _Lattice(levels, low, high, spacing)
     while True:
-        found, made, origin = _filled(points, cells, values, spacing)
-        # More is filled in each round, so that there is a last one.
-        pinched = _pinched(made, len(found))
-        if not len(pinched):
-            return found, made
-        values[origin[pinched]] = -_FILLED * spacing
+        found, made = _filled(lattice)
+        # Where no point of the lattice moves, labels are derived neighborhoods of their points, which are manifolds.
+        at = made[pinched(found.cells, found.labels, len(found.points))]
+        at = at[at < len(lattice.points)]
+        if not lattice.is_free[at].any():
+            return found
+        lattice.is_free[at] = False
 
 
-def _filled(
-    points: Points, cells: Cells, values: NDArray[np.float64], spacing: float
-) -> tuple[Points, Cells, NDArray[np.intp]]:
-    """Fill where values (N,) at points of a lattice are below 0; also return the point at, or beyond, each vertex."""
-    kept = (values[cells] < 0).any(axis=1)
-    lattice_points, cells = np.unique(cells[kept], return_inverse=True)
-    points, values, cells = points[lattice_points], values[lattice_points], cells.reshape(-1, 4)
-    edges = np.unique(np.sort(cells[:, _PAIRS].reshape(-1, 2), axis=1), axis=0)
-    points, values = _warped(points, values, edges, spacing)
-    cut = (values[edges] < 0).any(axis=1) & (values[edges] > 0).any(axis=1)
-    a, b = edges[cut].T
-    share = values[a] / (values[a] - values[b])
-    all_points = np.concatenate([points, points[a] + share[:, None] * (points[b] - points[a])])
-    keys = a * len(points) + b
-    order = np.argsort(keys)
+class _Lattice:
+    """A lattice, the label of each of its points, and where surfaces cut its edges."""
 
-    def cuts(p: NDArray[np.int64], q: NDArray[np.int64]) -> NDArray[np.int64]:
+    def __init__(self, levels: Levels, low: Points, high: Points, spacing: float) -> None:
+        points, cells = lattice(low, high, spacing)
+        labels = levels.nearest(points)
+        self.n_labels = int(labels.max()) + 1
+        used, cells = np.unique(cells[(labels[cells] > 0).any(axis=1)], return_inverse=True)
+        self.points, self.labels, self.cells = points[used], labels[used], cells.reshape(-1, 4)
+        edges = unique_edges(self.cells[:, _PAIRS].reshape(-1, 2))[0]
+        self.edges = edges[self.labels[edges[:, 0]] != self.labels[edges[:, 1]]]
+        ends, others = self.edges.ravel(), self.labels[self.edges[:, ::-1]].ravel()
+        self._keys, first, which = np.unique(ends * self.n_labels + others, return_index=True, return_inverse=True)
+        ends, others = ends[first], others[first]
+        # Points near to more than two labels stay, so that what is between them has room.
+        self.is_free = np.bincount(ends, minlength=len(used)) < 2
+        self.is_outer = self.labels == 0
+        self.is_outer[ends[others == 0]] = True
+        self._give_way(levels, ends[~self.is_free[ends]], others[~self.is_free[ends]], spacing)
+        self._depths = np.maximum(self._depth(levels, self.points[ends], self.labels[ends], others), 1e-9 * spacing)
+        depths = self._depths[which].reshape(-1, 2)
+        self.shares = depths[:, 0] / depths.sum(axis=1)
+        self.lengths = np.linalg.norm(points[used[self.edges[:, 0]]] - points[used[self.edges[:, 1]]], axis=1)
+        self.near = np.where(self.lengths > 0.93 * spacing, _NEAR_LONG, _NEAR_SHORT)
+
+    @staticmethod
+    def _depth(levels: Levels, points: Points, own: Indices, others: Indices) -> Values:
+        """Return half the difference of the distances of points to another label and to their own."""
+        return (levels.distances(points, others) - levels.distances(points, own)) / 2
+
+    def _give_way(self, levels: Levels, ends: Indices, others: Indices, spacing: float) -> None:
+        """Move points that are near to other labels (M,) away from them."""
+        steps = 0.1 * spacing * np.eye(3)
+        for _ in range(_RETREATS):
+            depths = self._depth(levels, self.points[ends], self.labels[ends], others)
+            near = np.flatnonzero(depths < _RETREAT * spacing)
+            near = near[np.lexsort((depths[near], ends[near]))]
+            moving, first = np.unique(ends[near], return_index=True)
+            beyond, lacking = others[near[first]], _RETREAT * spacing - depths[near[first]]
+            around = [
+                self._depth(levels, self.points[moving] + way * step, self.labels[moving], beyond)
+                for step in steps
+                for way in (1, -1)
+            ]
+            slopes = np.stack([one - other for one, other in zip(around[::2], around[1::2], strict=True)], axis=1)
+            slopes /= 0.2 * spacing
+            moves = slopes * (lacking / np.maximum((slopes**2).sum(axis=1), 0.25))[:, None]
+            self.points[moving] += moves
+
+    def depths(self, points: Cells, others: Indices) -> Values:
+        """Return how deep points are in their labels, seen from other labels, which neighbors of theirs have."""
+        return self._depths[np.searchsorted(self._keys, points * self.n_labels + others)]
+
+    def warped(self) -> tuple[Points, Mask]:
+        """Move points that are near to a surface to it; also tell which."""
+        while True:
+            points, on = self._moved()
+            # Tetrahedra all of whose corners move are flat: they are left out, or their corners stay.
+            flat = self.cells[on[self.cells].all(axis=1) & ~self.is_outer[self.cells].all(axis=1)]
+            if not len(flat):
+                return points, on
+            self.is_free[flat] = False
+
+    def _moved(self) -> tuple[Points, Mask]:
+        ends, others = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()
+        shares, near = np.concatenate([self.shares, 1 - self.shares]), np.tile(self.near, 2)
+        close = np.flatnonzero((shares < near) & self.is_free[ends])
+        close = close[np.lexsort((np.tile(self.lengths, 2)[close] * shares[close], ends[close]))]
+        moved, first = np.unique(ends[close], return_index=True)
+        chosen = close[first]
+        points, on = self.points.copy(), np.zeros(len(self.points), bool)
+        points[moved] += shares[chosen, None] * (points[others[chosen]] - points[moved])
+        on[moved] = True
+        return points, on
+
+
+def _filled(grid: _Lattice) -> tuple[Filling, Indices]:
+    """Fill the labels of a lattice; also return the number of each vertex: those of the lattice come first."""
+    points, on = grid.warped()
+    n = len(points)
+    is_cut = ~on[grid.edges].any(axis=1)
+    a, b = grid.edges[is_cut].T
+    keys, near = a * n + b, grid.near[is_cut]
+    shares = np.clip(grid.shares[is_cut], near, 1 - near)
+    on_edges = grid.points[a] + shares[:, None] * (grid.points[b] - grid.points[a])
+
+    def cuts(p: Indices, q: Indices) -> Indices:
         """Return the vertex on each edge p q where it is cut, or q if that is on the surface."""
-        wanted = np.minimum(p, q) * len(points) + np.maximum(p, q)
-        at = np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)
-        return np.where(values[q] == 0, q, len(points) + order[at])
+        at = np.minimum(np.searchsorted(keys, np.minimum(p, q) * n + np.maximum(p, q)), len(keys) - 1)
+        return np.where(on[q], q, n + at)
 
-    made = _cut(cells, values, cuts)
+    labels, moved = grid.labels[grid.cells], on[grid.cells]
+    least = np.where(moved, grid.n_labels, labels).min(axis=1)
+    most = np.where(moved, -1, labels).max(axis=1)
+    is_whole = (least == most) & (least > 0)
+    is_two = (least < most) & (moved | (labels == least[:, None]) | (labels == most[:, None])).all(axis=1)
+    parts = [(grid.cells[is_whole], least[is_whole])]
+    for side, beyond in ((least, most), (most, least)):
+        chosen = is_two & (side > 0)
+        cells, inner = grid.cells[chosen], labels[chosen] == side[chosen, None]
+        others = np.where(inner, beyond[chosen, None], side[chosen, None])
+        known = ~moved[chosen]
+        values = np.zeros(cells.shape)
+        values[known] = grid.depths(cells[known], others[known]) * np.where(inner, -1, 1)[known]
+        parts.append(_cut(cells, values, side[chosen], cuts))
+    several = grid.cells[(least < most) & ~is_two]
+    parts_of_several, inner_points, meeting = _starred(grid, several, cuts, np.concatenate([points, on_edges]))
+    parts += parts_of_several
+    made, labels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    # What is loose: cuts that were moved along their edges, and what is inside triangles and tetrahedra of the lattice.
+    far = np.flatnonzero(shares != grid.shares[is_cut])
+    pairs = grid.labels[np.stack([a, b, a, a], axis=1)[far]]
+    loose = np.concatenate([n + far, n + len(a) + np.arange(len(inner_points))])
     used, made = np.unique(made, return_inverse=True)
-    origin = lattice_points[np.append(np.arange(len(points)), np.where(values[a] > 0, a, b))[used]]
-    all_points = all_points[used]
-    return all_points, _oriented(all_points, made.reshape(-1, 4)), origin
+    places = np.concatenate([points, on_edges, inner_points])[used]
+    meeting = np.concatenate([pairs, meeting])
+    kept = np.isin(loose, used)
+    loose = np.searchsorted(used, loose[kept])
+    return Filling(places, _oriented(places, made.reshape(-1, 4)), labels, loose, meeting[kept]), used
 
 
-def _pinched(cells: Cells, n: int) -> NDArray[np.intp]:
-    """Return the vertices, of n, of edges at which more than two triangles of the surface meet."""
-    edges = boundary_faces(cells)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, which, counts = np.unique(edge_keys(edges, n), return_inverse=True, return_counts=True)
+def _starred(
+    grid: _Lattice, cells: Cells, cuts: Callable[[Indices, Indices], Indices], points: Points
+) -> tuple[list[tuple[Cells, Indices]], Points, Cells]:
+    """Divide tetrahedra with three or four labels, from a point inside; return also these points, and their labels.
+
+    Triangles between three labels have such a point, too, so that it is the same for the tetrahedra on both sides.
+    """
+    faces = cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
+    labels = grid.labels[faces]
+    owner = np.arange(len(cells)).repeat(4)
+    same = labels == np.roll(labels, -1, axis=1)
+    triple = ~same.any(axis=1)
+    corners, which = np.unique(np.sort(faces[triple], axis=1), axis=0, return_inverse=True)
+    ring = [cuts(corners[:, k], corners[:, (k + 1) % 3]) for k in range(3)]
+    middles = points[np.stack(ring, axis=1)].mean(axis=1)
+    tips = len(points) + len(middles) + owner
+    made = [(np.column_stack([faces, tips])[same.all(axis=1)], labels[same.all(axis=1), 0])]
+    a, middle = faces[triple], len(points) + which.reshape(-1)
+    for k in range(3):
+        for other in ((k + 1) % 3, (k + 2) % 3):
+            parts = (a[:, k], cuts(a[:, k], a[:, other]), middle, tips[triple])
+            made.append((np.stack(parts, axis=1), labels[triple, k]))
+    # The corner a has a label of its own; the diagonal starts from the deeper one of b and c, as in `_cut`.
+    two = np.flatnonzero(same.sum(axis=1) == 1)
+    alone = (same[two].argmax(axis=1) + 2) % 3
+    turned = (alone[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(faces[two], turned, axis=1).T
+    of_a, of_b = labels[two, turned[:, 0]], labels[two, turned[:, 1]]
+    depth_b, depth_c = grid.depths(b, of_a), grid.depths(c, of_a)
+    swapped = (depth_c > depth_b) | ((depth_c == depth_b) & (c < b))
+    b, c = np.where(swapped, c, b), np.where(swapped, b, c)
+    ab, ac = cuts(a, b), cuts(a, c)
+    for label, parts in ((of_a, (a, ab, ac)), (of_b, (b, c, ac)), (of_b, (b, ac, ab))):
+        made.append((np.stack([*parts, tips[two]], axis=1), label))
+    # A point inside is in the middle of those of its triangles.
+    sums = np.zeros((len(cells), 3))
+    np.add.at(sums, owner[triple], middles[middle - len(points)])
+    centers = sums / np.bincount(owner[triple], minlength=len(cells))[:, None]
+    meeting = np.concatenate([grid.labels[corners[:, [0, 1, 2, 0]]], grid.labels[cells]])
+    kept = [(part[label > 0], label[label > 0]) for part, label in made]
+    return kept, np.concatenate([middles, centers]), meeting
+
+
+def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices:
+    """Return the vertices, of n, of edges at which more than two triangles of the surface of one label meet."""
+    faces, own, beyond = label_faces(cells, labels)
+    # The surface of all is one as well, as that of label 0.
+    of = np.concatenate([own, beyond[beyond == 0]]).repeat(3)
+    edges = edges_around(np.concatenate([faces, faces[beyond == 0]]))
+    keys = edge_keys(edges, n) * (int(labels.max(initial=0)) + 1) + of
+    _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.unique(edges[counts[which] > 2])
+
+
+def drawn(filling: Filling, levels: Levels, spacing: float) -> Points:
+    """Draw loose vertices towards where their labels meet, as far as dihedral angles let them."""
+    from scipy.sparse import coo_array
+
+    points, cells = filling.points.copy(), filling.cells
+    loose, meeting = filling.loose, filling.meeting
+    if not len(loose):
+        return points
+    cells = cells[np.isin(cells, loose).any(axis=1)]
+    # Vertices inside labels move like those around them.
+    edges = unique_edges(cells[:, _PAIRS].reshape(-1, 2))[0]
+    is_loose, is_inner = np.zeros((2, len(points)), bool)
+    is_loose[loose], is_inner[cells] = True, True
+    is_inner[label_faces(filling.cells, filling.labels)[0]] = False
+    edges = np.concatenate([edges, edges[:, ::-1]])
+    edges = edges[is_inner[edges[:, 0]] & is_loose[edges[:, 1]]]
+    beside = coo_array((np.ones(len(edges)), edges.T), (len(points),) * 2).tocsr()
+    shares = beside.sum(axis=1)
+    inner = np.flatnonzero(shares)
+    step = 0.1 * spacing * np.concatenate([np.eye(3), -np.eye(3)])
+
+    def distances(places: Points) -> Values:
+        return np.stack([levels.distances(places, meeting[:, k]) for k in range(4)], axis=1)
+
+    for _ in range(_DRAWS):
+        places = points[loose]
+        values = distances(places)
+        around = np.stack([distances(places + one) for one in step])
+        slopes = np.moveaxis(around[:3] - around[3:], 0, 2) / (0.2 * spacing)
+        inverse = np.linalg.pinv(slopes[:, 1:] - slopes[:, :1], rcond=0.2)
+        moves = -np.einsum("ijk,ik->ij", inverse, values[:, 1:] - values[:, :1])
+        lengths = np.linalg.norm(moves, axis=1, keepdims=True)
+        wanted = np.zeros_like(points)
+        wanted[loose] = moves * np.minimum(1, 0.25 * spacing / np.maximum(lengths, 1e-300))
+        wanted[inner] = (beside @ wanted)[inner] / shares[inner, None]
+        points = moved(points, filling.cells, wanted, _DRAWN)
+    return points
 
 
 def widened(points: Points, cells: Cells, spacing: float) -> Points:
@@ -91,19 +297,32 @@ def widened(points: Points, cells: Cells, spacing: float) -> Points:
     points = points.copy()
     steps = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3) * _NUDGE * spacing
     for _ in range(_NUDGES):
-        narrow = np.flatnonzero(dihedral_angles(points, cells).min(axis=1) < _NARROW)
-        if not len(narrow):
+        narrow = _least_angles(points[cells]) < _NARROW
+        if not narrow.any():
             break
         moving = np.unique(cells[narrow])
         near = cells[np.isin(cells, moving).any(axis=1)]
-        for vertex in moving.tolist():
-            star = near[(near == vertex).any(axis=1)]
-            places = np.where((star == vertex)[None, :, :, None], points[vertex] + steps[:, None, None], points[star])
-            sound = (_volumes(places) > 0).all(axis=1)
-            least = np.where(sound, _dihedral_angles(places).min(axis=(1, 2)), 0)
-            if least[len(steps) // 2] < _NARROW:
-                points[vertex] += steps[least.argmax()]
+        order = np.argsort(near, axis=None, kind="stable")
+        ends = np.searchsorted(near.ravel()[order], np.stack([moving, moving + 1], axis=1))
+        for vertex, (first, last) in zip(moving.tolist(), ends.tolist(), strict=True):
+            star = near[order[first:last] // 4]
+            if _least_angles(points[star]).min() < _NARROW:
+                corners = (star == vertex)[None, :, :, None]
+                places = np.where(corners, points[vertex] + steps[:, None, None], points[star])
+                points[vertex] += steps[_least_angles(places).min(axis=1).argmax()]
     return points
+
+
+def moved(points: Points, cells: Cells, moves: Points, least: float) -> Points:
+    """Move points (N, 3) as far as no dihedral angle gets smaller than `least`, or than it is, in degrees."""
+    is_moving = (moves != 0).any(axis=1)
+    cells = cells[is_moving[cells].any(axis=1)]
+    allowed, moves = np.minimum(_least_angles(points[cells]), least), moves.copy()
+    n_halved = 0
+    while (bad := _least_angles((points + moves)[cells]) < allowed).any():
+        moves[cells[bad]] *= 0.5 if n_halved < _HALVINGS else 0
+        n_halved += 1
+    return points + moves
 
 
 def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
@@ -128,58 +347,33 @@ def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
     return points, np.concatenate(cells)
 
 
-def _warped(
-    points: Points, values: NDArray[np.float64], edges: Cells, spacing: float
-) -> tuple[Points, NDArray[np.float64]]:
-    """Move vertices to the surface where it is near to them."""
-    a, b = edges.T
-    crossing = values[a] * values[b] < 0
-    a, b = a[crossing], b[crossing]
-    share = values[a] / (values[a] - values[b])
-    is_long = np.linalg.norm(points[a] - points[b], axis=1) > 0.93 * spacing
-    near = np.where(is_long, _NEAR_LONG, _NEAR_SHORT)
-    ends, others = np.concatenate([a, b]), np.concatenate([b, a])
-    shares, near = np.concatenate([share, 1 - share]), np.tile(near, 2)
-    close = np.flatnonzero(shares < near)
-    lengths = np.linalg.norm(points[ends[close]] - points[others[close]], axis=1) * shares[close]
-    order = np.lexsort((lengths, ends[close]))
-    close = close[order]
-    moved, first = np.unique(ends[close], return_index=True)
-    chosen = close[first]
-    points, values = points.copy(), values.copy()
-    points[moved] += shares[chosen, None] * (points[others[chosen]] - points[moved])
-    values[moved] = 0
-    return points, values
-
-
 def _cut(
-    cells: Cells, values: NDArray[np.float64], cuts: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.int64]]
-) -> Cells:
-    """Keep of each tetrahedron what is inside, as tetrahedra that fit those beside.
+    cells: Cells, values: Values, labels: Indices, cuts: Callable[[Indices, Indices], Indices]
+) -> tuple[Cells, Indices]:
+    """Keep of each tetrahedron what is inside, values (T, 4) < 0, as tetrahedra that fit those beside; with labels.
 
     Corners are sorted by values: where a quadrangle is divided, the diagonal starts from its deepest corner, so that it
     is the same on both sides and nearly always the shorter one.
     """
-    order = np.lexsort((cells, values[cells]), axis=1)
-    cells = np.take_along_axis(cells, order, axis=1)
-    n_inside, n_outside = (values[cells] < 0).sum(axis=1), (values[cells] > 0).sum(axis=1)
-    made = [cells[(n_outside == 0) & (n_inside > 0)]]
-    one = cells[(n_inside == 1) & (n_outside > 0)]
+    cells = np.take_along_axis(cells, np.lexsort((cells, values), axis=1), axis=1)
+    n_inside = (values < 0).sum(axis=1)
+    one = cells[n_inside == 1]
     a = one[:, 0]
-    made.append(np.stack([a, *(cuts(a, one[:, k]) for k in (1, 2, 3))], axis=1))
-    two = cells[(n_inside == 2) & (n_outside > 0)]
+    made = [np.stack([a, *(cuts(a, one[:, k]) for k in (1, 2, 3))], axis=1)]
+    two = cells[n_inside == 2]
     a, b = two[:, 0], two[:, 1]
     a1, a2, b1, b2 = cuts(a, two[:, 2]), cuts(a, two[:, 3]), cuts(b, two[:, 2]), cuts(b, two[:, 3])
     # The wedge a a1 a2, b b1 b2: all diagonals from a; where corners are on the surface, parts of it are flat.
     made += [np.stack([a, b, b1, b2], axis=1), *_prism_cap(a, a1, a2, b1, b2)]
-    three = cells[(n_inside == 3) & (n_outside > 0)]
+    three = cells[n_inside == 3]
     a, b, c, p = three.T
     a1, b1, c1 = cuts(a, p), cuts(b, p), cuts(c, p)
     # The frustum a b c, a1 b1 c1: diagonals a b1, a c1 and b c1.
     made += [np.stack(parts, axis=1) for parts in ((a, b, c, c1), (a, b, b1, c1), (a, a1, b1, c1))]
     found = np.concatenate(made)
-    rows = np.sort(found, axis=1)
-    return found[(np.diff(rows, axis=1) > 0).all(axis=1)]
+    labels = np.concatenate([labels[n_inside == 1], *[labels[n_inside == 2]] * 3, *[labels[n_inside == 3]] * 3])
+    proper = (np.diff(np.sort(found, axis=1), axis=1) > 0).all(axis=1)
+    return found[proper], labels[proper]
 
 
 def _prism_cap(
@@ -224,13 +418,29 @@ def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.flo
 
 def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
     """Return the six dihedral angles (..., 6) of tetrahedra, in degrees."""
-    return _dihedral_angles(points[cells])
+    return np.degrees(np.arccos(_cosines(points[cells])[0]))
 
 
-def _dihedral_angles(corners: Points) -> Points:
-    a, b = corners[..., _PAIRS[:, 0], :], corners[..., _PAIRS[:, 1], :]
-    c, d = corners[..., _OTHERS[:, 0], :], corners[..., _OTHERS[:, 1], :]
-    axis = b - a
-    u, v = np.cross(axis, c - a), np.cross(axis, d - a)
-    sine = np.linalg.norm(np.cross(u, v), axis=-1)
-    return np.degrees(np.arctan2(sine, (u * v).sum(axis=-1)))
+def _least_angles(corners: Points) -> Values:
+    """Return the least dihedral angle of tetrahedra (..., 4, 3), in degrees, or 0 where they are turned over."""
+    cosines, volumes = _cosines(corners)
+    return np.where(volumes > 0, np.degrees(np.arccos(cosines.max(axis=-1))), 0)
+
+
+def _cosines(corners: Points) -> tuple[Points, Values]:
+    """Return the cosines (..., 6) of dihedral angles, by the normals of the faces, and six times the volumes (...)."""
+    u, v, w = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2, 3))
+    normals = [_cross(v, w), _cross(w, u), _cross(u, v)]
+    volumes = np.einsum("...i,...i", normals[2], w)
+    normals.insert(0, -(normals[0] + normals[1] + normals[2]))
+    lengths = [np.maximum(np.sqrt(np.einsum("...i,...i", normal, normal)), 1e-300) for normal in normals]
+    pairs = _PAIRS[::-1].tolist()
+    products = [np.einsum("...i,...i", normals[i], normals[j]) / (lengths[i] * lengths[j]) for i, j in pairs]
+    cosines = -np.stack(products, axis=-1)
+    return np.clip(cosines, -1, 1), volumes
+
+
+def _cross(u: Points, v: Points) -> Points:
+    """Return the cross product; numpy.cross is slower."""
+    (a, b, c), (x, y, z) = np.moveaxis(u, -1, 0), np.moveaxis(v, -1, 0)
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)

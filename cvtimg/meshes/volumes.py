@@ -1,28 +1,32 @@
-"""Tetrahedra that fill a mask of voxels. Experimental."""
+"""Tetrahedra that fill a mask or labels of voxels. Experimental."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that
+from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
-from cvtimg.meshes.measures import boundary_faces
-from cvtimg.meshes.tetrahedra import dihedral_angles, qualities, stuff, volumes, widened
+from cvtimg.meshes.measures import label_faces
+from cvtimg.meshes.tetrahedra import Filling, dihedral_angles, drawn, moved, pinched, qualities, stuff, volumes, widened
 
 Points = NDArray[np.float64]
 
 #: The distance to the surface is smoothed by a Gaussian of this many voxels.
 _SMOOTHNESS = 1.0
+_SUFFIXES = (".vtu", ".msh", ".inp", ".vtk", ".xdmf")
 _MOST_VERTICES = 1 << 26
 #: Rounds by which the number of vertices is met, and how near is near enough.
 _ROUNDS, _NEAR = 8, 0.01
 #: Rounds by which the volume is met, when it is, and what is not near enough.
 _VOLUME_ROUNDS, _VOLUME_NEAR, _VOLUME_ERROR = 6, 0.001, 0.01
+#: Where surfaces move in the end, dihedral angles stay above this, in degrees.
+_LEAST_ANGLE = 15.0
 #: More vertices for each voxel show nothing that the voxels hold.
 _MOST_PER_VOXEL = 16
 #: Vertices in a volume of 1 where the longer edges have length 1.
@@ -35,6 +39,8 @@ class VolumeMeasures:
 
     Attributes
     ----------
+    volume : float
+        In voxels.
     least_angle, largest_angle : float
         Dihedral angles, in degrees; 70.5 for regular tetrahedra.
     below_20 : float
@@ -43,6 +49,7 @@ class VolumeMeasures:
         3 r / R, for the radii of the inscribed and the circumscribed ball; 1 for regular tetrahedra.
     """
 
+    volume: float
     least_angle: float
     largest_angle: float
     below_20: float
@@ -52,7 +59,7 @@ class VolumeMeasures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VolumeMesh(ReadOnly):
-    """Tetrahedra that fill a mask of voxels.
+    """Tetrahedra that fill a mask or labels of voxels.
 
     Attributes
     ----------
@@ -60,12 +67,15 @@ class VolumeMesh(ReadOnly):
         Vertices (x, y, z) in voxels; the first voxel of a (D, H, W) mask covers [0, 1] in each.
     tetrahedra : (T, 4) int32 array
         Indices of points; volumes are positive.
+    tags : (T,) int32 array
+        Label of each tetrahedron; 1 in a mask.
     n_wanted : int or None
         The number of vertices that was asked for.
     """
 
     points: Points
     tetrahedra: NDArray[np.int32]
+    tags: NDArray[np.int32]
     n_wanted: int | None
 
     @property
@@ -85,34 +95,69 @@ class VolumeMesh(ReadOnly):
 
     def measures(self) -> VolumeMeasures:
         """Measure how good the tetrahedra are."""
-        angles, quality = self.dihedral_angles, self.qualities
-        below = float((angles.min(axis=1) < 20).mean())
-        extremes = float(angles.min()), float(angles.max())
-        return VolumeMeasures(*extremes, below, float(quality.min()), float(quality.mean()))
+        return self._measured(np.ones(len(self.tags), bool))
+
+    def measures_by_label(self) -> dict[int, VolumeMeasures]:
+        """Measure how good the tetrahedra of each label are."""
+        return {tag: self._measured(self.tags == tag) for tag in np.unique(self.tags).tolist()}
+
+    def _measured(self, chosen: NDArray[np.bool_]) -> VolumeMeasures:
+        cells = self.tetrahedra[chosen]
+        angles, quality = dihedral_angles(self.points, cells), qualities(self.points, cells)
+        return VolumeMeasures(
+            volume=float(volumes(self.points, cells).sum()),
+            least_angle=float(angles.min()),
+            largest_angle=float(angles.max()),
+            below_20=float((angles.min(axis=1) < 20).mean()),
+            least_quality=float(quality.min()),
+            mean_quality=float(quality.mean()),
+        )
 
     @property
     def surface(self) -> NDArray[np.int32]:
         """Triangles (S, 3) that only one tetrahedron has, counter-clockwise seen from outside."""
-        return boundary_faces(self.tetrahedra).astype(np.int32)
+        faces, _, beyond = self._label_faces()
+        return faces[beyond == 0]
+
+    @property
+    def interfaces(self) -> NDArray[np.int32]:
+        """Triangles (I, 3) between tetrahedra of two labels, counter-clockwise seen from the higher one."""
+        faces, own, beyond = self._label_faces()
+        return faces[own < beyond]
 
     @property
     def is_manifold(self) -> bool:
-        """Whether each edge of the surface has two triangles, as in all meshes of `mesh_volume`."""
-        edges = np.sort(self.surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+        """Whether each edge of the surfaces of all and of each label has two triangles, as `mesh_volume` makes them."""
+        return not len(pinched(self.tetrahedra, self._numbers(), len(self.points)))
+
+    def _numbers(self) -> NDArray[np.intp]:
+        """Return the labels, numbered from 1."""
+        return np.unique(self.tags, return_inverse=True)[1] + 1
+
+    def _label_faces(self) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
+        return label_faces(self.tetrahedra, self._numbers())
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the mesh to a file.
+        """Write the mesh, and labels as tags, to a file.
 
         Parameters
         ----------
         path : str or path-like
-            .vtu, or .msh (Gmsh's 2.2, with the surface as triangles).
+            .vtu, .msh (Gmsh's 2.2; labels as physical groups, and triangles of the groups "surface" and "between"), or
+            .inp (sets of elements), .vtk, .xdmf by meshio.
         overwrite : bool
             Replace an existing file.
         """
-        tags = np.ones(len(self.tetrahedra), np.int32)
-        write_mesh(path, MeshContent(self.points, self.tetrahedra, tags, self.surface), overwrite, (".vtu", ".msh"))
+        outer, inner = self.surface, self.interfaces
+        side_tags, names = np.ones(len(outer), np.int32), {}
+        if len(inner):  # numbers beyond those of labels, which some readers mix up with them
+            most = int(self.tags.max())
+            names = {(3, tag): f"label-{tag}" for tag in np.unique(self.tags).tolist()}
+            names |= {(2, most + 1): "surface", (2, most + 2): "between"}
+            side_tags = np.repeat(np.int32([most + 1, most + 2]), [len(outer), len(inner)])
+        sides = np.concatenate([outer, inner])
+        content = MeshContent(self.points, self.tetrahedra, self.tags, sides, self.qualities, side_tags, names)
+        write_mesh(path, content, overwrite, _SUFFIXES)
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"
@@ -120,35 +165,38 @@ class VolumeMesh(ReadOnly):
         return f"VolumeMesh({len(self.points)} vertices{asked}, {len(self.tetrahedra)} tetrahedra{kind})"
 
 
-def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | None = None) -> VolumeMesh:
-    """Fill a mask of voxels with tetrahedra. Experimental.
+def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float | None = None) -> VolumeMesh:
+    """Fill a mask of voxels, or labels of voxels, with tetrahedra. Experimental.
 
-    The surface is a manifold: where parts of the mask touch along an edge, or nearly, they grow together.
+    Labels share the triangles between them, and where three or more meet, they share a line of edges, or a vertex. The
+    surface of each label is a manifold: where voxels touch along an edge only, they are joined or parted.
 
     Parameters
     ----------
-    mask : (D, H, W) bool array
-        The surface is smoothed: parts thinner than about three voxels may be lost.
+    labels : (D, H, W) bool or integer array
+        What is 0 or False stays empty. Surfaces are smoothed: parts thinner than about three voxels may be lost.
     n : int, optional
-        Number of vertices, met within a few percent; at most 16 for each voxel of the mask.
+        Number of vertices, met within a few percent; at most 16 for each voxel that is filled.
     edge_length : float, optional
         Length of the longer edges inside, in voxels; the others have 0.87 of it. Give this or `n`.
 
     Returns
     -------
     VolumeMesh
-        With the volume of the mask, within 1 %.
+        With the volume of each label, within 1 %.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, or if tetrahedra so large lose the shape; the message names it.
+        If an argument is invalid, or if tetrahedra so large lose the shape of a label; the message names it.
 
     Notes
     -----
     Inside, vertices are a body-centered cubic lattice. It is a centroidal Voronoi tessellation, and none of space is
-    known that has less energy. Vertices near to the surface are moved to it, and tetrahedra that it cuts are divided.
-    In the end vertices at dihedral angles below 15 degrees move a little.
+    known that has less energy. Vertices near to the surface of a label are moved to it, and tetrahedra that it cuts are
+    divided; those in which more than two labels meet are divided from a point inside, and the points on their edges and
+    in their triangles move towards where the labels meet as far as dihedral angles of 20 degrees let them. In the end
+    vertices at dihedral angles below 15 degrees move a little.
 
     References
     ----------
@@ -158,44 +206,56 @@ def mesh_volume(mask: ArrayLike, *, n: int | None = None, edge_length: float | N
     F. Labelle, J. R. Shewchuk, Isosurface stuffing: fast tetrahedral meshes with good dihedral angles, ACM Transactions
     on Graphics 26 (2007) 57, doi 10.1145/1276377.1276448.
 
+    J. Bronson, J. A. Levine, R. Whitaker, Lattice cleaving: a multimaterial tetrahedral meshing algorithm with
+    guarantees, IEEE Transactions on Visualization and Computer Graphics 20 (2014) 223-237, doi 10.1109/TVCG.2013.115.
+
     Examples
     --------
     >>> import numpy as np
     >>> from cvtimg.meshes import mesh_volume
     >>> z, y, x = np.mgrid[:24, :24, :24] - 11.5
     >>> ball = x * x + y * y + z * z < 100
-    >>> mesh = mesh_volume(ball, edge_length=3)
-    >>> bool(mesh.dihedral_angles.min() > 14), mesh.is_manifold, round(float(mesh.volume / ball.sum()), 2)
-    (True, True, 1.0)
+    >>> mesh = mesh_volume(np.where(x < 0, 1, 2) * ball, edge_length=3)
+    >>> bool(mesh.dihedral_angles.min() > 14), mesh.is_manifold, np.unique(mesh.tags).tolist()
+    (True, True, [1, 2])
+    >>> halves = mesh.measures_by_label()
+    >>> [round(halves[label].volume / ball.sum(), 2) for label in (1, 2)]
+    [0.5, 0.5]
     """
-    voxels = np.asarray(mask)
-    check_shape("mask", voxels.shape, voxels.ndim == 3, "(D, H, W)")
-    check_that("mask", voxels.dtype == bool, "be a bool array")
-    check_that("mask", voxels.any(), "not be empty")
+    voxels = np.asarray(labels)
+    check_shape("labels", voxels.shape, voxels.ndim == 3, "(D, H, W)")
+    if voxels.dtype.kind not in "bui":
+        refuse_type("labels", voxels.dtype, "bool or of integers")
+    check_that("labels", bool((voxels != 0).any()), "not be empty: all are 0")
+    most = np.iinfo(np.int32).max
+    check_that("labels", bool(voxels.min() >= 0 and voxels.max() <= most), f"be in 0..{most}")
     check_that("what is given of n and edge_length", (n is None) != (edge_length is None), "be one of them")
-    level = _Level(voxels)
+    volume = np.count_nonzero(voxels)
     if edge_length is not None:
-        spacing = check_positive("edge_length", edge_length)
+        levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
     else:
         assert n is not None
         check_count("n", n, _MOST_VERTICES, "what memory holds")
-        check_in_range("n", n, n <= _MOST_PER_VOXEL * level.volume, f"at most {_MOST_PER_VOXEL} for each voxel")
-        _with_volume(level, _spacing_for(level, n), n)  # which moves the surface
-        spacing = _spacing_for(level, n)
-    mesh = _with_volume(level, spacing, n)
-    mesh = VolumeMesh(widened(mesh.points, mesh.tetrahedra.astype(np.int64), spacing), mesh.tetrahedra, n)
-    name = "edge_length" if n is None else "n"
-    suits = abs(mesh.volume / level.volume - 1) < _VOLUME_ERROR
-    check_that(f"{name}={edge_length if n is None else n}", suits, "let tetrahedra be smaller: they lose the shape")
-    return mesh
+        check_in_range("n", n, n <= _MOST_PER_VOXEL * volume, f"at most {_MOST_PER_VOXEL} for each voxel")
+        spacing = (volume * _PER_VOLUME / n) ** (1 / 3)
+        levels = _VoxelLevels(voxels, spacing)
+        _with_volumes(levels, _spacing_for(levels, spacing, n))  # which moves the surfaces
+        spacing = _spacing_for(levels, spacing, n)
+    filling = _with_volumes(levels, spacing)
+    points = widened(drawn(filling, levels, spacing), filling.cells, spacing)
+    points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
+    found = _volumes_by_label(points, filling.cells, filling.labels, len(levels.wanted))
+    name = f"edge_length={edge_length}" if n is None else f"n={n}"
+    for tag, error in zip(levels.tags[1:].tolist(), np.abs(found / levels.wanted - 1).tolist(), strict=True):
+        check_that(name, error < _VOLUME_ERROR, f"let tetrahedra be smaller: they lose the shape of label {tag}")
+    return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
 
 
-def _spacing_for(level: _Level, n: int) -> float:
+def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
     """Find the spacing with which there are about n vertices."""
-    spacing = best = float((level.volume * _PER_VOLUME / n) ** (1 / 3))
-    least = np.inf
+    best, least = spacing, np.inf
     for _ in range(_ROUNDS):
-        ratio = max(len(stuff(level, level.low, level.high, spacing)[0]), 1) / n
+        ratio = max(len(stuff(levels, levels.low, levels.high, spacing).points), 1) / n
         if abs(ratio - 1) < least:
             least, best = abs(ratio - 1), spacing
         if least < _NEAR:
@@ -204,39 +264,102 @@ def _spacing_for(level: _Level, n: int) -> float:
     return best
 
 
-class _Level:
-    """The smoothed signed distance to the surface of a mask, with an offset by which volumes are met."""
+class _VoxelLevels:
+    """Smoothed signed distances to the surfaces of labels, with offsets by which volumes are met."""
 
-    def __init__(self, mask: NDArray[np.bool_]) -> None:
+    def __init__(self, voxels: NDArray[np.integer[Any]], reach: float) -> None:
         from scipy import ndimage
 
-        self.volume = int(mask.sum())
-        self._margin = int(np.ceil(4 * _SMOOTHNESS)) + 1
-        padded = np.pad(mask, self._margin)
-        outside, inside = ndimage.distance_transform_edt(~padded), ndimage.distance_transform_edt(padded)
-        distance = np.where(padded, 0.5 - inside, outside - 0.5)
-        self._values = ndimage.gaussian_filter(distance, _SMOOTHNESS)
-        check_that("mask", (self._values < 0).any(), "have parts at least three voxels thick")
-        self.offset = 0.0
-        z, y, x = np.nonzero(padded)
-        self.low = np.array([x.min(), y.min(), z.min()]) - self._margin - 1.0
-        self.high = np.array([x.max(), y.max(), z.max()]) - self._margin + 2.0
+        self.tags, numbers = np.unique(np.append(voxels, 0), return_inverse=True)
+        numbers = numbers[:-1].reshape(voxels.shape)
+        self.wanted = np.bincount(numbers.ravel(), minlength=len(self.tags)).astype(float)[1:]
+        # Distances are known in the box of each label, and as far around it as edges reach.
+        self._margin = int(np.ceil(4 * _SMOOTHNESS + reach)) + 1
+        padded = np.pad(numbers, self._margin)
+        whole = tuple(slice(0, size) for size in voxels.shape)
+        self._corners, self._fields = [], []
+        for number, box in enumerate([whole, *ndimage.find_objects(numbers)]):
+            inside = padded[tuple(slice(side.start, side.stop + 2 * self._margin) for side in box)] == number
+            distances = ndimage.distance_transform_edt(~inside), ndimage.distance_transform_edt(inside)
+            distance = np.where(inside, 0.5 - distances[1], distances[0] - 0.5)
+            self._fields.append(ndimage.gaussian_filter(distance, _SMOOTHNESS))
+            self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
+            thick = bool((self._fields[-1] < 0).any())
+            check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")
+        self.offsets = np.zeros(len(self.tags))
+        inner = np.argwhere(numbers > 0)
+        self.low, self.high = inner.min(axis=0)[::-1] - 1.0, inner.max(axis=0)[::-1] + 2.0
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def nearest(self, points: Points) -> NDArray[np.intp]:
+        labels, least = np.zeros(len(points), np.intp), self._at(0, points)
+        for number in range(1, len(self.tags)):
+            corner = self._corners[number][::-1]
+            far = corner + self._fields[number].shape[::-1] - 1
+            some = np.flatnonzero(((points >= corner) & (points <= far)).all(axis=1))
+            values = self._at(number, points[some])
+            less = values < least[some]
+            labels[some[less]], least[some[less]] = number, values[less]
+        return labels
+
+    def distances(self, points: Points, labels: NDArray[np.intp]) -> NDArray[np.float64]:
+        found = np.empty(len(points))
+        for number in np.unique(labels).tolist():
+            some = labels == number
+            found[some] = self._at(number, points[some])
+        return found
+
+    def _at(self, number: int, points: Points) -> NDArray[np.float64]:
         from scipy.ndimage import map_coordinates
 
-        at = points[:, ::-1].T + (self._margin - 0.5)
-        return map_coordinates(self._values, at, order=1, mode="nearest") - self.offset
+        at = (points[:, ::-1] - self._corners[number]).T
+        return map_coordinates(self._fields[number], at, order=1, mode="nearest") + self.offsets[number]
 
 
-def _with_volume(level: _Level, spacing: float, n: int | None) -> VolumeMesh:
-    """Make a mesh, and move its surface outwards until it has the volume of the mask."""
+def _with_volumes(levels: _VoxelLevels, spacing: float) -> Filling:
+    """Fill labels with tetrahedra, and move the surfaces between them until they have the volumes of the labels."""
     for _ in range(_VOLUME_ROUNDS):
-        points, cells = stuff(level, level.low, level.high, spacing)
-        mesh = VolumeMesh(points, cells.astype(np.int32), n)
-        if not len(cells) or abs(mesh.volume / level.volume - 1) < _VOLUME_NEAR:
+        found = stuff(levels, levels.low, levels.high, spacing)
+        heights, is_near = _heights(found.points, found.cells, found.labels, levels.wanted)
+        if is_near:
             break
-        a, b, c = (points[mesh.surface[:, k]] for k in range(3))
-        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-        level.offset += min(max((level.volume - mesh.volume) / area, -0.2 * spacing), 0.2 * spacing)
-    return mesh
+        # A surface moves by half the difference of the offsets on both sides of it.
+        levels.offsets -= np.clip(2 * heights, -0.4 * spacing, 0.4 * spacing)
+    return found
+
+
+def _volumes_by_label(
+    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], n_labels: int
+) -> NDArray[np.float64]:
+    return np.bincount(labels, volumes(points, cells), minlength=n_labels + 1)[1:]
+
+
+def _with_wanted_volumes(points: Points, filling: Filling, wanted: NDArray[np.float64], spacing: float) -> Points:
+    """Move surfaces along their normals until labels have the wanted volumes, as far as dihedral angles let them."""
+    for _ in range(_VOLUME_ROUNDS):
+        heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
+        if is_near:
+            break
+        faces, own, beyond = label_faces(filling.cells, filling.labels)
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        areas = np.linalg.norm(normals, axis=1).repeat(3)
+        normals *= np.clip(heights[own] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
+        weights = np.maximum(np.bincount(faces.ravel(), areas, minlength=len(points)), 1e-300)
+        moves = [np.bincount(faces.ravel(), x.repeat(3), minlength=len(points)) / weights for x in normals.T]
+        points = moved(points, filling.cells, np.stack(moves, axis=1), _LEAST_ANGLE)
+    return points
+
+
+def _heights(
+    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], wanted: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], bool]:
+    """Return heights (L + 1,) by whose differences surfaces between labels must move, and if volumes are near."""
+    lacking = wanted - _volumes_by_label(points, cells, labels, len(wanted))
+    faces, own, beyond = label_faces(cells, labels)
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    areas = np.zeros((len(wanted) + 1,) * 2)
+    np.add.at(areas, (own, beyond), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    flows = (np.diag(areas.sum(axis=1)) - areas)[1:, 1:]
+    heights = np.zeros(len(wanted) + 1)
+    heights[1:] = np.linalg.lstsq(flows, lacking)[0]
+    return heights, bool((np.abs(lacking) < _VOLUME_NEAR * wanted).all())

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_places, check_triangles
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
-from cvtimg.halfedges import measure_triangles
+from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import MeshContent, write_mesh
 
 
@@ -77,8 +77,7 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
     places = check_places("points", points, 3)
     corners = check_triangles("triangles", triangles, len(places))
     each = measure_triangles(places, corners)
-    ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, counts = np.unique(ends, axis=0, return_counts=True)
+    edges, _, counts = unique_edges(edges_around(corners))
     used = np.unique(corners)
     return SurfaceMeasures(
         least_angle=float(each.least_angles.min()),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
+from cvtimg.halfedges import HalfEdges, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -92,8 +92,7 @@ def number_edges(triangles: Triangles, n_points: int) -> Triangles:
     twins = find_twins(triangles, n_points).ravel()
     edge = np.maximum(np.arange(triangles.size, dtype=np.int32), twins)
     alone = np.flatnonzero(twins < 0)
-    a, b = triangles.ravel()[alone], triangles[:, [1, 2, 0]].ravel()[alone]
-    keys = np.minimum(a, b) * np.int64(n_points) + np.maximum(a, b)
+    keys = edge_keys(edges_around(triangles)[alone], n_points)
     _, first, which = np.unique(keys, return_index=True, return_inverse=True)
     edge[alone] = alone[first][which]
     return edge

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 import cvtimg
-from cvtimg._shared.svg import MOST_SHAPES, draw_dots, draw_lines, draw_solid, edges_of, seen_from
+from cvtimg._shared.svg import MOST_SHAPES, draw_dots, draw_lines, draw_solid, seen_from
 from cvtimg.placement import PictureRegion
 from cvtimg.surfaces import torus
 
@@ -73,10 +73,6 @@ def test_only_triangles_that_face_the_viewer_are_drawn() -> None:
                        CORNERS[TETRAHEDRON[:, 2]] - CORNERS[TETRAHEDRON[:, 0]])  # fmt: skip
     assert len(list(drawing.iter("path"))) == (normals @ [1, 1, 0.9] > 0).sum()
     np.testing.assert_allclose(np.linalg.det(seen_from((1, 1, 0.9))), 1)
-
-
-def test_edges_are_listed_once() -> None:
-    assert edges_of(TETRAHEDRON).tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
 
 
 def ring() -> np.ndarray[Any, Any]:

@@ -82,8 +82,6 @@ def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.C
     stack = np.where(ball, np.uint8(2), np.uint8(1))
     np.save("ball.npy", stack)
     write_pages("ball.tif", stack)
-    assert main(["mesh", name, "-n", "400", "-o", "a.vtu"]) == 1
-    assert "choose one by --label" in capsys.readouterr().err
     assert main(["mesh", name, "-n", "400", "--label", "2", "--plot", "a.png", "-o", "a.vtu"]) == 1
     assert "has voxels, to which --plot cannot be applied" in capsys.readouterr().err
     assert main(["mesh", name, "-n", "400", "--label", "2", "-o", "a.vtu", "--json"]) == 0
@@ -92,6 +90,11 @@ def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.C
     assert (row["n"], row["tetrahedra"]) == (len(wanted.points), len(wanted.tetrahedra))
     assert row["volume"] == pytest.approx(ball.sum(), rel=0.01)
     assert row["is_manifold"]
+    assert main(["mesh", name, "-n", "900", "-o", "b.vtu", "--json", "--measures"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert [row["labels"][tag]["volume"] for tag in "12"] == pytest.approx(np.bincount(stack.ravel())[1:], rel=0.003)
+    assert min(one["least_angle"] for one in row["labels"].values()) == row["least_angle"] > 14
+    assert set(meshio.read("b.vtu").cell_data["tag"][0]) == {1, 2}
     assert (meshio.read("a.vtu").cells_dict["tetra"] == wanted.tetrahedra).all()
 
 

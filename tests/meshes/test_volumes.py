@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg.meshes import VolumeMesh, mesh_volume
-from cvtimg.meshes.tetrahedra import _pinched, dihedral_angles, stuff, widened
+from cvtimg.meshes.tetrahedra import dihedral_angles, pinched, stuff, widened
 
 
 def shapes(side: int = 32) -> dict[str, NDArray[np.bool_]]:
@@ -56,25 +56,63 @@ def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: 
     assert volume_of_surface(mesh) == pytest.approx(mesh.volume, rel=1e-9)
 
 
-def test_pinched_edges_are_filled_and_narrow_tetrahedra_widened() -> None:
-    # Two boxes of lattice cells that meet in a line: the level is negative in two opposite quadrants.
-    def level(p: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.maximum(-p[:, 0] * p[:, 1], np.abs(p).max(axis=1) - 2)
+def labels(side: int = 24) -> dict[str, NDArray[np.int64]]:
+    z, y, x = ((np.mgrid[:side, :side, :side] + 0.5) / side * 2 - 1)[:]
+    squares = y * y + z * z
+    balls = (x + 0.35) ** 2 + squares < 0.25, (x - 0.35) ** 2 + squares < 0.25
+    sharp = np.random.default_rng(5).uniform(-0.7, 0.7, (5, 3))
+    seeds = ((np.stack([x, y, z], axis=-1)[..., None, :] - sharp) ** 2).sum(axis=-1)
+    return {
+        "balls": np.select([balls[0] & (x < 0), balls[1]], [1, 2]),
+        "shells": np.digitize(-np.sqrt(x * x + squares), [-0.9, -0.6]),
+        "quadrants": np.where(np.maximum(abs(x), np.maximum(abs(y), abs(z))) < 0.8, 5 + (x > 0) + 2 * (y > 0), 0),
+        "cells": seeds.argmin(axis=-1) + 1,
+    }
 
-    points, cells = stuff(level, np.full(3, -3.0), np.full(3, 3.0), 0.7)
-    assert not len(_pinched(cells, len(points)))
+
+@pytest.mark.parametrize(
+    ("name", "n"),
+    [("balls", 900), ("quadrants", 900), *(pytest.param(name, 4000, marks=pytest.mark.slow) for name in labels())],
+)
+def test_labels_share_faces_and_keep_angles_volumes_and_manifolds(name: str, n: int) -> None:
+    voxels = labels()[name]
+    mesh = mesh_volume(voxels, n=n)
+    assert mesh.dihedral_angles.min() > 14
+    assert mesh.is_manifold
+    volumes = {tag: one.volume for tag, one in mesh.measures_by_label().items()}
+    assert volumes == pytest.approx({tag: (voxels == tag).sum() for tag in volumes}, rel=0.003)
+    assert set(volumes) == set(np.unique(voxels)) - {0}
+    # Each face is in one tetrahedron, or in two: what is inside is filled once.
+    faces = np.sort(mesh.tetrahedra[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    assert (np.unique(faces, axis=0, return_counts=True)[1] <= 2).all()
+    assert volume_of_surface(mesh) == pytest.approx(mesh.volume, rel=1e-9)
+
+
+def test_points_stay_where_surfaces_would_meet_themselves_and_narrow_tetrahedra_are_widened() -> None:
+    class Quadrants:
+        """Two boxes that meet in a line."""
+
+        def distances(self, points: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
+            level = np.maximum(-points[:, 0] * points[:, 1], np.abs(points).max(axis=1) - 2)
+            return np.where(labels == 1, level, -level)
+
+        def nearest(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+            return (self.distances(points, np.ones(len(points), np.intp)) < 0).astype(np.intp)
+
+    found = stuff(Quadrants(), np.full(3, -3.0), np.full(3, 3.0), 0.7)
+    assert not len(pinched(found.cells, found.labels, len(found.points)))
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.05]])
-    moved = widened(flat, np.array([[0, 1, 2, 3]]), 1.0)
-    assert dihedral_angles(moved, np.array([[0, 1, 2, 3]])).min() > 14
+    wide = widened(flat, np.array([[0, 1, 2, 3]]), 1.0)
+    assert dihedral_angles(wide, np.array([[0, 1, 2, 3]])).min() > 14
 
 
 def test_regular_tetrahedra_have_quality_1() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    mesh = VolumeMesh(corners, np.array([[0, 1, 2, 3]], np.int32), None)
+    mesh = VolumeMesh(corners, np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None)
     assert mesh.measures().mean_quality == pytest.approx(1)
     assert mesh.measures().least_angle == pytest.approx(np.degrees(np.arccos(1 / 3)))
     # A corner of a cube: r = 1 / (3 + 3^(1/2)), R = 3^(1/2) / 2.
-    mesh = VolumeMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), None)
+    mesh = VolumeMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None)
     assert mesh.qualities == pytest.approx(3 / (3 + 3**0.5) / (3**0.5 / 2))
 
 
@@ -93,26 +131,35 @@ def test_axes_of_points_are_those_of_the_mask_from_last_to_first() -> None:
     assert np.abs(mesh.points.max(axis=0) - [25, 15, 8]).max() < 0.7
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".msh"])
-def test_other_programs_read_the_same_tetrahedra(tmp_path: Path, suffix: str) -> None:
-    mesh = mesh_volume(shapes()["sphere"], edge_length=6)
+@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".inp", ".vtk", ".xdmf"])
+def test_other_programs_read_the_same_tetrahedra_and_tags(tmp_path: Path, suffix: str) -> None:
+    mesh = mesh_volume(np.where(shapes(20)["sphere"], [[[3] * 10 + [7] * 10]], 0), edge_length=6)
     mesh.save(tmp_path / f"a{suffix}")
     found = meshio.read(tmp_path / f"a{suffix}")
     assert (found.cells_dict["tetra"] == mesh.tetrahedra).all()
     assert np.abs(found.points - mesh.points).max() < 1e-12
+    if suffix == ".inp":
+        assert "*ELSET, ELSET=label-7" in (tmp_path / "a.inp").read_text()
+    else:
+        tags = found.cell_data_dict["gmsh:physical" if suffix == ".msh" else "tag"]
+        assert (tags["tetra"] == mesh.tags).all()
+    if suffix == ".msh":
+        assert len(found.cells_dict["triangle"]) == len(mesh.surface) + len(mesh.interfaces)
+        assert set(found.field_data) == {"label-3", "label-7", "surface", "between"}
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"mask": np.zeros((4, 4, 4), bool), "n": 9}, "mask must not be empty"),
-        ({"mask": np.ones((4, 4), bool), "n": 9}, r"must be \(D, H, W\)"),
-        ({"mask": np.ones((4, 4, 4)), "n": 9}, "mask must be a bool array"),
-        ({"mask": np.ones((8, 8, 8), bool)}, "must be one of them"),
-        ({"mask": np.ones((8, 8, 8), bool), "edge_length": 0}, "edge_length=0 must be"),
-        ({"mask": np.ones((6, 6, 6), bool), "n": 20000}, "n=20000 must be at most 16 for each voxel"),
-        ({"mask": shapes()["gyroid"], "n": 200}, "n=200 must let tetrahedra be smaller"),
-        ({"mask": np.pad(np.ones((1, 9, 9), bool), 4), "n": 50}, "three voxels thick"),
+        ({"labels": np.zeros((4, 4, 4), bool), "n": 9}, "labels must not be empty"),
+        ({"labels": np.ones((4, 4), bool), "n": 9}, r"must be \(D, H, W\)"),
+        ({"labels": -np.ones((4, 4, 4), int), "n": 9}, r"labels must be in 0\.\."),
+        ({"labels": np.ones((8, 8, 8), bool)}, "must be one of them"),
+        ({"labels": np.ones((8, 8, 8), bool), "edge_length": 0}, "edge_length=0 must be"),
+        ({"labels": np.ones((6, 6, 6), bool), "n": 20000}, "n=20000 must be at most 16 for each voxel"),
+        ({"labels": shapes()["gyroid"], "n": 200}, "n=200 must let tetrahedra be smaller"),
+        ({"labels": np.pad([[[9]]], 4, constant_values=1), "n": 50}, "label 9 of labels must have parts at least three"),
+        ({"labels": np.pad(np.ones((1, 9, 9), bool), 4), "n": 50}, "three voxels thick"),
     ],
 )
 def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -> None:

@@ -17,6 +17,7 @@ from cvtimg.explore.layers import Drawing
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
 from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
+from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
@@ -127,10 +128,9 @@ def _segments(settings: Settings) -> Call:
 
 def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:
     """Draw the edges of all triangles, and those of borders bold."""
-    sides = np.sort(np.concatenate([mesh.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1)
     thickness = max(float(np.sqrt(size[0] * size[1] / max(len(mesh.points), 1))) / 30, 0.1)
     height, width = size
-    fine, bold = (_lines(mesh, edges) for edges in (np.unique(sides, axis=0), mesh.edges))
+    fine, bold = (_lines(mesh, edges) for edges in (unique_edges(edges_around(mesh.triangles))[0], mesh.edges))
     look = 'fill="none" stroke-linecap="round"'
     body = (
         f'<g {look}><path d="{fine}" stroke="#fff" stroke-opacity=".75" stroke-width="{2.4 * thickness:.3f}"/>'
