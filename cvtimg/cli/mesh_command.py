@@ -33,7 +33,8 @@ def mesh(given: Given) -> int:
     border, and triangles are tagged by labels. Give -n, --edge-length, --size, -n and --size, or nothing for as many
     vertices as borders need.
 
-    Stacks of voxels are filled with tetrahedra (experimental); they take -n or --edge-length, and -o .vtu or .msh.
+    Stacks of voxels are filled with tetrahedra (experimental), all labels or that of --label; they take -n or
+    --edge-length, and -o .vtu, .msh, .inp, .vtk or .xdmf.
 
     Names are groups in .msh, .vtu, .inp and .xdmf, whose borders are in NAME_borders.xdmf.
 
@@ -117,7 +118,9 @@ def _plot(found: Mesh, path: Path, given: Given, *, y_down: bool) -> None:
 
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
-    """Fill a mask of voxels with tetrahedra."""
+    """Fill a mask or labels of voxels with tetrahedra."""
+    from dataclasses import asdict
+
     from cvtimg.meshes import mesh_volume
 
     flat = {"--size": given.size, "--plot": given.plot}

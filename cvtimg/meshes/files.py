@@ -33,8 +33,14 @@ _MESHIO: dict[str, dict[str, Any]] = {
 }
 #: Those that have no triangles with six nodes.
 _STRAIGHT = (".obj", ".ply", ".stl", ".mesh", ".off")
-#: XDMF's names of cells of the plane and of their sides.
-_XDMF = {"triangle": "Triangle", "triangle6": "Triangle_6", "line": "Polyline", "line3": "Edge_3"}
+#: XDMF's names of cells, and of the sides of those of the plane.
+_XDMF = {
+    "triangle": "Triangle",
+    "tetra": "Tetrahedron",
+    "triangle6": "Triangle_6",
+    "line": "Polyline",
+    "line3": "Edge_3",
+}
 #: Names that formats have for other things.
 TAKEN = ("border", "connectivity", "offsets", "points", "quality", "tag", "types")
 #: Cells, and what is on their sides: VTK's number and meshio's name.

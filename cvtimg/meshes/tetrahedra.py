@@ -225,14 +225,14 @@ def _starred(
     two = np.flatnonzero(same.sum(axis=1) == 1)
     alone = (same[two].argmax(axis=1) + 2) % 3
     turned = (alone[:, None] + np.arange(3)) % 3
-    a, b, c = np.take_along_axis(faces[two], turned, axis=1).T
+    alone, b, c = np.take_along_axis(faces[two], turned, axis=1).T
     of_a, of_b = labels[two, turned[:, 0]], labels[two, turned[:, 1]]
     depth_b, depth_c = grid.depths(b, of_a), grid.depths(c, of_a)
     swapped = (depth_c > depth_b) | ((depth_c == depth_b) & (c < b))
     b, c = np.where(swapped, c, b), np.where(swapped, b, c)
-    ab, ac = cuts(a, b), cuts(a, c)
-    for label, parts in ((of_a, (a, ab, ac)), (of_b, (b, c, ac)), (of_b, (b, ac, ab))):
-        made.append((np.stack([*parts, tips[two]], axis=1), label))
+    ab, ac = cuts(alone, b), cuts(alone, c)
+    for label, face in ((of_a, (alone, ab, ac)), (of_b, (b, c, ac)), (of_b, (b, ac, ab))):
+        made.append((np.stack([*face, tips[two]], axis=1), label))
     # A point inside is in the middle of those of its triangles.
     sums = np.zeros((len(cells), 3))
     np.add.at(sums, owner[triple], middles[middle - len(points)])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,15 +149,16 @@ class VolumeMesh(ReadOnly):
         overwrite : bool
             Replace an existing file.
         """
-        outer, inner = self.surface, self.interfaces
-        side_tags, names = np.ones(len(outer), np.int32), {}
-        if len(inner):  # numbers beyond those of labels, which some readers mix up with them
-            most = int(self.tags.max())
+        content = MeshContent(self.points, self.tetrahedra, self.tags, self.surface, self.qualities)
+        inner = self.interfaces
+        if len(inner) and Path(path).suffix.lower() in (".msh", ".inp"):
+            # Numbers of surfaces are beyond those of labels, which some readers mix up with them.
+            most, n_outer = int(self.tags.max()), len(content.sides)
             names = {(3, tag): f"label-{tag}" for tag in np.unique(self.tags).tolist()}
             names |= {(2, most + 1): "surface", (2, most + 2): "between"}
-            side_tags = np.repeat(np.int32([most + 1, most + 2]), [len(outer), len(inner)])
-        sides = np.concatenate([outer, inner])
-        content = MeshContent(self.points, self.tetrahedra, self.tags, sides, self.qualities, side_tags, names)
+            side_tags = np.repeat(np.array([most + 1, most + 2], np.int32), [n_outer, len(inner)])
+            sides = np.concatenate([content.sides, inner])
+            content = replace(content, sides=sides, side_tags=side_tags, names=names)
         write_mesh(path, content, overwrite, _SUFFIXES)
 
     def __repr__(self) -> str:
@@ -330,7 +332,7 @@ def _with_volumes(levels: _VoxelLevels, spacing: float) -> Filling:
 def _volumes_by_label(
     points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], n_labels: int
 ) -> NDArray[np.float64]:
-    return np.bincount(labels, volumes(points, cells), minlength=n_labels + 1)[1:]
+    return np.asarray(np.bincount(labels, volumes(points, cells), minlength=n_labels + 1)[1:], float)
 
 
 def _with_wanted_volumes(points: Points, filling: Filling, wanted: NDArray[np.float64], spacing: float) -> Points:

@@ -39,11 +39,11 @@ def volume_of_surface(mesh: VolumeMesh) -> float:
     ("name", "n"),
     [
         pytest.param("sphere", 800, marks=pytest.mark.slow),
-        ("torus", 800),
+        ("torus", 500),
         pytest.param("gyroid", 3000, marks=pytest.mark.slow),
         pytest.param("box", 800, marks=pytest.mark.slow),
         pytest.param("two", 800, marks=pytest.mark.slow),
-        ("whole", 800),
+        pytest.param("whole", 800, marks=pytest.mark.slow),
     ],
 )
 def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: str, n: int) -> None:
@@ -71,8 +71,7 @@ def labels(side: int = 24) -> dict[str, NDArray[np.int64]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "n"),
-    [("balls", 900), ("quadrants", 900), *(pytest.param(name, 4000, marks=pytest.mark.slow) for name in labels())],
+    ("name", "n"), [("balls", 500), *(pytest.param(name, 4000, marks=pytest.mark.slow) for name in labels())]
 )
 def test_labels_share_faces_and_keep_angles_volumes_and_manifolds(name: str, n: int) -> None:
     voxels = labels()[name]
@@ -112,7 +111,9 @@ def test_regular_tetrahedra_have_quality_1() -> None:
     assert mesh.measures().mean_quality == pytest.approx(1)
     assert mesh.measures().least_angle == pytest.approx(np.degrees(np.arccos(1 / 3)))
     # A corner of a cube: r = 1 / (3 + 3^(1/2)), R = 3^(1/2) / 2.
-    mesh = VolumeMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None)
+    mesh = VolumeMesh(
+        np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None
+    )
     assert mesh.qualities == pytest.approx(3 / (3 + 3**0.5) / (3**0.5 / 2))
 
 
@@ -142,7 +143,7 @@ def test_other_programs_read_the_same_tetrahedra_and_tags(tmp_path: Path, suffix
         assert "*ELSET, ELSET=label-7" in (tmp_path / "a.inp").read_text()
     else:
         tags = found.cell_data_dict["gmsh:physical" if suffix == ".msh" else "tag"]
-        assert (tags["tetra"] == mesh.tags).all()
+        assert (tags["tetra"].ravel() == mesh.tags).all()
     if suffix == ".msh":
         assert len(found.cells_dict["triangle"]) == len(mesh.surface) + len(mesh.interfaces)
         assert set(found.field_data) == {"label-3", "label-7", "surface", "between"}
@@ -158,7 +159,10 @@ def test_other_programs_read_the_same_tetrahedra_and_tags(tmp_path: Path, suffix
         ({"labels": np.ones((8, 8, 8), bool), "edge_length": 0}, "edge_length=0 must be"),
         ({"labels": np.ones((6, 6, 6), bool), "n": 20000}, "n=20000 must be at most 16 for each voxel"),
         ({"labels": shapes()["gyroid"], "n": 200}, "n=200 must let tetrahedra be smaller"),
-        ({"labels": np.pad([[[9]]], 4, constant_values=1), "n": 50}, "label 9 of labels must have parts at least three"),
+        (
+            {"labels": np.pad([[[9]]], 4, constant_values=1), "n": 50},
+            "label 9 of labels must have parts at least three",
+        ),
         ({"labels": np.pad(np.ones((1, 9, 9), bool), 4), "n": 50}, "three voxels thick"),
     ],
 )
