@@ -124,11 +124,11 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if len(versions) > 1:
         _check_room(task.outputs, len(versions))
     stopwatch.lap("read")
-    if is_film := stack.axes == "T" and _from_others(given) and all(len(read.images) == 1 for read in versions):
-        pages, alpha = [read.images[0] for read in versions], versions[0].alpha
-        done: list[tuple[Restoration, list[str]]] = [
-            (result, []) for result in _restored_frames(pages, len(pages), given, alpha)
-        ]
+    alone = not given.mask and all(len(read.images) == 1 for read in versions)
+    if is_film := stack.axes == "T" and alone and _has_detail(given):
+        pages = [read.images[0] for read in versions]
+        done: list[tuple[Restoration, list[str]]]
+        done = [(one, []) for one in _restored_frames(pages, len(pages), given, versions[0].alpha)]
     else:
         done = [_restored(read, given) for read in versions]
     stopwatch.lap("cluster")
@@ -148,19 +148,24 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "k": max(len(result.colors) for result in results),
         "unknown": sum(float((result.coverage == 0).mean()) for result in results) / len(results),
         "left_out": sum(float((result.left_out > 0).mean()) for result in results) / len(results),
-        "noise": [noise if math.isfinite(noise) else None for result in results for noise in result.noise.tolist()],
+        "noise": [noise for result in results for noise in _finite(result.noise)],
         **(_noise_like(first) if first.detail else {}),
         "weights": first.weights.tolist(),
         "shifts": first.shifts.tolist(),
         "transforms": first.transforms.tolist(),
         "motion": list(first.models),
-        "misfits": [misfit if math.isfinite(misfit) else None for misfit in first.misfits.tolist()],
+        "misfits": _finite(first.misfits),
         "edge_weight": first.edge_weight,
         "energy": sum(result.energy for result in results),
         "n_iter": max(len(result.energies) - 1 for result in results),
         "converged": all(result.converged for result in results),
         **({"warning": "; ".join(dict.fromkeys(notes))} if notes else {}),
     }
+
+
+def _finite(values: NDArray[np.float64]) -> list[float | None]:
+    """Return values for JSON, which has no others."""
+    return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
 def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -175,27 +180,25 @@ def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if len(task.outputs) > 1 or given.mask or output.suffix.lower() not in able:
         ways = f"-o FILE, where FILE ends in one of {', '.join(sorted(able))}, and no masks"
         raise ValueError(f"has several frames, which take {ways}")
-    noise: list[float] = []
+    noise: list[float | None] = []
 
-    def told(results: Iterable[Restoration]) -> Iterator[NDArray[Any]]:
-        for result in results:
-            noise.append(float(result.noise[0]))
+    def restored(images: Iterable[NDArray[Any]], n_frames: int) -> Iterator[NDArray[Any]]:
+        for result in _restored_frames(images, n_frames, given):
+            noise.append(_finite(result.noise)[0])
             yield result.image
 
     if streamed:
         film = read_film(task.source)
-        write_film(
-            output, told(_restored_frames(film.images, film.n_frames, given)), film.rate, overwrite=given.overwrite
-        )
+        write_film(output, restored(film.images, film.n_frames), film.rate, overwrite=given.overwrite)
         stopwatch.lap("cluster")
     else:
         frames = read_frames(task.source)
         stopwatch.lap("read")
-        images = tuple(told(_restored_frames(frames.images, len(frames.images), given)))
+        images = tuple(restored(frames.images, len(frames.images)))
         stopwatch.lap("cluster")
         write_animation(output, replace(frames, images=images), given.overwrite)
         stopwatch.lap("write")
-    return {"frames": len(noise), "versions": given.window, "noise": noise}
+    return {"frames": len(noise), "versions": _window(given), "noise": noise}
 
 
 def _restored_frames(
@@ -207,18 +210,21 @@ def _restored_frames(
 
     # Outliers would be whatever moves.
     hidden = "motion" if given.hidden == "outliers" else given.hidden
-    own = {"alpha": alpha, "averaging": _averaging(given), "detail": _from_others(given), "align": given.motion}
+    own = {"alpha": alpha, "averaging": _averaging(given), "detail": _has_detail(given), "align": given.motion}
     how = {**given.arguments, **own, "hidden": hidden}
-    for number, result in enumerate(
-        restore_frames(images, window=given.window if own["detail"] else 1, **how), start=1
-    ):
+    for number, result in enumerate(restore_frames(images, window=_window(given), **how), start=1):
         tell(number / max(n_frames, number))
         yield result
 
 
-def _from_others(given: Given) -> bool:
-    """Tell whether frames are restored with detail, which is what others have."""
+def _has_detail(given: Given) -> bool:
+    """Tell whether frames are restored with their detail."""
     return given.detail or _is_open(given)
+
+
+def _window(given: Given) -> int:
+    """Return the number of frames from which each is restored; segments are of one."""
+    return given.window if _has_detail(given) else 1
 
 
 def _noise_like(result: Restoration) -> dict[str, Any]:

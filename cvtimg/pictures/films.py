@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ class Film:
 
 def read_film(path: StrPath) -> Film:
     """Open a film; errors are those of `read_image`."""
-    with named(path), local_copy(path) as local, optional("av", "films").open(str(local)) as container:
+    with _opened(path) as container:
         if not container.streams.video:
             raise UnfitContentError("holds no film")
         stream = container.streams.video[0]
@@ -49,8 +51,14 @@ def read_film(path: StrPath) -> Film:
         return Film(_images(path), rate, stream.frames or round(rate * microseconds / 10**6))
 
 
+@contextmanager
+def _opened(path: StrPath) -> Iterator[Any]:
+    with named(path), local_copy(path) as local, local.open("rb") as file, optional("av", "films").open(file) as film:
+        yield film
+
+
 def _images(path: StrPath) -> Iterator[NDArray[np.uint8]]:
-    with named(path), local_copy(path) as local, optional("av", "films").open(str(local)) as container:
+    with _opened(path) as container:
         container.streams.video[0].thread_type = "AUTO"
         for frame in container.decode(video=0):
             yield np.rot90(frame.to_ndarray(format="rgb24"), frame.rotation // 90)
