@@ -153,6 +153,8 @@ class Layers:
         real = cells[:, 0] != cells[:, 1]  # at the tip of a fan, one of two triangles is none
         cells, number = cells[real], number[real]
         edges = np.stack([self.base, self.base[self.after]], axis=1)
+        below = np.full(len(points), -1, np.int32)
+        below[index] = self.base
         return replace(
             mesh,
             points=points,
@@ -160,6 +162,7 @@ class Layers:
             tags=np.concatenate([np.full(len(cells), mesh.tags[0]), mesh.tags]),
             edges=edges[edges[:, 0] != edges[:, 1]].astype(np.int32),
             layers=np.concatenate([number, np.zeros(len(mesh.triangles), np.int32)]),
+            below=below,
         )
 
 

@@ -344,7 +344,7 @@ def _bent(mesh: Mesh, outline: Outline) -> Mesh:
     """Give triangles six nodes where sides shall bend with an outline."""
     if not outline.on_lines:
         return mesh
-    found = quadratic(mesh.points, mesh.triangles, mesh.edges, outline, mesh.pairs)
+    found = quadratic(mesh.points, mesh.triangles, mesh.edges, outline, mesh.pairs, mesh.below)
     return replace(mesh, points=found.nodes[: len(mesh.points)], quadratic=found)
 
 

@@ -66,11 +66,17 @@ class QuadraticTriangles(ReadOnly):
 
 
 def quadratic(
-    points: Points, triangles: Indices, edges: Indices, outline: Outline, pairs: Indices | None
+    points: Points,
+    triangles: Indices,
+    edges: Indices,
+    outline: Outline,
+    pairs: Indices | None = None,
+    below: Indices | None = None,
 ) -> QuadraticTriangles:
     """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly.
 
-    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends.
+    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends; layers bend as the border does, by
+    the vertices (N,) below theirs.
     """
     n = len(points)
     half_edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -79,22 +85,67 @@ def quadratic(
     all_six = np.concatenate([triangles, (n + own.reshape(-1, 3)).astype(np.int32)], axis=1)
     with_middles = np.concatenate([edges, number[:, None]], axis=1)
     ways = _Ways.of(outline, points[edges])
-    places = _snapped(points, triangles, edges, ways)
-    nodes = np.concatenate([places, places[half_edges[first]].mean(axis=1)])
-    nodes[number[ways.found]] = ways.middles[ways.found]
-    straight = ~ways.found | _straighten(nodes, all_six, with_middles)
+    below = np.arange(n, dtype=np.int32) if below is None else np.where(below < 0, np.arange(n), below)
+    bent = _Bent(all_six, half_edges[first], _places_of(keys, edge_keys(below[half_edges[first]], n), number - n))
+    places = _moved(points, _snapped(points, triangles, edges, ways), below)
+    bends = np.where(ways.found[:, None], ways.middles - places[edges].mean(axis=1), 0)
+    straight = ~ways.found | bent.straighten(places, bends)
     for _ in range(_ROUNDS if outline.areas is not None else 0):
-        moved = _with_areas(nodes, with_middles, outline, ways, straight)
-        folded = _straighten(moved, all_six, with_middles)
-        if (_jacobians(moved, all_six) <= 0).any():  # so narrow are triangles there
+        there, bends_there = _with_areas(places, bends, edges, outline, ways, straight)
+        there = _moved(places, there, below)
+        folded = bent.straighten(there, bends_there)
+        if (_jacobians(bent.nodes(there, bends_there), all_six) <= 0).any():  # so narrow are triangles there
             break
-        nodes, straight = moved, straight | folded
+        places, bends, straight = there, bends_there, straight | folded
         if not folded.any():
             break
+    nodes = bent.nodes(places, bends)
     if pairs is not None:
         pairs, steps = _with_middles(points, with_middles, pairs)
         nodes[pairs[:, 0]] = nodes[pairs[:, 1]] + steps
     return QuadraticTriangles(nodes, all_six, with_middles, int(straight.sum()), pairs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bent:
+    """How all edges bend with those on borders."""
+
+    triangles: Indices  # (T, 6)
+    edges: Indices  # (M, 2): the ends of all edges
+    as_border: NDArray[np.intp]  # (M,): the number of the border edge that each bends with, or -1
+
+    def nodes(self, places: Points, bends: Points) -> Points:
+        """Return all nodes for vertices (N, 2) and the way (E, 2) of the nodes of border edges from their middle."""
+        middles = places[self.edges].mean(axis=1)
+        middles[self.as_border >= 0] += bends[self.as_border[self.as_border >= 0]]
+        return np.concatenate([places, middles])
+
+    def straighten(self, places: Points, bends: Points) -> NDArray[np.bool_]:
+        """Make border edges straight, in place, where triangles fold over or nearly; return which (E,)."""
+        straight = np.zeros(len(bends), bool)
+        while True:
+            found = _jacobians(self.nodes(places, bends), self.triangles)
+            bad = self.triangles[found.min(axis=1) < _LEAST * found.mean(axis=1), 3:] - len(places)
+            new = np.zeros(len(bends) + 1, bool)
+            new[self.as_border[bad]] = True  # the last is for none
+            new = new[:-1] & ~straight
+            if not new.any():
+                return straight
+            bends[new] = 0
+            straight |= new
+
+
+def _places_of(keys: NDArray[np.int64], wanted: NDArray[np.int64], number: Indices) -> NDArray[np.intp]:
+    """Find which border edge, the numbers of which are given, each wanted one is; -1 for none."""
+    own = np.full(len(keys), -1, np.intp)
+    own[number] = np.arange(len(number))
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[at] == wanted, own[at], -1)
+
+
+def _moved(before: Points, after: Points, below: Indices) -> Points:
+    """Move vertices of layers as far as those below them on the border."""
+    return np.asarray(after + np.where((below != np.arange(len(below)))[:, None], (after - before)[below], 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,35 +203,20 @@ def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) ->
     return moved
 
 
-def _straighten(nodes: Points, triangles: Indices, edges: Indices) -> NDArray[np.bool_]:
-    """Make edges straight, in place, where triangles fold over or nearly; return which (E,)."""
-    straight = np.zeros(len(edges), bool)
-    while True:
-        found = _jacobians(nodes, triangles)
-        bad = np.zeros(len(nodes), bool)
-        bad[triangles[found.min(axis=1) < _LEAST * found.mean(axis=1), 3:]] = True
-        bad = bad[edges[:, 2]] & ~straight
-        if not bad.any():
-            return straight
-        nodes[edges[bad, 2]] = nodes[edges[bad, :2]].mean(axis=1)
-        straight |= bad
-
-
-def _with_areas(nodes: Points, edges: Indices, outline: Outline, ways: _Ways, straight: NDArray[np.bool_]) -> Points:
-    """Move nodes on borders, but for those of straight edges, by the least that gives segments their areas."""
+def _with_areas(
+    places: Points, bends: Points, edges: Indices, outline: Outline, ways: _Ways, straight: NDArray[np.bool_]
+) -> tuple[Points, Points]:
+    """Move vertices and nodes on borders, but not at straight edges, by the least that gives segments their areas."""
     assert outline.areas is not None
-    ends = np.where(ways.back[:, None], edges[:, 1::-1], edges[:, :2])
-    a, b, middle = *ends.T, edges[:, 2]
-    chords = (nodes[a] + nodes[b]) / 2
+    a, b = np.where(ways.back[:, None], edges[:, ::-1], edges).T
+    middle = len(places) + np.arange(len(edges))
     # A parabola encloses 4/3 of what the two chords over its middle do: so these do, too, with the middle farther out.
-    farther = nodes.copy()
-    farther[middle] = chords + 4 / 3 * (nodes[middle] - chords)
+    nodes = np.concatenate([places, (places[a] + places[b]) / 2 + 4 / 3 * bends])
     halves = np.stack([np.concatenate([a, middle]), np.concatenate([middle, b])], axis=1)
-    still = edges[straight | (outline.sides[ways.line] == OUTSIDE).any(axis=1)].ravel()
-    kept = outline.areas.kept(farther, halves, np.tile(ways.line, 2), np.unique(edges[:, :2][ways.last]), still)
-    chords = (kept[a] + kept[b]) / 2
-    kept[middle] = chords + 3 / 4 * (kept[middle] - chords)
-    return kept
+    on_rim = straight | (outline.sides[ways.line] == OUTSIDE).any(axis=1)
+    still = np.concatenate([edges[on_rim].ravel(), middle[on_rim]])
+    kept = outline.areas.kept(nodes, halves, np.tile(ways.line, 2), np.unique(edges[ways.last]), still)
+    return kept[: len(places)], 3 / 4 * (kept[middle] - (kept[a] + kept[b]) / 2)
 
 
 def _with_middles(points: Points, edges: Indices, pairs: Indices) -> tuple[Indices, Points]:

@@ -47,6 +47,8 @@ class Mesh(ReadOnly):
         The triangles with six nodes, if ``order=2`` was asked for.
     layers : (T,) int32 array or None
         The number of the boundary layer that each triangle is in, from 1 at the border, or 0; None if there are none.
+    below : (N,) int32 array or None
+        The vertex on the border that each vertex of layers is over; -1 for others.
     pairs : (P, 2) int32 array or None
         Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
     """
@@ -62,6 +64,7 @@ class Mesh(ReadOnly):
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
     layers: NDArray[np.int32] | None = None
+    below: NDArray[np.int32] | None = None
     pairs: NDArray[np.int32] | None = None
 
     @property
