@@ -154,6 +154,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "shifts": first.shifts.tolist(),
         "transforms": first.transforms.tolist(),
         "motion": list(first.models),
+        **({} if first.exposures is None else {"exposures": first.exposures.tolist()}),
         "misfits": _finite(first.misfits),
         "edge_weight": first.edge_weight,
         "energy": sum(result.energy for result in results),
@@ -260,6 +261,7 @@ def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
 def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]:
     """Restore one image; also return what there is to say about it."""
     from cvtimg import restore
+    from cvtimg.restoration.compression import with_tables
 
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -273,7 +275,8 @@ def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]
                 "align": align,
                 "detail": detail,
             }
-            result = restore(read.images, **about, **given.arguments)
+            images = [with_tables(image, name) for image, name in zip(read.images, read.names, strict=True)]
+            result = restore(images, **about, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
     return result, [given.worded(_with_names(str(one.message), read)) for one in caught]

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
+from cvtimg.restoration.exposure import equalized, exposures
 from cvtimg.restoration.levels import bend_of
 from cvtimg.restoration.noise import noise_of
-from cvtimg.restoration.spectrum import SharedNoise, shared_noise
+from cvtimg.restoration.spectrum import LAGS, SharedNoise, shared_noise
 from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import Floats, Versions, disagreement, fill, trust_in, usual_noise
 
@@ -118,6 +119,9 @@ def _left_of(noise: NDArray[np.float64]) -> float:
 
 # --- evidence
 
+#: Rounding with less than this part of the variance of noise is in what was measured.
+_LITTLE = 0.2
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
@@ -163,12 +167,17 @@ def prepare(
     if align and given.n_versions == 1:
         warnings.warn(f"align={align!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
     placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
+    if align and not channels:
+        tones = exposures(placed)
+        given, placed = (equalized(one, tones) for one in (given, placed))
     bend, unit = None if white else bend_of(given, in_place=align is None), 1.0
     if bend:
         unit = bend.unit(given.bands(0))
         given, placed = (replace(one, bend=bend) for one in (given, placed))
     shared = None if white else shared_noise(given, in_place=align is None)
     noise = noise_of(given, alike=not channels)
+    if not white and (align or given.n_versions == 1):  # what versions in place differ by has it already
+        shared = _with_rounding(shared, given, noise, unit)
     if level is not None:
         noise = np.full_like(noise, level / unit)
     elif shared:
@@ -183,6 +192,25 @@ def prepare(
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     known = (alignment, apart, noise, trust, shared, suspicion)
     return Evidence(given, placed, versions, *known, channels, bool(align), unit)
+
+
+def _with_rounding(
+    shared: SharedNoise | None, versions: Versions, noise: NDArray[np.float64], unit: float
+) -> SharedNoise | None:
+    """Add to noise what versions have lost as JPEG files, a mean over them, unless that is little."""
+    pairs = zip(versions.roundings, versions.stack, strict=False)
+    found = [rounding.autocovariance(values, LAGS) for rounding, values in pairs if rounding]
+    lost = [one for one in found if one is not None]
+    if not lost:
+        return shared
+    total = np.sum(lost, axis=0) / (versions.n_versions * unit**2)
+    white = float(np.nanmean(noise**2)) if np.isfinite(noise).any() else 0.0
+    if SharedNoise(total).variance < _LITTLE * (shared.variance if shared else white):
+        return shared
+    if shared:
+        return SharedNoise(total + shared.autocovariance)
+    total[LAGS, LAGS] += white * np.eye(total.shape[2])
+    return SharedNoise(total)
 
 
 def without_copies(versions: Versions) -> Versions:

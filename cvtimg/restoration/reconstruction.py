@@ -125,7 +125,8 @@ def restore(
     noise_like : {"auto", "white"}
         With `detail`: whether pixels next to each other may share noise, as after demosaicing, scaling, blurring or
         JPEG, and whether its variance may follow the level, as that of light. "auto" finds out from quiet parts or, of
-        versions in place, from what they differ by; "white" denies both.
+        versions in place, from what they differ by; and from the quantization tables of Pillow images that were JPEG
+        files. "white" denies all.
     effort : {"auto", "fast", "balanced", "best"}
         Number of blurred images in which the search for segments starts: 1, 2 or 4; with `detail`, number of passes,
         in each of which groups are found anew: 2, 4 or 5. "auto" is "balanced"; with `detail`, it is "best" up to a

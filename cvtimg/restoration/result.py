@@ -53,6 +53,8 @@ class Restoration(ReadOnly):
         Pixels by which the center of each version was moved, down and to the right.
     transforms : (S, 3, 3) float64 array
         Homogeneous matrices that map pixels (x, y, 1) of the first version to those of each.
+    exposures : (S, C, 2) float64 array or None
+        Gain and offset that brought each band of each version to the exposure of the first, if versions were aligned.
     models : tuple of str
         Model of the motion of each version; see `align` of `restore`.
     misfits : (S,) float64 array
@@ -83,6 +85,7 @@ class Restoration(ReadOnly):
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
     transforms: NDArray[np.float64]
+    exposures: NDArray[np.float64] | None
     models: tuple[str, ...]
     misfits: NDArray[np.float64]
     detail: bool
@@ -165,6 +168,7 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         weights=evidence.trust,
         shifts=evidence.alignment.shifts(labels.shape),
         transforms=evidence.alignment.transforms,
+        exposures=versions.tones,
         models=evidence.alignment.models,
         misfits=evidence.misfits,
         detail=found.image is not None,

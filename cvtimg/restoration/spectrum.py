@@ -18,7 +18,7 @@ from cvtimg.restoration.versions import Floats, Versions
 _Doubles = NDArray[np.float64]
 
 #: Pixels farther apart than this share no noise.
-_LAGS = 6
+LAGS = 6
 #: Side of the blocks whose spectra are compared, and pixels from one to the next.
 _BLOCK, _STEP = 16, 8
 #: This share of all blocks, the quieter ones, tells of noise; and at least this many must.
@@ -181,7 +181,7 @@ def _is_white(powers: NDArray[Any]) -> bool:
 
 def _autocovariance(powers: NDArray[Any]) -> _Doubles:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of noise with this spectrum under the window."""
-    lags = np.arange(-_LAGS, _LAGS + 1)
+    lags = np.arange(-LAGS, LAGS + 1)
     seen = np.fft.fft2(_window(), (2 * _BLOCK, 2 * _BLOCK))
     weight = np.fft.ifft2(np.square(np.abs(seen))).real[np.ix_(lags, lags)]
     return np.asarray(np.fft.ifft2(powers, axes=(0, 1)).real[np.ix_(lags, lags)] / weight[:, :, None, None])

@@ -15,6 +15,7 @@ from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.restoration.anscombe import Bend
+from cvtimg.restoration.compression import Rounding
 from cvtimg.segmentation.averaging import Averaging, averaged
 
 Floats = NDArray[np.float32]
@@ -35,6 +36,8 @@ class Versions:
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
+    roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
+    tones: NDArray[np.float64] | None = None  # (S, C, 2): gain and offset to the exposure of the first
     bend: Bend | None = None  # what makes noise even, if it is not
 
     @property
@@ -60,6 +63,10 @@ class Versions:
     def bands(self, version: int, rows: Any = slice(None)) -> Floats:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
         values = self.stack[version][rows].astype(np.float32)
+        if self.tones is not None:
+            values = values * self.tones[version, :, 0].astype(np.float32) + self.tones[version, :, 1].astype(
+                np.float32
+            )
         values = self.bend.bent(values) if self.bend else values
         values[~self.known[rows, :, version]] = 0
         return values
@@ -76,6 +83,8 @@ class Versions:
             known=self.known[:, :, [version]],
             version_of=np.zeros(self.stack[version].shape[2], np.intp),
             dtypes=(self.dtypes[version],),
+            roundings=self.roundings[version : version + 1],
+            tones=None if self.tones is None else self.tones[[version]],
         )
 
     def moved(self, values: Sequence[Floats], known: NDArray[np.bool_]) -> Versions:
@@ -127,7 +136,8 @@ def stack_versions(
     dtypes = tuple(values.dtype for values, _ in read)
     grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
-    return Versions(tuple(placed), known, version_of, dtypes, grey, white)
+    roundings = tuple(map(Rounding.of, images)) if space == "rgb" else ()
+    return Versions(tuple(placed), known, version_of, dtypes, grey, white, roundings)
 
 
 def _check_same(what: str, found: Sequence[object]) -> None:

@@ -11,6 +11,7 @@ from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import restore
 from cvtimg.restoration.alignment import MODELS, align, own_pixels
+from cvtimg.restoration.exposure import exposures
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
@@ -62,7 +63,8 @@ def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDA
     shifts = [(0, 0), (2.5, -3.2), (-1.3, 4.7)]
     versions = [noisy((0, 0))] + [noisy((down, right)) for down, right in shifts[1:]]
     inner = slice(6, -6)
-    blind = restore(versions, 24, detail=True)
+    with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] .* may spoil the result"):
+        blind = restore(versions, 24, detail=True, hidden="none")
     result = restore(versions, 24, detail=True, align=True)
     np.testing.assert_allclose(result.shifts, np.negative(shifts), atol=0.15)
     assert (
@@ -204,5 +206,31 @@ def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(pho
 def test_clean_frames_after_a_noisy_one_count_in_full(photograph: NDArray[Any]) -> None:
     clean = photograph[20:116, 20:132]
     noisy = np.clip(clean + np.random.default_rng(0).normal(0, 12, clean.shape), 0, 255).astype(np.uint8)
-    image = restore([noisy, clean, clean], detail=True, align=True, effort="fast").image
+    image = restore([noisy, clean, clean // 2 * 2], detail=True, align=True, effort="fast").image
     assert psnr(image / 255, clean / 255) > 37
+
+
+def test_exposure_and_white_balance_are_found_beside_what_is_painted_over(photograph: NDArray[Any]) -> None:
+    gains, noise = np.array([0.7, 0.8, 0.6]), np.random.default_rng(0).normal(0, 9, (3, *photograph.shape))
+    other = photograph * gains + 4 + noise[1]
+    other[:60, :90] = 200
+    images = [photograph + noise[0], other, photograph[::-1] + noise[2]]
+    found = exposures(stack_versions([np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in images]))
+    np.testing.assert_allclose(found[1, :, 0], 1 / gains, rtol=0.02)
+    np.testing.assert_allclose(found[1, :, 1], -4 / gains, atol=2)
+    np.testing.assert_array_equal(found[[0, 2]], np.tile([1, 0], (2, 3, 1)))
+
+
+@pytest.mark.slow
+def test_frames_of_other_exposure_are_as_good_as_others(photograph: NDArray[Any]) -> None:
+    looks = [photograph[down : down + 160, right : right + 192] for down, right in ((8, 8), (2, 13), (15, 1))]
+    noise = np.random.default_rng(0).normal(0, 12, (3, 160, 192, 3))
+    scores = []
+    for gains in ([1, 1, 1], [1, 0.7, 1.4]):
+        seen = [gain * look + one for gain, look, one in zip(gains, looks, noise, strict=True)]
+        frames = [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in seen]
+        result = restore(frames, detail=True, align=True, effort="fast")
+        assert result.exposures is not None
+        np.testing.assert_allclose(result.exposures[:, :, 0], np.tile(1 / np.array(gains), (3, 1)).T, rtol=0.03)
+        scores.append(psnr(result.image[16:-16, 16:-16] / 255, looks[0][16:-16, 16:-16] / 255))
+    assert scores[1] > scores[0] - 1  # of the longer exposure, a third is white; the shorter is noisier
