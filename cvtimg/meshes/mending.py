@@ -22,9 +22,9 @@ _SMALL = 30.0
 #: Edges at corners of borders with less than this are not split, for that never ends.
 _TIP = 15.0
 #: Rounds without a gain before it is given up.
-_PATIENCE = 3
+_PATIENCE = 6
 #: In each round, vertices move so often, and triangles are smoothed so often by this power of their cost.
-_MOVES, _SMOOTHING, _POWER = 8, 2, 8
+_MOVES, _SMOOTHING, _POWER = 6, 10, 8
 #: Vertices are taken away where new ones are nearer than this part of the new edges, then where edges are short.
 _NEAR = 0.7
 

@@ -229,6 +229,16 @@ def test_borders_that_crowd_have_short_edges() -> None:
     assert measure_triangles(mesh.points, mesh.triangles).least_angles.min() > 15
 
 
+@pytest.mark.slow
+def test_thin_slits_and_necks_leave_no_small_angles() -> None:
+    slit = [[[0, 0], [1, 0], [1, 1], [0, 1]], [[0.2, 0.4995], [0.2, 0.5005], [0.8, 0.5005], [0.8, 0.4995]]]
+    left = np.array([[1.5, 0.4995], [1, 0.4995], [1, 0], [0, 0], [0, 1], [1, 1], [1, 0.5005], [1.5, 0.5005]])
+    right = [[1.5, 1], [2.5, 1], [2.5, 0], [1.5, 0]]
+    for region in (slit, [np.concatenate([left, right])[::-1]]):
+        mesh = mesh_region(region, n=2000)
+        assert measure_triangles(mesh.points, mesh.triangles).least_angles.min() > 29.9
+
+
 def test_details_below_the_least_size_are_left_out() -> None:
     teeth = np.stack([np.arange(0, 10, 0.01), np.where(np.arange(1000) % 2, 0.0, 0.01)], axis=1)
     comb = [[0.0, 5.0], *teeth.tolist(), [10.0, 5.0]]
