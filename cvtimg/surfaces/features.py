@@ -18,6 +18,8 @@ Indices = NDArray[np.intp]
 
 #: Creases that are shorter in all than so many distances of points are left out.
 _SHORTEST = 3
+#: The surfaces on both sides of a crease, so far by the distance of points, meet at this part of the angle at least.
+_BREADTH, _BROAD = 1.0, 0.9
 #: A curve that turns by more than the angle of creases, and this one at most, has a corner if it does over this part of
 #: the distance of points as well: the steps of a scan do not.
 _CORNER, _REACH = 40.0, 0.5
@@ -28,8 +30,8 @@ _MOST_LOSS = 0.05
 def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given: Triangles) -> Mask:
     """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, creases, and those given (M, 2).
 
-    Creases are where faces meet at more than `angle` degrees from flat. Those that are not longer in all than a few
-    distances (N,) of points are noise, or too small to be seen.
+    Creases are where faces meet at more than `angle` degrees from flat, and the surfaces on both sides, as far as a
+    distance (N,) of points, nearly do. Those that are not longer in all than a few distances are too small to be seen.
     """
     edge = number_edges(mesh.triangles, len(mesh.points))
     n_faces = np.bincount(edge)[edge]
@@ -37,6 +39,8 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given
     normals = mesh.face_normals()
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[beyond // 3])
     creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
+    first = edge == np.arange(len(edge))
+    creased &= _is_broad(mesh, first & (creased | (n_faces != 2)), creased & first, normals, sizes, angle)[edge]
     is_given = np.isin(edge_keys(mesh.edges, len(mesh.points)), edge_keys(given, len(mesh.points)))
     return is_given | (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
 
@@ -47,6 +51,47 @@ def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
     a, b = mesh.edges.T
     lengths = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1) * 2 / (sizes[a] + sizes[b])
     return float((lengths * (1 / np.bincount(edge)[edge] - 1 / 2)).sum())
+
+
+def _is_broad(
+    mesh: SurfaceTriangulation, features: Mask, creased: Mask, normals: Points, sizes: Values, angle: float
+) -> Mask:
+    """Tell which half-edges (3 T,), of those creased, are creases of the surfaces around, not of single faces.
+
+    Between junctions, a crease is one if it is along half of its length, but not if it is short and has a free end.
+    """
+    from scipy.spatial import KDTree
+
+    halves, ends = np.flatnonzero(creased), mesh.edges[creased]
+    broad = np.zeros(len(creased), bool)
+    if not len(halves):
+        return broad
+    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+    centers, weighted = (a + b + c) / 3, np.cross(b - a, c - a)
+    middles, lengths = mesh.points[ends].mean(axis=1), np.linalg.norm(np.subtract(*mesh.points[ends.T]), axis=1)
+    sides = halves // 3, mesh.twins.ravel()[halves] // 3
+    # Faces around are on the side of that face at the crease to which the way from its middle leads.
+    near = KDTree(centers).query_ball_point(middles, _BREADTH * sizes[ends].mean(axis=1), return_sorted=False)
+    of = np.arange(len(halves)).repeat([len(one) for one in near])
+    face = np.concatenate(near).astype(np.intp)
+    way = np.subtract(*(unit(centers[side] - middles) for side in sides))
+    is_first = np.einsum("ij,ij->i", centers[face] - middles[of], way[of]) > 0
+    means = []
+    for side, chosen in zip(sides, (is_first, ~is_first), strict=True):
+        # Faces of another sheet, turned away, are left out.
+        chosen &= np.einsum("ij,ij->i", normals[face], normals[side[of]]) > 0
+        chosen &= face != side[of]
+        means.append(unit(weighted[side] + sum_by_label(of[chosen], weighted[face[chosen]], len(halves))))
+    passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_BROAD * angle))
+    lengths /= sizes[ends].mean(axis=1)
+    keys, n_ends = edge_keys(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
+    order = np.argsort(keys)
+    for chain in _chains(ends):
+        wanted = edge_keys(np.stack([chain[:-1], chain[1:]], axis=1), len(mesh.points))
+        each = order[np.searchsorted(keys, wanted, sorter=order)]
+        is_spur = (n_ends[chain[0]] == 1) != (n_ends[chain[-1]] == 1) and lengths[each].sum() < _SHORTEST
+        broad[halves[each]] = not is_spur and lengths[each] @ passes[each] >= lengths[each].sum() / 2
+    return broad
 
 
 def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:

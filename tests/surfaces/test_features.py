@@ -123,7 +123,22 @@ def test_creases_of_noise_are_left_out_or_whole() -> None:
     assert find_features(mesh, 12, np.full(len(points), 1e-3), none).any()
     assert not find_features(mesh, 12, np.full(len(points), 9.0), none).any()
     found = surface_points((points, faces), 500, feature_angle=15, effort="fast")
-    assert (len(found.points), found.measures().is_closed, found.measures().euler_characteristic) == (500, True, 2)
+    measures = found.measures()
+    assert (len(found.points), measures.is_closed, measures.euler_characteristic) == (500, True, 2)
+    assert measures.least_angle > 30
+
+
+def test_a_crease_among_those_of_noise_is_kept() -> None:
+    points, faces = sheet()
+    noise = np.random.default_rng(0).normal(size=len(points))
+    points[:, 2] = np.abs(points[:, 1] - 0.5) + 0.006 * noise
+    mesh = SurfaceTriangulation(points, faces)
+    normals, twins = mesh.face_normals(), mesh.twins.ravel()
+    cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[twins // 3])
+    ridge = (np.abs(points[mesh.edges][:, :, 1] - 0.5) < 1e-9).all(axis=1)
+    assert ((cosines < np.cos(np.radians(20))) & ~ridge & (twins >= 0)).sum() > 100
+    found = find_features(mesh, 20, np.full(len(points), 0.25), np.empty((0, 2), np.int32))
+    assert (found == (ridge | (twins < 0))).all()
 
 
 def test_the_steps_of_a_scan_are_no_corners() -> None:
