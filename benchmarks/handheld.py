@@ -10,6 +10,9 @@ With --films, `restore_frames` on films of seven frames that pan over a photogra
 it moves, beside each frame by itself and OpenCV's fastNlMeansDenoisingColoredMulti over five frames at the best of
 several strengths: the middle three frames, everywhere and in the disc alone.
 
+Four frames with noise 18 are also measured with other exposures, which the rivals are told; with holes, where there are
+no rivals; and moved by homographies.
+
     python benchmarks/handheld.py [--quick] [--films] FOLDER
 """
 
@@ -32,6 +35,9 @@ from cvtimg import restore, restore_frames
 Floats = NDArray[np.float64]
 
 SHAPE, BORDER = (192, 256), 8
+#: Also of four frames and noise 18: gains of bands, the share of pixels that is missing, one by one, and perspective.
+EXPOSURES, HOLES, TILT = np.array([[1, 1, 1], [0.7, 0.7, 0.7], [1.4, 1.4, 1.4], [1.15, 1, 0.85]]), 0.3, 1e-4
+KINDS = ("", "other exposures", "holes", "homographies")
 LONGEST, LARGEST_ANGLE = 5.0, 0.7
 STRENGTHS = (1.5, 2.5, 4, 6, 9, 13)
 SIGMAS, COUNTS = (5, 18), (4, 8)
@@ -46,17 +52,19 @@ def scene(path: Path) -> Floats:
         return np.asarray(image.convert("RGB").rotate(90 * (image.height > image.width), expand=True), np.float64)
 
 
-def motion(rng: np.random.Generator) -> Floats:
-    """(3, 3) rotation and translation, from pixels (x, y) of the first frame to those of another."""
+def motion(rng: np.random.Generator, tilt: float = 0.0) -> Floats:
+    """(3, 3) rotation and translation, and perspective, from pixels (x, y) of the first frame to those of another."""
     angle, shift = np.deg2rad(rng.uniform(-LARGEST_ANGLE, LARGEST_ANGLE)), rng.uniform(-LONGEST, LONGEST, 2)
     center = (np.array(SHAPE[::-1]) - 1) / 2
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return np.block([[turn, (center + shift - turn @ center)[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
+    last = np.append(rng.uniform(-tilt, tilt, 2) if tilt else np.zeros(2), 1)
+    return np.vstack([np.column_stack([turn, center + shift - turn @ center]), last])
 
 
 def mapped(transform: Floats, x: Floats, y: Floats) -> Floats:
-    """(2, ...) places that a rotation and translation maps to."""
-    return np.tensordot(transform[:2, :2], np.stack([x, y]), 1) + transform[:2, 2].reshape(2, *[1] * x.ndim)
+    """(2, ...) places that a homography maps to."""
+    places = np.tensordot(transform, np.stack([x, y, np.ones_like(x)]), 1)
+    return places[:2] / places[2]
 
 
 def frame(picture: Floats, transform: Floats) -> Floats:
@@ -75,21 +83,24 @@ def off(found: Floats, true: Floats) -> float:
     return float(np.sqrt(np.square(mapped(found, x, y) - mapped(true, x, y)).sum(axis=0).mean()))
 
 
-def aligned(frames: list[NDArray[np.uint8]]) -> tuple[list[Floats], Floats]:
-    """Motions that ECC finds, and the mean of the frames in place."""
+def aligned(frames: list[NDArray[np.uint8]], gains: Floats, homographies: bool) -> tuple[list[Floats], Floats]:
+    """Motions that ECC finds, and the mean of the frames in place, at the gain of the first."""
     first, size = cv2.cvtColor(frames[0], cv2.COLOR_RGB2GRAY), SHAPE[::-1]
     ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-6)
     motions, total, weight = [np.eye(3)], frames[0].astype(np.float32), np.ones(SHAPE, np.float32)
-    for other in frames[1:]:
-        transform = np.eye(2, 3, dtype=np.float32)
+    model, warp = cv2.MOTION_EUCLIDEAN, cv2.warpAffine
+    if homographies:
+        model, warp = cv2.MOTION_HOMOGRAPHY, cv2.warpPerspective
+    for other, gain in zip(frames[1:], gains[1:], strict=True):
+        transform = np.eye(3 if homographies else 2, 3, dtype=np.float32)
         gray = cv2.cvtColor(other, cv2.COLOR_RGB2GRAY)
-        _, transform = cv2.findTransformECC(first, gray, transform, cv2.MOTION_EUCLIDEAN, ends, None, 5)
+        _, transform = cv2.findTransformECC(first, gray, transform, model, ends, None, 5)
         how = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-        known = cv2.warpAffine(np.ones(SHAPE, np.float32), transform, size, flags=how) > 0.99
-        moved = cv2.warpAffine(other.astype(np.float32), transform, size, flags=how)
+        known = warp(np.ones(SHAPE, np.float32), transform, size, flags=how) > 0.99
+        moved = warp((other / gain).astype(np.float32), transform, size, flags=how)
         total[known] += moved[known]
         weight += known
-        motions.append(np.vstack([transform, [0, 0, 1]]))
+        motions.append(np.vstack([transform, [0, 0, 1]])[:3])
     return motions, np.asarray(total / weight[:, :, None], np.float64)
 
 
@@ -100,27 +111,30 @@ def psnr(image: NDArray[np.generic], clean: Floats) -> float:
     return float(10 * np.log10(255**2 / np.mean(apart**2)))
 
 
-def measured(picture: Floats, sigma: float, n_frames: int) -> dict[str, float]:
-    """Restore one series by all."""
+def measured(picture: Floats, sigma: float, n_frames: int, kind: str = "") -> dict[str, float]:
+    """Restore one series by all; frames with holes, which the rivals do not take, by cvtimg alone."""
     rng = np.random.default_rng(n_frames)
-    motions = [np.eye(3), *(motion(rng) for _ in range(n_frames - 1))]
+    motions = [np.eye(3), *(motion(rng, TILT * (kind == "homographies")) for _ in range(n_frames - 1))]
     clean = frame(picture, motions[0])
+    gains = EXPOSURES if kind == "other exposures" else np.ones((n_frames, 3))
     frames = []
-    for one in motions:
-        seen = frame(picture, one) + sigma * rng.standard_normal(clean.shape)
+    for gain, one in zip(gains, motions, strict=True):
+        seen = gain * frame(picture, one) + sigma * rng.standard_normal(clean.shape)
         frames.append(np.clip(np.rint(seen), 0, 255).astype(np.uint8))
-    result, seconds = timed(lambda: restore(frames, detail=True, align=True))
-    (by_ecc, mean), ecc_seconds = timed(lambda: aligned(frames))
-    rounded = np.clip(np.rint(mean), 0, 255).astype(np.uint8)
-    best = max(psnr(cv2.fastNlMeansDenoisingColored(rounded, None, h, h, 5, 15), clean) for h in STRENGTHS)
+    masks = [rng.random(SHAPE) >= HOLES for _ in frames] if kind == "holes" else None
+    result, seconds = timed(lambda: restore(frames, masks=masks, detail=True, align=True))
+    alone = restore(frames[:1], masks=masks and masks[:1], detail=True)
     found = {
         "off": max(map(off, result.transforms, motions)),
-        "off, ECC": max(map(off, by_ecc, motions)),
         "cvtimg": psnr(result.image, clean),
-        "one frame": psnr(restore(frames[:1], detail=True).image, clean),
-        "ECC, mean": psnr(mean, clean),
-        "+ OpenCV": best,
+        "one frame": psnr(alone.image, clean),
     }
+    if masks:
+        return {**found, "seconds": seconds}
+    (by_ecc, mean), ecc_seconds = timed(lambda: aligned(frames, gains, kind == "homographies"))
+    rounded = np.clip(np.rint(mean), 0, 255).astype(np.uint8)
+    best = max(psnr(cv2.fastNlMeansDenoisingColored(rounded, None, h, h, 5, 15), clean) for h in STRENGTHS)
+    found |= {"off, ECC": max(map(off, by_ecc, motions)), "ECC, mean": psnr(mean, clean), "+ OpenCV": best}
     if find_spec("bm3d"):
         found["+ BM3D"] = psnr(255 * import_module("bm3d").bm3d_rgb(mean / 255, sigma / 255 / n_frames**0.5), clean)
     return {**found, "seconds": seconds, "seconds, ECC": ecc_seconds}
@@ -179,6 +193,7 @@ def main() -> None:
     """Measure, print, write."""
     arguments = parser(__doc__)
     arguments.add_argument("folder", type=Path)
+    arguments.add_argument("--case", default="", help="part of the names of series")
     arguments.add_argument("--films", action="store_true", help="films instead of series")
     given = arguments.parse_args()
     pin_threads(given.threads)
@@ -189,11 +204,14 @@ def main() -> None:
         found = [measured_film(scene(path), sigma) for path in paths]
         print_means(f"film, noise {sigma}", [path.stem for path in paths], found, ".4g")
         rows += [{"noise": sigma, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
-    for sigma in () if given.films else SIGMAS:
-        for n_frames in COUNTS:
-            found = [measured(scene(path), sigma, n_frames) for path in paths]
-            print_means(f"{n_frames} frames, noise {sigma}", [path.stem for path in paths], found, ".4g")
-            about = {"frames": n_frames, "noise": sigma}
+    series = [(sigma, n_frames, "") for sigma in SIGMAS for n_frames in COUNTS]
+    series += [(SIGMAS[-1], len(EXPOSURES), kind) for kind in KINDS[1:]]
+    for sigma, n_frames, kind in () if given.films else series:
+        title = f"{n_frames} frames, noise {sigma}{kind and ', '}{kind}"
+        if given.case in title:
+            found = [measured(scene(path), sigma, n_frames, kind) for path in paths]
+            print_means(title, [path.stem for path in paths], found, ".4g")
+            about = {"frames": n_frames, "noise": sigma, "kind": kind}
             rows += [{**about, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
     write_results("films" if given.films else "handheld", {"quick": given.quick}, rows)
 

@@ -1,7 +1,9 @@
-"""Noise that neighboring pixels share, as blurring, scaling, demosaicing and JPEG leave it: `restore` beside OpenCV.
+"""Noise that pixels share, as blurring, scaling, demosaicing and JPEG leave it, or that grows with the level of light.
 
 Prints PSNR in dB for the 192 x 192 pixels in the middle of each photograph of a folder. cvtimg finds the noise itself
-or is told that it is white; the strength of OpenCV's non-local means is the best of several, chosen by the truth.
+or is told that it is white; the strength of OpenCV's non-local means is the best of several, chosen by the truth. Where
+its package, which is not free software, is installed, BM3D denoises light, plain and between generalized Anscombe
+transforms; it is told the noise.
 
     python benchmarks/shared_noise.py [--quick] FOLDER
 """
@@ -10,6 +12,8 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -18,6 +22,7 @@ from common import machine, parser, pin_threads, print_means, write_results
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import convolve, gaussian_filter
+from scipy.stats import poisson
 
 from cvtimg import restore
 
@@ -33,11 +38,21 @@ def as_bytes(image: Floats) -> NDArray[np.uint8]:
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def as_jpeg(image: Floats) -> Floats:
-    """Compress at quality 90."""
+def as_jpeg(image: Floats, quality: int = 90) -> Image.Image:
+    """Compress at a quality."""
     file = io.BytesIO()
-    Image.fromarray(as_bytes(image)).save(file, "JPEG", quality=90)
-    return np.asarray(Image.open(file), np.float64)
+    Image.fromarray(as_bytes(image)).save(file, "JPEG", quality=quality)
+    return Image.open(file)
+
+
+def as_light(gain: float, sigma: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]:
+    """Return what counts photons of so many levels, and adds noise of reading them."""
+    return lambda clean, rng: (clean, gain * rng.poisson(clean / gain) + sigma * rng.standard_normal(clean.shape))
+
+
+def compressed(quality: int, sigma: float) -> Callable[[Floats, Random], tuple[Floats, Image.Image]]:
+    """Return what adds noise and compresses."""
+    return lambda clean, rng: (clean, as_jpeg(clean + sigma * rng.standard_normal(clean.shape), quality))
 
 
 def blurred(clean: Floats, blur: float, rng: Random) -> tuple[Floats, Floats]:
@@ -57,7 +72,7 @@ def scaled(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
     return resized(small, SIDE), resized(small + SIGMA * rng.standard_normal(small.shape), SIDE)
 
 
-def demosaiced(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
+def demosaiced(clean: Floats, rng: Random) -> tuple[Floats, Image.Image]:
     """Return a photograph, and what a sensor with noise sees through a Bayer mosaic, interpolated linearly, as JPEG."""
     places = np.add.outer(2 * (np.arange(SIDE) % 2), np.arange(SIDE) % 2)
     tent = np.outer([0.25, 0.5, 0.25], [1, 2, 1])
@@ -74,29 +89,58 @@ def as_blurred(blur: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]
     return lambda clean, rng: blurred(clean, blur, rng)
 
 
-CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats]]] = {
+LIGHT = {"light, weak": (0.5, 3.0), "light": (2.0, 5.0), "light, strong": (8.0, 5.0)}
+CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats | Image.Image]]] = {
     **{f"blurred by {blur} px": as_blurred(blur) for blur in (0.6, 0.8, 1.2)},
     "blurred by 0.8 px, JPEG": lambda clean, rng: (clean, as_jpeg(blurred(clean, 0.8, rng)[1])),
     "scaled by 1.5": scaled,
     "mosaic, JPEG": demosaiced,
+    **{name: as_light(*strength) for name, strength in LIGHT.items()},
+    **{f"JPEG {quality}": compressed(quality, 0) for quality in (50, 75, 90)},
+    "noise of 5 levels, JPEG 75": compressed(75, 5),
     "white": lambda clean, rng: (clean, clean + SIGMA * rng.standard_normal(clean.shape)),
 }
 
 
-def psnr(image: NDArray[np.uint8], clean: Floats) -> float:
+def psnr(image: NDArray[np.generic], clean: Floats) -> float:
     """In dB."""
-    return float(10 * np.log10(255**2 / np.mean((image - clean) ** 2)))
+    return float(10 * np.log10(255**2 / np.mean((np.clip(image, 0, 255) - clean) ** 2)))
 
 
-def measured(clean: Floats, noisy: NDArray[np.uint8]) -> dict[str, float]:
+def measured(
+    clean: Floats, noisy: NDArray[np.uint8] | Image.Image, light: tuple[float, float] | None
+) -> dict[str, float]:
     """PSNR of what each makes of an image."""
-    tries = [cv2.fastNlMeansDenoisingColored(noisy, None, h, h, 5, 15) for h in STRENGTHS]
-    return {
-        "noisy": psnr(noisy, clean),
+    pixels = np.asarray(noisy)
+    tries = [cv2.fastNlMeansDenoisingColored(pixels, None, h, h, 5, 15) for h in STRENGTHS]
+    found = {
+        "noisy": psnr(pixels, clean),
         "cvtimg": psnr(restore([noisy], detail=True).image, clean),
         "cvtimg, as white": psnr(restore([noisy], detail=True, noise_like="white").image, clean),
         "OpenCV": max(psnr(image, clean) for image in tries),
     }
+    if light and find_spec("bm3d"):
+        sigma = float(np.sqrt(np.mean(light[0] * clean + light[1] ** 2)))
+        found["BM3D"] = psnr(255 * import_module("bm3d").bm3d_rgb(pixels / 255, sigma / 255), clean)
+        found["Anscombe, BM3D"] = psnr(by_anscombe(pixels, *light), clean)
+    return found
+
+
+def by_anscombe(pixels: NDArray[np.uint8], gain: float, sigma: float) -> Floats:
+    """Denoise by BM3D what the generalized Anscombe transform makes even, and take the unbiased inverse."""
+
+    def even(levels: Floats) -> Floats:
+        return np.asarray(2 / gain * np.sqrt(np.maximum(gain * levels + 0.375 * gain**2 + sigma**2, 0)))
+
+    values = even(pixels.astype(np.float64))
+    low, span = values.min(), np.ptp(values)
+    done = low + span * import_module("bm3d").bm3d_rgb((values - low) / span, 1 / span)
+    # The mean of the transform over photons and, at nodes of Gauss and Hermite, over noise.
+    nodes, weights = np.polynomial.hermite_e.hermegauss(21)
+    levels = np.concatenate([[0], np.geomspace(0.01, 300, 300)])
+    photons = np.arange(int(300 / gain + 12 * np.sqrt(300 / gain) + 12))
+    means = even(gain * photons[:, None] + sigma * nodes) @ weights / weights.sum()
+    return np.interp(done, poisson.pmf(photons, levels[:, None] / gain) @ means, levels)
 
 
 def middle(path: Path) -> Floats:
@@ -110,19 +154,23 @@ def main() -> None:
     """Measure, print, write."""
     arguments = parser(__doc__)
     arguments.add_argument("folder", type=Path)
-    given = arguments.parse_args()
-    pin_threads(given.threads)
+    arguments.add_argument("--case", default="", help="part of the names of cases")
+    wanted = arguments.parse_args()
+    pin_threads(wanted.threads)
     cv2.setNumThreads(1)
     print(machine())
-    paths, rows = sorted(given.folder.glob("*.png"))[: 3 if given.quick else None], []
+    paths, rows = sorted(wanted.folder.glob("*.png"))[: 3 if wanted.quick else None], []
     for name, spoil in CASES.items():
+        if wanted.case not in name:
+            continue
         found = []
         for path in paths:
             clean, noisy = spoil(middle(path), np.random.default_rng(0))
-            found.append(measured(clean, as_bytes(noisy)))
+            given = noisy if isinstance(noisy, Image.Image) else as_bytes(noisy)
+            found.append(measured(clean, given, LIGHT.get(name)))
         print_means(f"{name}: PSNR, dB", [path.stem for path in paths], found, ".2f")
         rows += [{"noise": name, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
-    write_results("shared_noise", {"quick": given.quick}, rows)
+    write_results("shared_noise", {"quick": wanted.quick}, rows)
 
 
 if __name__ == "__main__":

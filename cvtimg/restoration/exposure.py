@@ -59,7 +59,7 @@ def _blocks(versions: Versions, version: int) -> tuple[_Doubles, NDArray[np.bool
     values = versions.bands(version, rows)[:, columns]
     seen = versions.known[rows, columns, version]
     share = seen.reshape(shape).mean(axis=(1, 3)).ravel()
-    means = values.reshape(*shape, -1).mean(axis=(1, 3), dtype=np.float64).reshape(len(share), -1)
+    means = values.reshape(*shape, values.shape[2]).mean(axis=(1, 3), dtype=np.float64).reshape(-1, values.shape[2])
     known = share >= _KNOWN
     if versions.white is not None:
         for clipped, most in zip((values <= 0, values >= versions.white), _CLIPPED, strict=True):

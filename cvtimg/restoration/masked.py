@@ -40,6 +40,10 @@ def masked_cells(
     # its label. Labels are in 1..n_generators. Cells count by their share of the pixels to the volume power.
     rows, loads = values.reshape(-1, values.shape[2]), weights.reshape(-1, values.shape[2])
     known: NDArray[np.bool_] = np.asarray(loads.any(axis=1))
+    if not known.any():
+        return MaskedCells(
+            labels, *masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1]))), (0.0,), True
+        )
     move = _engine(rows, loads, known, volume_power) if volume_power else _nearest(rows, loads, known)
     current = labels.reshape(-1).copy()
     generators, masses = masked_means(rows, loads, current, np.zeros((n_generators, rows.shape[1])))

@@ -27,6 +27,8 @@ _QUIET, _ENOUGH = 0.08, 24
 _LOWER = 0.5
 #: At most this many blocks are looked at; and of differences of versions, where all of them tell of noise.
 _MOST, _MOST_APART = 1 << 12, 1 << 8
+#: Versions that differ by more than this times the power of their quiet blocks differ by more than noise.
+_IN_PLACE = 2.0
 #: Blocks whose mean is nearer to an end than this part of the range have lost noise by clipping.
 _FROM_ENDS = 1 / 16
 #: Frequencies, in cycles per pixel, between which power is middle, and from which on it is high; noise whose powers
@@ -91,17 +93,29 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     # Versions that are in place differ by noise alone.
     known = np.moveaxis(versions.known, 2, 0)
     numbers = np.flatnonzero(known.any(axis=(1, 2))).tolist()
+    alone = (_measured(versions.bands(s), known[s], versions.white, _QUIET) for s in numbers)
     if in_place and len(numbers) > 1:
         pairs = pairwise(numbers)
         apart = (
             ((versions.bands(a) - versions.bands(b)) * np.float32(np.sqrt(0.5)), known[a] & known[b]) for a, b in pairs
         )
-        found = [_measured(*one, None, 1.0) for one in apart]
+        powers, own = _mean([_measured(*one, None, 1.0) for one in apart]), next(alone)
+        if powers is not None and own is not None and _total(powers) > _IN_PLACE * _total(own):
+            powers = _mean([own, *alone])
     else:
-        found = [_measured(versions.bands(s), known[s], versions.white, _QUIET) for s in numbers]
-    told = [powers for powers in found if powers is not None]
-    powers = np.mean(told, axis=0) if told else None
+        powers = _mean(list(alone))
     return None if powers is None or _is_white(powers) else SharedNoise(_autocovariance(powers))
+
+
+def _mean(found: list[NDArray[Any] | None]) -> NDArray[Any] | None:
+    """Mean of the spectra that are known; None if none is."""
+    told = [powers for powers in found if powers is not None]
+    return np.asarray(np.mean(told, axis=0)) if told else None
+
+
+def _total(powers: NDArray[Any]) -> float:
+    """Power of all frequencies and bands."""
+    return float(np.einsum("xyii->", powers).real)
 
 
 def _measured(values: Floats, known: NDArray[np.bool_], white: float | None, share: float) -> NDArray[Any] | None:

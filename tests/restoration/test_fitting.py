@@ -124,3 +124,12 @@ def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> N
     small = photograph[40:136, 40:136]
     found = misfit(noisy(small), noisy(small), noisy(small[::-1]))
     np.testing.assert_allclose(found[0], [0, 0, 2], atol=0.3)
+    with pytest.warns(UserWarning, match=r"images\[1\] cannot be laid over images\[0\]"):
+        restore([noisy(small), noisy(small[::-1])], 8, detail=True, effort="fast")
+
+
+def test_copies_of_a_flat_image_stay_as_they_are() -> None:
+    flat = np.full((3, 9), 90, np.uint8)
+    with pytest.warns(UserWarning, match="counts once"):
+        found = restore([flat, flat], detail="auto", align=True)
+    np.testing.assert_array_equal(found.image, flat)
