@@ -6,7 +6,6 @@ covariances from the noisy patches; later ones from the estimate, as an oracle.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product, starmap
 
@@ -84,10 +83,10 @@ _PASSES = {"fast": (800, 80), "balanced": (600, 150, 80, 60), "best": (600, 150,
 _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, "balanced"))
 #: Kinds of patches by default.
 _AUTO_KINDS = 32
-#: How often the size is halved to find low frequencies, and the shortest side of a size.
-_HALVINGS, _SHORTEST = 2, 32
+#: How often the size is halved to find low frequencies, the passes there, and the shortest side of a size.
+_HALVINGS, _LOW_PASSES, _SHORTEST = 2, (600, 80), 32
 #: Part of the time that an image takes of that for it and for half its size, which has a quarter of the pixels.
-_FULL_SIZE = 0.78
+_FULL_SIZE = 0.85
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
 #: Longest side, in pixels, of the blocks in which patches are grouped.
@@ -127,7 +126,7 @@ def denoise_versions(
     passes = _PASSES[affordable_effort(versions.coverage.size) if effort == "auto" else effort]
     kept = suspicion.kept(versions, first_estimate(fuse(versions, trust)[0])) if suspicion else versions
     estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (FIRST_BLUR, FIRST_BLUR, 0))
-    axes = Axes.of(versions, estimate)
+    axes = Axes.of(evidence.noise_by_band, estimate)
     # Groups are what matters: the kinds that they are cut from need no better estimate.
     kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), n_generators, rng)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
@@ -147,7 +146,7 @@ def denoise_versions(
             done = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(done.image)
     with threadpool_limits(1, user_api="blas"), part(_FULL_SIZE, 1):
-        lower = _with_low_frequencies(done.image, noisy, axes, kinds, passes, _HALVINGS)
+        lower = _with_low_frequencies(done.image, noisy, axes, kinds, _HALVINGS)
         estimate = axes.back(lower)
     labels = done.labels + 1
     generators, masses = measured(versions, trust, labels, n_generators)
@@ -156,19 +155,17 @@ def denoise_versions(
     return Found(labels, generators, masses, colors, (done.energy,), kept.coverage, image=estimate)
 
 
-def _with_low_frequencies(
-    image: Floats, noisy: Noisy, axes: Axes, kinds: Kinds, passes: Sequence[int], n_halvings: int
-) -> Floats:
+def _with_low_frequencies(image: Floats, noisy: Noisy, axes: Axes, kinds: Kinds, n_halvings: int) -> Floats:
     """(H, W, C) image whose low frequencies are those of the noisy one restored at half its size, and so on."""
     if n_halvings == 0 or min(image.shape[:2]) < 2 * _SHORTEST:
         return image
     half = halved(noisy)
     with part(0, _FULL_SIZE):
-        for number, largest in each(list(enumerate(passes))):
+        for number, largest in each(list(enumerate(_LOW_PASSES))):
             coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0).image
             half = replace(half, estimate=with_border(coarse))
     with part(_FULL_SIZE, 1):
-        coarse = _with_low_frequencies(coarse, half, axes, kinds, passes, n_halvings - 1)
+        coarse = _with_low_frequencies(coarse, half, axes, kinds, n_halvings - 1)
     return with_low_frequencies(image, coarse, 4 * half.usual_variance)
 
 

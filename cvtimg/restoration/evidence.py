@@ -15,7 +15,7 @@ from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.exposure import equalized, exposures
 from cvtimg.restoration.levels import bend_of
-from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.spectrum import LAGS, SharedNoise, shared_noise
 from cvtimg.restoration.suspicion import Suspicion
 from cvtimg.restoration.versions import Floats, Versions, disagreement, fill, trust_in, usual_noise
@@ -132,8 +132,9 @@ class Evidence:
     versions: Versions
     alignment: Alignment  # how each version was moved
     misfits: NDArray[np.float64]  # (S,): misfit of each version, in place, with the one that most fit
-    #: (S,): standard deviation of the noise of each version, NaN where too little is known; and its weight
+    #: (S,): standard deviation of the noise of each version, NaN where too little is known; by band; and its weight
     noise: NDArray[np.float64]
+    noise_by_band: list[NDArray[np.float64]]  # (C,) of each version
     trust: NDArray[np.float64]
     shared: SharedNoise | None  # what pixels share of the noise of weight 1; None if it is white
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
@@ -175,7 +176,8 @@ def prepare(
         unit = bend.unit(given.bands(0))
         given, placed = (replace(one, bend=bend) for one in (given, placed))
     shared = None if white else shared_noise(given, in_place=align is None)
-    noise = noise_of(given, alike=not channels)
+    noise_by_band = noise_of_bands(given, alike=not channels)
+    noise = mean_noise(noise_by_band)
     if not white and (align or given.n_versions == 1):  # what versions in place differ by has it already
         shared = _with_rounding(shared, given, noise, unit)
     if level is not None:
@@ -190,7 +192,7 @@ def prepare(
         fitting, apart = _fitting(placed, usual, shared, aligned=bool(align), hidden=hidden)
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
-    known = (alignment, apart, noise, trust, shared, suspicion)
+    known = (alignment, apart, noise, noise_by_band, trust, shared, suspicion)
     return Evidence(given, placed, versions, *known, channels, bool(align), unit)
 
 

@@ -23,6 +23,8 @@ _ENOUGH_BLOCKS, _ENOUGH_PIXELS = 16, 64
 _FROM_ENDS = 1.25
 #: Side of the windows whose mean tells how far values are from an end.
 _AROUND = 5
+#: About this many pixels of a version are measured, in strips of so many rows.
+_MEASURED, _STRIP = 1 << 22, 16 * BLOCK
 #: About this many pixels of two versions are compared.
 _SAMPLED = 1 << 20
 #: Versions whose difference has less than this part of the variance of their noise are copies of one noisy image.
@@ -37,7 +39,12 @@ _SUMS, _STEPS, _OWN = 0.02, 0.25, 0.5
 def noise_of(versions: Versions, *, alike: bool = True) -> _Doubles:
     """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known."""
     # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise.
-    return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_of_bands(versions, alike=alike)])
+    return mean_noise(noise_of_bands(versions, alike=alike))
+
+
+def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
+    """(S,) root mean squares of the noise in the bands of each version."""
+    return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
 
 
 def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
@@ -48,13 +55,23 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
 
 def _alone(versions: Versions) -> list[_Doubles]:
     """(C,) noise in each band, of each version by itself; all measured in one way, so that they compare."""
-    known, white = np.moveaxis(versions.known, 2, 0), versions.white
-    scattered = [_off_the_ends(scattered_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
-    quiet = [_off_the_ends(_quiet_noise, versions.bands(s), seen, white) for s, seen in enumerate(known)]
+    rows, white = _strips(*versions.known.shape[:2]), versions.white
+    known = np.moveaxis(versions.known[rows], 2, 0)
+    scattered = [_off_the_ends(scattered_noise, versions.bands(s, rows), seen, white) for s, seen in enumerate(known)]
+    quiet = [_off_the_ends(_quiet_noise, versions.bands(s, rows), seen, white) for s, seen in enumerate(known)]
     if any(np.isnan(sigmas).any() and seen.any() for sigmas, seen in zip(quiet, known, strict=True)):
         return scattered
     # Single outliers are everywhere, in quiet blocks too.
     return [np.fmin(one, other) for one, other in zip(quiet, scattered, strict=True)]
+
+
+def _strips(height: int, width: int) -> slice | NDArray[np.intp]:
+    """Rows of an image, or of strips all over a large one."""
+    n_strips = max(_MEASURED // (_STRIP * width), 1)
+    if n_strips * _STRIP >= height:
+        return slice(None)
+    firsts = np.linspace(0, height - _STRIP, n_strips).astype(np.intp)
+    return np.asarray(np.add.outer(firsts, np.arange(_STRIP)).ravel())
 
 
 def _off_the_ends(measure, values: Floats, known: _Bools, white: float | None) -> _Doubles:  # type: ignore[no-untyped-def]

@@ -17,8 +17,7 @@ from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration import _patches
-from cvtimg.restoration.noise import noise_of_bands
-from cvtimg.restoration.versions import Floats, Versions
+from cvtimg.restoration.versions import Floats
 
 #: Patches are 5 x 5 pixels.
 REACH = 2
@@ -43,11 +42,11 @@ class Axes:
     slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
-    def of(cls, versions: Versions, image: Floats) -> Axes:
-        """Give bands equal noise and, if there are many, order what they have in common before the rest."""
+    def of(cls, noise_by_band: list[NDArray[np.float64]], image: Floats) -> Axes:
+        """Give bands, (C,) in each version, equal noise and, if they are many, put what they share before the rest."""
         n_bands = image.shape[2]
         slices = tuple(slice(first, first + _MOST_BANDS) for first in range(0, n_bands, _MOST_BANDS))
-        noise = np.stack(noise_of_bands(versions))
+        noise = np.stack(noise_by_band)
         least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
         equal = least.max() <= _EQUAL * least.min()
         if equal and len(slices) == 1:
