@@ -84,7 +84,7 @@ _AFFORDABLE: tuple[tuple[int, EffortName], ...] = ((1 << 18, "best"), (1 << 22, 
 #: Kinds of patches by default.
 _AUTO_KINDS = 32
 #: How often the size is halved to find low frequencies, the passes there, and the shortest side of a size.
-_HALVINGS, _LOW_PASSES, _SHORTEST = 2, (600, 80), 32
+_HALVINGS, _LOW_PASSES, _SHORTEST = 2, (600, 150, 80, 60), 32
 #: Part of the time that an image takes of that for it and for half its size, which has a quarter of the pixels.
 _FULL_SIZE = 0.85
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
