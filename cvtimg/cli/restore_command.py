@@ -8,6 +8,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -117,7 +118,11 @@ def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[s
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.pictures import is_animated
+    from cvtimg.pictures.formats.raw import RAW_SUFFIXES
 
+    if given.space is None and all(path.suffix.lower() in RAW_SUFFIXES for path in task.sources):
+        given = copy(given)
+        given.space = "linear"  # in which a sensor is equally noisy, or as light is
     if len(task.sources) == 1 and is_animated(task.source):
         return _restore_film(task, stopwatch, given)
     versions, stack = _read(task.sources, given.mask or [], given.merge)

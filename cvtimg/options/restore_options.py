@@ -142,7 +142,9 @@ RESTORE = (
         default="auto",
     ).on_page("Edge weight", slider=(0, 200), step=0.5, most=10**6),
     common.VOLUME_POWER,
-    common.SPACE,
+    replace(
+        common.SPACE, help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None
+    ).on_page("Color space", default="rgb"),
     replace(
         common.EFFORT,
         kind=common.AUTO_EFFORT,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from cvtimg import read_image
+from cvtimg import read_image, restore
+from cvtimg.cli.app import main
 from cvtimg.colors.spaces import from_space
 from cvtimg.pictures import image_info
 
@@ -46,3 +47,6 @@ def test_raw_files_are_developed_upright_with_the_white_balance_of_the_camera(tm
     seen = image[32, [16, 48, 80]] if orientation == 1 else image[[16, 48, 80], 32]
     expected = from_space(STRIPES, "linear", np.dtype(np.uint16))
     np.testing.assert_allclose(seen, expected.astype(float), atol=150)
+    assert main(["restore", str(path), "-k", "3", "--effort", "fast", "-o", str(tmp_path / "b.tif"), "--quiet"]) == 0
+    restored = restore([image], 3, effort="fast", space="linear").image
+    np.testing.assert_array_equal(read_image(tmp_path / "b.tif"), restored)
