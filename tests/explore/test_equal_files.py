@@ -250,6 +250,7 @@ ANIMATED: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:images")  # that show something else
 @pytest.mark.parametrize("axes", ["", "QYXS", "ZYXS"])
 @pytest.mark.parametrize(("tab", "settings"), ANIMATED)
 def test_frames_and_pages_give_the_same_file(
