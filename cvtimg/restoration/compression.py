@@ -49,7 +49,7 @@ class Rounding:
             return None
         mix = _BANDS if n_bands == 3 else np.ones((1, 1))
         found = np.zeros((2 * lags + 1, 2 * lags + 1, n_bands, n_bands))
-        components = values @ np.linalg.inv(mix).T
+        components = values.astype(np.float32) @ np.linalg.inv(mix).T.astype(np.float32)
         for number, (steps, size) in enumerate(zip(self.steps, self.sizes, strict=True)):
             variances = _lost(_zeros(components[:, :, number], size, steps), steps)
             down, right = (_reach(one, lags) for one in size)

@@ -30,7 +30,7 @@ _COARSE = 1.7
 #: line leaves less than this part of what its mean leaves.
 _TELLING, _ENOUGH, _UNEVEN, _LEFT = 5, 24, 1.8, 0.3
 #: Levels nearer to an end than this many standard deviations have lost noise by clipping.
-_FROM_ENDS = 2.0
+_FROM_ENDS = 1.5
 #: Least variance at an end of the levels, as a part of the least that was seen; and least slope, for rounding.
 _LEAST, _SLOPE = 0.1, 1e-3
 
@@ -48,7 +48,7 @@ def bend_of(versions: Versions, *, in_place: bool) -> Bend | None:
         low, high = float(means.min()), float(means.max())
     else:
         low, high = 0.0, versions.white
-        margin = _FROM_ENDS * np.sqrt(usual)
+        margin = _FROM_ENDS * np.sqrt(np.concatenate([found[:, 0] for _, found in measured]))
         inside = ((means > margin) & (means < high - margin)).all(axis=1)
         means, variances = means[inside], variances[inside]
     telling = _classes(means, variances)

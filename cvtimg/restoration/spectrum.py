@@ -33,7 +33,7 @@ _IN_PLACE = 2.0
 _FROM_ENDS = 1 / 16
 #: Frequencies, in cycles per pixel, between which power is middle, and from which on it is high; noise whose powers
 #: differ by a larger factor is not white.
-_MIDDLE, _HIGH, _WHITE = (0.15, 0.3), 0.42, 2.0
+_MIDDLE, _HIGH, _WHITE = (0.15, 0.3), 0.42, 3.5
 #: Least variance of whitened noise in any direction, as a part of the mean.
 _FLOOR = 0.01
 
