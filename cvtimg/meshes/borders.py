@@ -249,7 +249,9 @@ def _crowded(
     point, edge = point[apart], edge[apart]
     gaps = shapely.distance(shapely.points(points[point]), segments[edge])
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
-    close = gaps < part * lengths[edge]
+    a, b = points[edges[edge]].transpose(1, 0, 2)
+    beyond = np.where(cross(b - a, points[point] - a) > 0, borders.sides[edge, 0], borders.sides[edge, 1]) <= 0
+    close = (gaps < part * lengths[edge]) & ~beyond  # what is outside has no triangles
     point, edge, gaps = point[close], edge[close], gaps[close]
     links = np.stack([_edge_between(edges, point, edges[edge, end], len(points)) for end in (0, 1)])
     may_split = lengths[edge] > _PIXELS * is_picture
