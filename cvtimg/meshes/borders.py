@@ -29,6 +29,8 @@ _PARTS, _LEAST_PASSES, _PASSES = 256, 3, 12
 #: A vertex must not be nearer to the edge of another line than this part of that edge; the second is for contours of
 #: pixels, which have many thin parts.
 _NEAR, _NEAR_PIXELS = 0.4, 0.5
+#: It may be this much nearer where the outside is between them, as in a slit: no triangle is there.
+_BEYOND = 0.3
 #: Edges at a corner that meet at less than this angle, in degrees, where their lines do at one so much larger, are too
 #: long; but on contours of pixels none are made shorter than this.
 _NARROW, _WIDER, _PIXELS = 25.0, 1.5, 2.0
@@ -251,7 +253,7 @@ def _crowded(
     crossed[edge[gaps < 1e-6 * lengths[edge]]] = True
     a, b = points[edges[edge]].transpose(1, 0, 2)
     beyond = np.where(cross(b - a, points[point] - a) > 0, borders.sides[edge, 0], borders.sides[edge, 1]) <= 0
-    close = (gaps < part * lengths[edge]) & ~beyond  # what is outside has no triangles
+    close = gaps < np.where(beyond, _BEYOND * part, part) * lengths[edge]
     point, edge, gaps = point[close], edge[close], gaps[close]
     links = np.stack([_edge_between(edges, point, edges[edge, end], len(points)) for end in (0, 1)])
     may_split = lengths[edge] > _PIXELS * is_picture
