@@ -25,6 +25,8 @@ _BLOCK, _STEP = 16, 8
 _QUIET, _ENOUGH = 0.08, 24
 #: At each frequency, this share of these, those with the least power, counts, so that edges that a block has do not.
 _LOWER = 0.5
+#: Correlation of bands in quiet blocks, by their texture, where their noise has none.
+_TEXTURE = 0.25
 #: At most this many blocks are looked at; and of differences of versions, where all of them tell of noise.
 _MOST, _MOST_APART = 1 << 12, 1 << 8
 #: Versions that differ by more than this times the power of their quiet blocks differ by more than noise.
@@ -147,7 +149,17 @@ def _measured(values: Floats, known: NDArray[np.bool_], white: float | None, sha
     part = gammainc(degrees + 1, gammaincinv(degrees, _LOWER)) / _LOWER
     powers = _mean_products(np.take_along_axis(waves, lower[..., None], 0)) / part[:, :, None, None]
     back = axes * scales
-    return np.asarray(back @ powers @ back.T)
+    powers = np.asarray(back @ powers @ back.T)
+    return powers if share == 1 else _with_less_in_common(powers)
+
+
+def _with_less_in_common(powers: NDArray[Any]) -> NDArray[Any]:
+    """Lower what bands have in common: of blocks that are only quiet, it is texture in part, most of which is gray."""
+    bands = powers.mean(axis=(0, 1)).real
+    scales = np.sqrt(np.maximum(np.diag(bands), 1e-30))
+    common = bands / np.outer(scales, scales)
+    lower = np.maximum(common - _TEXTURE, 0) / (1 - _TEXTURE)
+    return powers * np.divide(lower, common, out=np.ones_like(common), where=common > 0)
 
 
 def _mean_products(waves: NDArray[Any]) -> NDArray[Any]:

@@ -42,6 +42,14 @@ def test_level_and_reach_of_noise_are_found_in_the_quiet_half_of_an_image() -> N
     np.testing.assert_allclose(beside, np.exp(-1 / (4 * 0.8**2)), atol=0.08)
 
 
+def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
+    gray = blurred_noise((192, 192, 1), 10, 0.8)
+    for noise, correlation in ((blurred_noise((192, 192, 3), 10, 0.8, 1) + 0.5 * gray, 0), (gray + np.zeros(3), 1)):
+        found = found_in(128 + noise)
+        assert found is not None
+        assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(correlation, abs=0.1)
+
+
 def test_versions_in_place_tell_noise_from_texture(photograph: NDArray[Any]) -> None:
     versions = [photograph[:160, :160] + blurred_noise((160, 160, 3), 6, 0.8, seed) for seed in range(2)]
     found = found_in(*versions)
