@@ -89,8 +89,8 @@ _HALVINGS, _LOW_PASSES, _SHORTEST = 2, (600, 150, 80, 60), 32
 _FULL_SIZE = 0.85
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
-#: Longest side, in pixels, of the blocks in which patches are grouped.
-_BLOCK = 400
+#: Longest side, in pixels, of the blocks in which patches are grouped, each by a thread.
+_BLOCK = 256
 #: The pass from which on versions that were moved keep their own pixels; the last pass in any case.
 _OWN_FROM = 3
 #: Blur, in pixels, over which these are compared with the first, and the least share of pixels that both must know.

@@ -37,6 +37,8 @@ _RIDGE, _PRECISE = 1e-4, 1e-7
 #: Filters are applied this often, each time to an image whose noisier pixels are drawn to the last; and once where all
 #: but this share of the pixels are known to within this factor of the usual precision.
 _ROUNDS, _UNEVEN, _EVEN = 2, 0.02, 0.5
+#: Filters of so many blocks are kept for another round.
+_KEPT = 4
 #: Unknown pixels, filled from nearby, are taken to have this times less precision than those known around them.
 _FILLED = 0.4
 #: Side, in pixels, of the windows in which the usual precision is found.
@@ -96,7 +98,7 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
         return _Filtering.of(noisy.part(block), block, from_estimate, usual)
 
     # The filters of a large image are made again for each round: together they would fill the memory.
-    kept = [filtering_of(block) for block in blocks[: len(blocks) == 1]]
+    kept = list(side_by_side(filtering_of, blocks)) if rounds > 1 and len(blocks) <= _KEPT else []
     for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
@@ -104,10 +106,10 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
         total = np.zeros_like(estimate)
         weight = np.zeros_like(noisy.precision)
 
-        def sums_of(block: PatchBlock, estimate: Floats = estimate, change: Floats = change) -> tuple[Floats, Floats]:
-            return (kept[0] if kept else filtering_of(block)).sums(estimate, change)
+        def sums_of(number: int, estimate: Floats = estimate, change: Floats = change) -> tuple[Floats, Floats]:
+            return (kept[number] if kept else filtering_of(blocks[number])).sums(estimate, change)
 
-        for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, blocks), strict=True):
+        for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
             total[_with_border(block)] += sums
             weight[_with_border(block)] += weights
         inner = slice(REACH, -REACH)
