@@ -108,6 +108,7 @@ def test_one_version_to_align_is_told() -> None:
         restore([noisy(np.full((8, 9), 90))], 1, align=True, edge_weight=0, effort="fast")
 
 
+@pytest.mark.slow
 def test_a_copy_is_told_and_counts_once_for_detail(photograph: NDArray[Any]) -> None:
     image = noisy(photograph[:40, :40])
     with pytest.warns(UserWarning, match=r"images\[1\] is a copy of images\[0\] and counts once"):
@@ -124,6 +125,11 @@ def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> N
     small = photograph[40:136, 40:136]
     found = misfit(noisy(small), noisy(small), noisy(small[::-1]))
     np.testing.assert_allclose(found[0], [0, 0, 2], atol=0.3)
+
+
+@pytest.mark.slow
+def test_what_small_versions_of_another_image_differ_by_is_not_their_noise(photograph: NDArray[Any]) -> None:
+    small = photograph[40:136, 40:136]
     with pytest.warns(UserWarning, match=r"images\[1\] cannot be laid over images\[0\]"):
         restore([noisy(small), noisy(small[::-1])], 8, detail=True, effort="fast")
 
