@@ -43,6 +43,8 @@ _ROUNDS, _LAST_ROUNDS = 12, 5
 _SHORT = 0.75
 #: On contours of pixels, vertices are moved outwards by no more than this many pixels, to keep areas.
 _MOST_OUTWARDS = 0.7
+#: On contours of pixels, no sizes are lowered to less, in pixels: edges may shrink to nothing where areas are kept.
+_FINEST = 0.125
 #: Vertices slide along a border where edges turn by less than this, in degrees.
 _SMOOTH = 20.0
 
@@ -81,6 +83,8 @@ def place_on_borders(
         wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
         sizes = lengths / np.maximum(wanted, 1e-300)
         low = np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths)
+        if outline.mask is not None:
+            low = np.maximum(low, _FINEST)
         changed = halved | (wanted < _SHORT)
         if changed.any():
             middles, low = middles[changed], low[changed]

@@ -10,7 +10,9 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles, meshing
+from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import PictureField
+from cvtimg.meshes.outlines import label_outline
 from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
@@ -461,6 +463,13 @@ def test_without_sizes_a_mesh_has_the_vertices_that_its_borders_need(seed: int) 
     assert measures.mean_quality > 0.95
     assert mesh.n_wanted is None
     assert len(mesh_region(L_SHAPE).points) < len(mesh.points)
+
+
+def test_an_edge_that_areas_shrink_to_nothing_does_not_make_millions_of_vertices() -> None:
+    rows = ["222322222", "222222233", "222223333", "223333232", "233333322", "333333222"]
+    labels = np.array([list(row) for row in rows]).astype(np.int32)
+    field = PictureField(np.full(labels.shape, 10, np.float32), np.ones(labels.shape, bool))
+    assert place_on_borders(label_outline(labels, None, 0.7), field, 0.2, 0.0)[1].count < 1000
 
 
 @pytest.mark.slow
