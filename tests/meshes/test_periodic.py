@@ -32,14 +32,20 @@ def test_vertices_on_periodic_sides_are_equal_by_translation_in_meshes_and_files
     assert len(mesh.points) == 300
     assert shifts(mesh) == {(1.2, 0), (0, 0.7)}
     assert mesh.pairs is not None
-    for axis in (0, 1):
-        for column, bound in zip((1, 0), CELL.bounds[axis::2], strict=True):
-            on_bound = np.flatnonzero(np.abs(mesh.points[:, axis] - bound) < 1e-12)
-            assert np.isin(on_bound, mesh.pairs[:, column]).all()
     mesh.save(tmp_path / "a.msh")
     written = meshio.read(tmp_path / "a.msh").gmsh_periodic
     assert (np.concatenate([pairs for *_, pairs in written]) == mesh.pairs).all()
     assert [affine[3 + 4 * axis] for axis, (_, _, affine, _) in enumerate(written)] == pytest.approx([1.2, 0.7])
+
+
+@pytest.mark.parametrize("edge_length", [0.05, 0.2])  # the latter is mended: edges on the other borders are split
+def test_all_vertices_on_periodic_sides_are_in_pairs(edge_length: float) -> None:
+    mesh = mesh_region(CELL, edge_length=edge_length, periodic="xy", effort="fast")
+    assert mesh.pairs is not None
+    for axis in (0, 1):
+        for column, bound in zip((1, 0), CELL.bounds[axis::2], strict=True):
+            on_bound = np.flatnonzero(np.abs(mesh.points[:, axis] - bound) < 1e-12)
+            assert np.isin(on_bound, mesh.pairs[:, column]).all()
 
 
 def test_periodic_sides_may_bend_and_have_six_nodes() -> None:
