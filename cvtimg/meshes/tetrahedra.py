@@ -26,8 +26,9 @@ Mask = NDArray[np.bool_]
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 #: The lattice is not in line with voxels, so that the number of its points inside grows gradually with finer spacing.
 _OFFSET = np.array([0.118, 0.382, 0.236])
-#: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing.
-_NARROW, _NUDGES, _NUDGE = 15.0, 8, 0.05
+#: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing,
+#: or half of it.
+_NARROW, _NUDGES, _NUDGE = 15.0, 16, 0.05
 #: Points near to several labels go away from these, to this distance by the spacing, in so many rounds.
 _RETREAT, _RETREATS = 0.25, 3
 #: Rounds of moves of vertices where labels meet, to where no dihedral angle is below this, in degrees.
@@ -295,8 +296,9 @@ def drawn(filling: Filling, levels: Levels, spacing: float) -> Points:
 def widened(points: Points, cells: Cells, spacing: float) -> Points:
     """Move vertices of tetrahedra with small dihedral angles so that these grow, by little."""
     points = points.copy()
-    steps = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3) * _NUDGE * spacing
-    for _ in range(_NUDGES):
+    directions = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3)
+    for k in range(_NUDGES):
+        steps = directions * spacing * _NUDGE / (1 + k % 2)
         narrow = _least_angles(points[cells]) < _NARROW
         if not narrow.any():
             break
