@@ -29,6 +29,8 @@ _COARSE = 1.7
 #: This many classes tell, with this many blocks each, if the variance differs by this factor between them, and if the
 #: line leaves less than this part of what its mean leaves.
 _TELLING, _ENOUGH, _UNEVEN, _LEFT = 5, 24, 1.8, 0.3
+#: A line further below 0 at black than this part of the usual variance is that of texture.
+_BELOW = 0.3
 #: Levels nearer to an end than this many standard deviations have lost noise by clipping.
 _FROM_ENDS = 1.5
 #: Least variance at an end of the levels, as a part of the least that was seen; and least slope, for rounding.
@@ -55,7 +57,7 @@ def bend_of(versions: Versions, *, in_place: bool) -> Bend | None:
     if len(telling) < _TELLING:
         return None
     lines = _lines(telling)
-    if lines is None:
+    if lines is None or (versions.white is not None and lines[0].min() < -_BELOW):
         return None
     least = _LEAST * telling[:, 1].min(axis=0)
     first, last = (usual * np.maximum(lines[0] + lines[1] * end, least) for end in (low, high))
