@@ -83,6 +83,8 @@ def inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     angles = np.linspace(0, 6.2, 40)
     ring = np.stack([3 * np.cos(angles), 2 * np.sin(angles)], axis=1).tolist()
     Path("coast.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [[*ring, ring[0]]]}))
+    plate = [[0, 0], [3, 0], [3, 1], [0, 1], [0, 0]]
+    Path("plate.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [plate]}))
     Path("game.gpl").write_text("GIMP Palette\n#\n 10 20 30 a\n240 200 150 b\n")
     rows = rng.random((90, 4))
     np.savetxt("trees.csv", np.abs(rows), delimiter=",", header="height,girth,count,age", comments="")
