@@ -434,6 +434,7 @@ def _made(
         n = max(n - layers.number, len(borders.points))
     inner = place_inside(borders, field, n - len(borders.points), random)
     mesh = PlaneTriangulation.constrained(borders, inner)
+    _check_inside(alone, mesh.points)
     varies = field.isotropic and float(np.ptp(np.log(field.metric(mesh.points)[:, 0]))) > _VARIES
     is_tried = field.isotropic and not varies and n <= _SMALL
     moves = settings.moves if varies else max(settings.moves, min(_MORE_MOVES, _WORK // n))
@@ -572,6 +573,15 @@ def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> 
     points = np.concatenate([borders.points, alone])
     gaps = cKDTree(points).query(alone, 2)[0][:, 1]
     return replace(borders, points=points), field.lowered(alone, gaps, grade)
+
+
+def _check_inside(alone: Points, points: Points) -> None:
+    """Check that no edge on the border cuts off a fixed point."""
+    from scipy.spatial import cKDTree
+
+    lost = alone[cKDTree(points).query(alone)[0] > 0] if len(alone) else alone
+    near = f"fixed has {lost[:1].ravel().tolist()}, near which edges on the border"
+    check_that(near, not len(lost), "be shorter: give more vertices, or smaller sizes")
 
 
 def _number(borders: Borders, field: Field, layers: Heights | None) -> int:
