@@ -35,6 +35,7 @@ SLOW = {
     "batch.md",
     "elbow.md",
     "globe.md",
+    "hierarchy.md",
     "index.md",
     "mesh_from_mask.md",
     "meshes.md",

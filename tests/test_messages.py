@@ -105,7 +105,14 @@ def test_rows_without_a_value_can_be_dropped_by_elbow(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
-@pytest.mark.parametrize("command", ["quantize a.png -k 2 -o -", "info a.png", "design -n 4 -d 1"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "info a.png",
+        pytest.param("quantize a.png -k 2 -o -", marks=pytest.mark.slow),
+        pytest.param("design -n 4 -d 1", marks=pytest.mark.slow),
+    ],
+)
 def test_a_full_standard_output_is_named(tmp_path: Path, command: str) -> None:
     cvtimg.write_image(tmp_path / "a.png", IMAGE)
     environ = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

@@ -221,7 +221,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     >>> bool(mesh.dihedral_angles.min() > 14), mesh.is_manifold, np.unique(mesh.tags).tolist()
     (True, True, [1, 2])
     >>> halves = mesh.measures_by_label()
-    >>> [round(halves[label].volume / ball.sum(), 2) for label in (1, 2)]
+    >>> [round(halves[label].volume / int(ball.sum()), 2) for label in (1, 2)]
     [0.5, 0.5]
     """
     voxels = np.asarray(labels)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -111,7 +112,7 @@ def read_frames(path: StrPath) -> Frames:
 
 
 def _is_film(path: StrPath) -> bool:
-    return Path(path).suffix.lower() in FILM_SUFFIXES
+    return isinstance(path, (str, PathLike)) and Path(path).suffix.lower() in FILM_SUFFIXES
 
 
 def _all_of(path: StrPath) -> Frames:

@@ -148,6 +148,7 @@ def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> No
         assert np.abs(off).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
     brown = np.tile(np.linspace((90, 50, 20), (230, 190, 150), 150).astype(np.uint8), (80, 1, 1))
     drawn = stipple(brown, 4000, layers="cmyk", max_ink=0.6, tones="true").draw(scale=5)

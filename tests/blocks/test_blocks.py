@@ -349,6 +349,7 @@ class CutOffError(Exception):
     """What ends a run in the middle."""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_sample")
 def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = tessellate(blocks(), 12, effort="best")

@@ -732,6 +732,7 @@ def test_every_command_in_the_help_is_there() -> None:
     assert group.get_command(context, "none") is None
 
 
+@pytest.mark.slow
 def test_exit_codes_of_the_process(here: Path) -> None:
     assert process("quantize", PICTURE, "-k", "4", "-o", "out.png", cwd=here).returncode == 0
     failed = process("quantize", "missing.png", "-k", "4", "-o", "out2.png", cwd=here)

@@ -129,6 +129,7 @@ def test_columns_that_are_not_there_are_named(here: Path, capsys: pytest.Capture
         assert f"cvtimg: {name}: column='z' must be one of {names}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_number_is_read_from_a_sample(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["cluster", "a.parquet", "-k", "auto", "--columns", "x,y", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["k"] == 3

@@ -86,6 +86,7 @@ def test_levels_and_whole_numbers_are_balanced_and_units_are_in_the_header(here:
     assert not {row[0] for row in rows} & {row[0] for row in table("more.csv")[1:]}
 
 
+@pytest.mark.slow
 def test_conditions_are_given_the_numbers_of_levels_and_results_may_stand_beside_runs(here: Path) -> None:
     (here / "factors.csv").write_text(FACTORS)
     options = ["design", "--bounds", "factors.csv", "--effort", "fast"]

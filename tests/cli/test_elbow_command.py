@@ -67,6 +67,7 @@ def test_the_csv_has_a_line_for_each_k_of_each_input(drawing: Path, table: Path,
     assert [(row["input"], row["k"]) for row in rows if row["chosen"] == "1"] == [("drawing", "6"), ("table", "3")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_one_plot_has_all_curves(drawing: Path, table: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"plot{suffix}"
@@ -80,6 +81,7 @@ def test_one_plot_has_all_curves(drawing: Path, table: Path, tmp_path: Path, suf
             assert image.width == 1200
 
 
+@pytest.mark.slow
 def test_the_same_curves_make_the_same_svg(drawing: Path) -> None:
     image = read_image(drawing)
     one = Plotted("drawing", energy_curve(image, 4), 4, image)

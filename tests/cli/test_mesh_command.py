@@ -37,6 +37,7 @@ def test_polygons_are_meshed_as_by_the_function(name: str, capsys: pytest.Captur
     assert Path("a.obj").read_text().count("\nf ") == row["triangles"]
 
 
+@pytest.mark.slow
 def test_a_mask_is_meshed_with_a_plot(capsys: pytest.CaptureFixture[str]) -> None:
     words = [
         "mesh",
@@ -75,6 +76,7 @@ def test_sizes_come_from_an_image(capsys: pytest.CaptureFixture[str]) -> None:
     assert many > 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ball.tif", pytest.param("ball.npy", marks=pytest.mark.slow)])
 def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     z, y, x = np.mgrid[:20, :24, :28]

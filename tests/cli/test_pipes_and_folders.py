@@ -52,10 +52,10 @@ def table() -> bytes:
     ("command", "opens_as"),
     [
         (["quantize", "-", "-k", "5"], "PNG"),
-        (["quantize", "-", "-k", "5", "-o", "webp:-"], "WEBP"),
-        (["segment", "-", "-k", "2"], "PNG"),
         (["segment", "a.png", "-k", "2", "-o", "tif:-"], "TIFF"),
-        (["restore", "-", "a.png", "-k", "3", "-o", "-"], "PNG"),
+        pytest.param(["quantize", "-", "-k", "5", "-o", "webp:-"], "WEBP", marks=pytest.mark.slow),
+        pytest.param(["segment", "-", "-k", "2"], "PNG", marks=pytest.mark.slow),
+        pytest.param(["restore", "-", "a.png", "-k", "3", "-o", "-"], "PNG", marks=pytest.mark.slow),
     ],
     ids=" ".join,
 )
@@ -69,6 +69,7 @@ def test_images_come_from_standard_input_and_go_to_standard_output(
     assert [path.name for path in here.iterdir()] == ["a.png"]
 
 
+@pytest.mark.slow
 @posix
 def test_dev_stdin_is_standard_input(here: Path) -> None:
     content = Path("a.png").read_bytes()

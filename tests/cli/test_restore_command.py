@@ -186,6 +186,7 @@ def test_photographs_are_recognized_and_both_options_force(run: Run, photograph:
     assert "flat" not in run("v_*.png", "-o", "drawing.png")[2]
 
 
+@pytest.mark.slow
 def test_the_report_says_what_noise_is_like(run: Run, photograph: NDArray[Any]) -> None:
     noise = gaussian_filter(np.random.default_rng(0).normal(0, 50, (64, 64, 3)), (0.8, 0.8, 0))
     write_image("photo.png", np.clip(photograph[40:104, 80:144] + noise, 0, 255).astype(np.uint8))

@@ -40,6 +40,7 @@ def test_files_hold_what_the_function_finds(capsys: pytest.CaptureFixture[str], 
     assert (read_grid_points(Path(name)) == expected.points).all()
 
 
+@pytest.mark.slow
 def test_points_gather_in_circles_and_where_maps_are_bright(capsys: pytest.CaptureFixture[str]) -> None:
     for options in (["--density", "north.png"], ["--refine", "north.png,3"], ["--refine", "0,90,80,3"]):
         row_of(capsys, "-n", "500", *options, "-o", "grid.csv", "--overwrite")
@@ -47,6 +48,7 @@ def test_points_gather_in_circles_and_where_maps_are_bright(capsys: pytest.Captu
         assert (points[:, 2] > 0).mean() > 0.65
 
 
+@pytest.mark.slow
 def test_widths_in_km_say_how_many_points(capsys: pytest.CaptureFixture[str]) -> None:
     row = row_of(capsys, "--cell-width", "1500km", "--refine", "0,90,2000km,800km,900", "-o", "a.csv")
     assert 250 < row["n"] < 320

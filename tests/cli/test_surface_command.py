@@ -47,6 +47,7 @@ def test_a_bad_surface_stops_no_others(capsys: pytest.CaptureFixture[str]) -> No
     assert "Traceback" not in shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", [pytest.param("ascii", marks=pytest.mark.slow), "binary"])
 def test_points_gather_by_a_property_of_vertices(capsys: pytest.CaptureFixture[str], encoding: str) -> None:
     ring = trimesh.load_mesh("ring.stl")

@@ -37,6 +37,7 @@ def test_the_discrepancy_is_that_of_the_worst_box(n_dims: int, seed: int, n_poin
     assert value == pytest.approx(discrepancy_by_all_boxes(points))
 
 
+@pytest.mark.slow
 def test_in_many_dimensions_the_discrepancy_is_a_lower_bound_and_says_so() -> None:
     for n_points, least in ((7, 1.0), (10, 0.9)):
         points = RNG.random((n_points, 4))

@@ -50,7 +50,7 @@ BASE: dict[str, dict[str, Any]] = {
     "sphere": {"n": 42, "cell_width": 3000},
 }
 #: The tabs that the quick suite tries.
-QUICK = {"colors", "design", "palette", "stipple"}
+QUICK = {"colors", "palette"}
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
     ("colors", "psnr"): 27.5,
@@ -202,7 +202,7 @@ def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], sto
     check_equal(store, tab, opened(store, scene), settings, 1)
 
 
-@pytest.mark.parametrize("tab", TABS)
+@pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])
 def test_saved_settings_stand_for_the_options_of_the_command(tab: str, store: Store, scene: NDArray[Any]) -> None:
     picture = opened(store, scene)
     for settings in (case.values[1] for case in cases() if case.values[0] == tab):

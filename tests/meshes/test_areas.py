@@ -37,6 +37,7 @@ def test_each_segment_keeps_its_area(seed: int) -> None:
     assert mesh.area == pytest.approx(labels.size, rel=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from([0, 1, 2]))
 def test_segments_beside_unmeshed_pixels_keep_their_areas(seed: int, left_out: int) -> None:

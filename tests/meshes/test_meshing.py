@@ -99,6 +99,7 @@ def test_small_meshes_are_judged_before_their_edges_are_made_even_too(monkeypatc
     assert product_of_measures(several) < 0.5 * product_of_measures(even)
 
 
+@pytest.mark.slow
 def test_vertices_that_are_projected_to_the_boundary_make_a_less_regular_mesh() -> None:
     region = shapely.Polygon([[-1.0, -1], [1, -1], [1, 1], [-1, 1]], [ring(0.4, 100)])
     placed, projected = (mesh_region(region, n=200, boundary=name, effort="fast") for name in ("placed", "projected"))
@@ -250,12 +251,14 @@ def test_borders_that_crowd_with_nothing_between_them_need_less_short_edges() ->
     assert on_slit.sum() < 130  # 260 if both sides made each other short
 
 
+@pytest.mark.slow
 def test_details_below_the_least_size_are_left_out() -> None:
     teeth = np.stack([np.arange(0, 10, 0.01), np.where(np.arange(1000) % 2, 0.0, 0.01)], axis=1)
     comb = [[0.0, 5.0], *teeth.tolist(), [10.0, 5.0]]
     assert len(mesh_region(comb, edge_length=0.5, min_size=0.1).points) < 400
 
 
+@pytest.mark.slow
 def test_implicit_regions_are_traced() -> None:
     disk = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 0.7) - 0.3, [-1.1, -1.1], [1.1, 1.1])
     mesh = mesh_region(disk, n=300)
@@ -293,6 +296,7 @@ def test_pixels_of_label_0_are_not_meshed() -> None:
     assert mesh.area == pytest.approx(400, rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_tolerance_borders_are_the_sides_of_pixels() -> None:
     labels = 1 + (np.hypot(*(np.mgrid[:16, :16] - 7.5)) < 5)
     mesh = mesh_labels(labels, n=600, tolerance=0)
@@ -456,7 +460,7 @@ def test_small_angles_at_borders_are_mended_with_exact_numbers_and_areas() -> No
     assert areas == pytest.approx(np.bincount(labels.ravel()), rel=1e-5)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_without_sizes_a_mesh_has_the_vertices_that_its_borders_need(seed: int) -> None:
     mesh = mesh_labels(blobs(seed))
     measures = mesh.measures()

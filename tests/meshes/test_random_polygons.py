@@ -147,6 +147,7 @@ def test_a_hard_polygon_has_a_mesh_or_one_clear_error_in_ten_seconds(seed: int) 
     assert outcome_of(seed)
 
 
+@pytest.mark.slow
 def test_noise_is_refused_with_a_size_that_fits() -> None:
     turns = 2 * np.pi * np.arange(3000) / 3000
     radii = 1 + 0.01 * np.random.default_rng(0).normal(size=3000)
@@ -157,6 +158,7 @@ def test_noise_is_refused_with_a_size_that_fits() -> None:
     assert mesh_region(noisy, n=2000, min_size=size, effort="fast").measures().mean_quality > 0.9
 
 
+@pytest.mark.slow
 def test_narrow_corners_and_long_boxes_need_few_places_of_the_size_field(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counts points that sizes are kept at: their number is what took time."""
     from cvtimg.meshes import trees

@@ -328,6 +328,7 @@ def test_periodic_placements_have_lower_energy_than_bounded_ones() -> None:
     assert ((around.points >= 0) & (around.points <= 1)).all()
 
 
+@pytest.mark.slow
 def test_implicit_regions() -> None:
     disk = ImplicitRegion(lambda p: np.hypot(p[:, 0], p[:, 1]) - 1, [-1, -1], [1, 1])
     placement = place_generators(disk, 7, effort="best")

@@ -37,6 +37,7 @@ def n_outlines(content: bytes) -> int:
     return drawn[: drawn.index("</g>")].count("<path ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("center", [(120, -40), (10, 90)])
 def test_a_globe_shows_the_cells_that_face_the_viewer(grid: SphereGrid, center: tuple[float, float]) -> None:
     lon, lat = np.radians(center)

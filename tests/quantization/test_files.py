@@ -73,6 +73,7 @@ def test_options_that_a_kind_of_file_cannot_have_are_named(source: str, given: d
     assert not Path(target).exists()
 
 
+@pytest.mark.slow
 def test_frames_reach_a_quality_and_a_size() -> None:
     frames = Frames(tuple(STACK // 16 * 16), (40,) * 3, 0)
     result = quantize_frames(frames, psnr=28)

@@ -116,6 +116,7 @@ def error(found: NDArray[np.float64], true: Any, shape: tuple[int, ...]) -> floa
     return float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_the_simplest_motion_that_fits_is_found_under_noise_and_other_exposure(
     model: str, photograph: NDArray[np.uint8]

@@ -179,6 +179,7 @@ def test_spikes_cost_little_and_nothing_is_left_out_without_them(clean: NDArray[
     assert psnr(restored(versions, masks=known, hidden="none"), clean) < plain + 0.05
 
 
+@pytest.mark.slow
 def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.05, blocks=1, scratches=2), seed=0)
     found = restored(versions, masks=known)

@@ -44,6 +44,7 @@ def test_low_frequencies_are_corrected_and_detail_stays(photograph: NDArray[Any]
     np.testing.assert_allclose(with_low_frequencies(clean, flat, 1.0), clean, atol=0.5)
 
 
+@pytest.mark.slow
 def test_smooth_areas_have_fewer_blotches_than_without_smaller_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     ramp = np.broadcast_to(np.linspace(0.3, 0.7, 96)[:, None, None], (96, 96, 3))
     image = ramp + 0.2 * np.random.default_rng(0).standard_normal(ramp.shape)

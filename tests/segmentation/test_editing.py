@@ -57,6 +57,7 @@ def test_parts_that_never_merge_are_split_apart() -> None:
     assert same_parts(edit_labels(joined, ["split 3,3"], hierarchy=tree), tree.cut(2))
 
 
+@pytest.mark.slow
 @given(points=POINTS, radius=st.floats(0, 9))
 def test_a_brush_covers_the_pixels_near_its_way(points: list[tuple[int, int]], radius: float) -> None:
     drawn = np.zeros((20, 30), bool)

@@ -41,6 +41,7 @@ def test_no_triangle_has_corners_on_both_sides(grid: CoastalGrid) -> None:
     assert not (grid.on_coast & grid.on_land).any()
 
 
+@pytest.mark.slow
 def test_points_on_the_coast_are_where_land_ends(grid: CoastalGrid) -> None:
     # The coast is smoothed by less than a cell; the mask is known to half a pixel.
     size = np.degrees(np.sqrt(grid.areas.mean()))

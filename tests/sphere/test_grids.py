@@ -108,6 +108,7 @@ def test_points_gather_where_a_picture_is_bright(dtype: Any) -> None:
     assert grid.areas.sum() == pytest.approx(4 * np.pi)
 
 
+@pytest.mark.slow
 def test_a_picture_that_is_black_somewhere_gives_a_grid_without_obtuse_triangles() -> None:
     picture = np.zeros((64, 128))
     picture[20:30, 30:60] = 1

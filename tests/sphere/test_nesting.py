@@ -34,7 +34,7 @@ def triangles_of(grid: SphereGrid, numbers: NDArray[np.intp]) -> set[tuple[int, 
     [
         (Cap(10, 50, 25), 4.0),
         (Cap(-120, -85, 60), 1.0),
-        (band, 0.3),
+        pytest.param(band, 0.3, marks=pytest.mark.slow),
         pytest.param(Cap(10, 50, 25), 0.3, marks=pytest.mark.slow),
         pytest.param(band, 1.0, marks=pytest.mark.slow),
     ],
@@ -56,6 +56,7 @@ def test_every_point_and_triangle_outside_is_kept(within: Callable[..., Any], fa
     assert grid.measures().n_obtuse <= (0 if is_easy else 0.01 * len(grid.triangles))
 
 
+@pytest.mark.slow
 def test_sizes_change_little_from_cell_to_cell() -> None:
     grid = nested_grid(PARENT, 1500, within=Cap(10, 50, 30))
     sizes = np.sqrt(grid.areas)
@@ -72,6 +73,7 @@ def test_many_new_points_have_room() -> None:
     assert np.median(sizes) < 2.5 * sizes.min()
 
 
+@pytest.mark.slow
 def test_a_density_says_where_new_points_gather() -> None:
     within = Cap(0, 0, 40)
     grid = nested_grid(PARENT, 900, within=within, density=lambda x: 1 + 15 * (x[:, 1] > 0))

@@ -88,7 +88,7 @@ def test_covers_by_three_get_tighter(region: Region) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("case", range(len(CASES)))
+@pytest.mark.parametrize("case", [0, *(pytest.param(case, marks=pytest.mark.slow) for case in range(1, len(CASES)))])
 def test_the_proof_finds_a_gap_where_samples_do_and_no_others(case: int, order: int) -> None:
     region, slits = CASES[case]
     points, apart = scene(case, 40, 4000)
@@ -115,6 +115,7 @@ def test_disks_without_a_crossing_are_not_taken_for_a_cover() -> None:
     assert not len(find_gaps(np.array([[0.5, 0.5]]), np.array([0.8]), outline, 1).places)
 
 
+@pytest.mark.slow
 def test_tessellations_have_fewer_pairs_than_random_points_and_three_fold_covers_shrink() -> None:
     even = place_generators(SQUARE, 128).points
     single = support_radii(even, SQUARE)
@@ -235,6 +236,7 @@ def test_slits_that_are_none_and_rooms_that_no_point_sees_are_named() -> None:
         support_radii([[0.2, 0.5], [0.3, 0.5]], SQUARE, visible=[[[0.5, 0], [0.5, 1]]])
 
 
+@pytest.mark.slow
 def test_plots_show_disks_and_slits(tmp_path: Path) -> None:
     supports = support_radii(SQUARE.draw(20, 1), SQUARE, 2, visible=SLIT)
     supports.plot(tmp_path / "s.png")

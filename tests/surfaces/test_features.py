@@ -219,6 +219,7 @@ def test_cells_end_at_a_boundary() -> None:
         assert steps[k] == pytest.approx(center - corners[k], abs=0.01)
 
 
+@pytest.mark.slow
 def test_features_that_n_or_the_angle_does_not_allow_are_refused() -> None:
     with pytest.raises(ValueError, match=r"n=7 must be at least 8: .* a larger feature_angle keeps fewer"):
         surface_points(cube(), 7)

@@ -120,6 +120,7 @@ def test_distances_follow_the_density() -> None:
     assert found.measures().least_angle > 30
 
 
+@pytest.mark.slow
 def test_densities_at_vertices_are_linear_in_between() -> None:
     fine = surface_points(torus(), 600, effort="fast")
     linear = VertexDensity(fine.points, fine.triangles, 2 + fine.points @ [0.5, 1, -1])
@@ -144,6 +145,7 @@ def test_flat_triangles_at_a_boundary_are_left_out() -> None:
     assert (_without_flat(square, left) == left).all()  # what is on the boundary stays there
 
 
+@pytest.mark.slow
 def test_a_density_is_seen_inside_of_large_triangles() -> None:
     # It is next to nothing at the corners of the cube.
     found = surface_points(cube(), 300, density=lambda p: np.exp(-20 * ((p - [1, 0.3, 0.2]) ** 2).sum(axis=1)))
@@ -198,6 +200,7 @@ def test_triangles_are_saved(on_torus: SurfacePoints, tmp_path: Path, suffix: st
     assert np.allclose(places, on_torus.points[on_torus.triangles], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_surfaces_are_read_from_what_is_saved(on_torus: SurfacePoints, tmp_path: Path) -> None:
     for suffix in (".obj", ".ply", ".stl"):
         on_torus.save(tmp_path / f"a{suffix}")
