@@ -70,8 +70,11 @@ class Store:
 
     def open_file(self, path: Path) -> Picture:
         """Open a picture of the command line; pages share it."""
-        same = (picture for picture in list(self._pictures.values()) if picture.path == path)
-        return next(same, None) or self._add(str(path), path)
+        with self._lock:
+            same = next((picture for picture in self._pictures.values() if picture.path == path), None)
+            if same is not None:  # others are older now
+                self._pictures.move_to_end(same.key)
+        return same or self._add(str(path), path)
 
     def open_sent(self, name: str, content: bytes) -> Picture:
         """Open a picture that a page sent."""

@@ -87,6 +87,8 @@ _AUTO_KINDS = 32
 _HALVINGS, _LOW_PASSES, _SHORTEST = 2, (600, 150, 80, 60), 32
 #: Part of the time that an image takes of that for it and for half its size, which has a quarter of the pixels.
 _FULL_SIZE = 0.85
+#: Part of the time until kinds of patches are found.
+_SORTED = 0.02
 #: Patches this many pixels apart differ as much as by a standard deviation of the noise: near ones are more alike.
 _PLACE = 0.24
 #: Longest side, in pixels, of the blocks in which patches are grouped, each by a thread.
@@ -128,9 +130,10 @@ def denoise_versions(
     estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (FIRST_BLUR, FIRST_BLUR, 0))
     axes = Axes.of(evidence.noise_by_band, estimate)
     # Groups are what matters: the kinds that they are cut from need no better estimate.
-    kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), n_generators, rng)
+    with part(0, _SORTED):
+        kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), n_generators, rng)
     # The matrices are small: threads of the BLAS would spend their time waiting for each other.
-    with threadpool_limits(1, user_api="blas"), part(0, _FULL_SIZE):
+    with threadpool_limits(1, user_api="blas"), part(_SORTED, _FULL_SIZE):
         for number, largest in each(list(enumerate(passes))):
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)

@@ -10,6 +10,7 @@ import pytest
 
 import cvtimg
 from cvtimg._shared.progress import each, first_few, part, tell, watched
+from cvtimg.restoration import detail
 
 IMAGE = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
 LABELS = np.repeat([[1, 2]], 32, axis=0).repeat(32, axis=1)
@@ -77,3 +78,18 @@ def test_verbs_that_take_long_tell_on_their_way(verb: Callable[[], Any]) -> None
     assert any(share < 0.5 for share in told)
     assert told[-1] >= 0.7
     assert np.diff([0, *told]).max() < 0.8
+
+
+def test_little_is_told_before_the_first_pass_over_patches(monkeypatch: pytest.MonkeyPatch) -> None:
+    told, before = [0.0], []
+    own = detail._pass
+
+    def passed(*arguments: Any, **options: Any) -> Any:
+        before.append(told[-1])
+        return own(*arguments, **options)
+
+    monkeypatch.setattr(detail, "_pass", passed)
+    with watched(told.append):
+        cvtimg.restore([IMAGE], detail=True, effort="fast")
+    assert before[0] < 0.3
+    assert len(set(before)) == len(before)

@@ -357,12 +357,15 @@ def test_settings_that_are_saved_give_the_same_file(visit: Go, folder: Path, tmp
     assert (tmp_path / "x.png").read_bytes() == Path(download.value.path()).read_bytes()
 
 
-def test_long_work_shows_how_much_is_done(visit: Go) -> None:
+def test_long_work_shows_how_much_is_done(visit: Go, folder: Path) -> None:
     one = visit()
+    one.page.set_input_files("#open", str(folder / "large.png"))
+    one.until("document.getElementById('pictures').options.length === 2")
     one.choose("restore", way="detail", effort="best")
     shown = one.until("!document.getElementById('share').hidden && document.getElementById('share').value")
     one.until(f"document.getElementById('share').value > {shown}")
     assert "%" in one.page.inner_text("#facts")
+    one.choose("restore", effort="fast")
     one.settled()
     assert one.page.is_hidden("#share")
 

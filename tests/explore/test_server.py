@@ -335,6 +335,18 @@ def test_the_oldest_picture_goes_and_its_file_with_it(
     assert request(page, kept[0]).about["facts"]["k"] == 1
 
 
+def test_a_picture_that_is_opened_again_is_no_longer_the_oldest(
+    page: TestClient, server: Server, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(store, "_MOST_PICTURES", 2)
+    (tmp_path / "a.png").write_bytes(png(np.zeros((4, 5))))
+    given = server.store.open_file(tmp_path / "a.png")
+    opened(page, png(np.zeros((4, 5))))
+    assert server.store.open_file(tmp_path / "a.png") is given
+    opened(page, png(np.zeros((4, 5))))
+    assert request(page, given.key).about["facts"]["k"] == 1
+
+
 # What is answered
 
 
