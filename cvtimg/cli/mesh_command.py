@@ -139,6 +139,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
         "triangles": len(found.surface),
         "volume": found.volume,
         "least_angle": float(found.dihedral_angles.min()),
+        "mean_quality": float(found.qualities.mean()),
         **(asdict(found.measures()) if given.measures else {}),
         **({"labels": {tag: asdict(one) for tag, one in found.measures_by_label().items()}} if given.measures else {}),
         "is_manifold": found.is_manifold,
