@@ -10,6 +10,7 @@ that are not installed are left out.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import resource
 import tempfile
@@ -50,7 +51,8 @@ def ftetwild(points: Points, faces: Cells, size: float) -> Tetrahedra:
     """Fill by fTetWild, within its usual distance from the surface."""
     from pytetwild import tetrahedralize
 
-    return tetrahedralize(points, faces, edge_length_abs=size, num_threads=1)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # where it leaves the surface that it tracks
+        return tetrahedralize(points, faces, edge_length_abs=size, num_threads=1)
 
 
 def cgal(points: Points, faces: Cells, size: float) -> Tetrahedra:
