@@ -51,7 +51,8 @@ def ftetwild(points: Points, faces: Cells, size: float) -> Tetrahedra:
     """Fill by fTetWild, within its usual distance from the surface."""
     from pytetwild import tetrahedralize
 
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):  # where it leaves the surface that it tracks
+    # It leaves the surface that it tracks in the working folder.
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         return tetrahedralize(points, faces, edge_length_abs=size, num_threads=1)
 
 

@@ -280,7 +280,8 @@ def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]
                 "align": align,
                 "detail": detail,
             }
-            images = [with_tables(image, name) for image, name in zip(read.images, read.names, strict=True)]
+            pairs = zip(read.images, read.names, strict=True)
+            images = [with_tables(image, name) for image, name in pairs] if detail else read.images
             result = restore(images, **about, **given.arguments)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_count, check_positive, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg.meshes.fields import PER_AREA, Field
-from cvtimg.meshes.outlines import divided
+from cvtimg.meshes.outlines import cross, divided
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.triangulation import Borders
 
@@ -175,7 +175,7 @@ def _directions(
     """
     ring = _Ring.of(points, after.astype(np.intp))
     come, go = ring.ahead[ring.before], ring.ahead
-    turn = np.arctan2(_cross(come, go), (come * go).sum(axis=1))
+    turn = np.arctan2(cross(come, go), (come * go).sum(axis=1))
     is_tip, is_corner = turn < -np.radians(_FAN), np.abs(turn) > np.radians(_CORNER)
     # At half the turn, and so far that both sides keep their distance.
     ways = _turned(_left(come), turn / 2) / np.maximum(np.cos(turn / 2), 1e-3)[:, None]
@@ -235,8 +235,8 @@ class _Ring:
         start = self.points[ray]
         apart = (a[edge] != start).any(axis=1) & (b[edge] != start).any(axis=1)
         ray, edge, start = ray[apart], edge[apart], start[apart]
-        across = _cross(ends[ray] - start, b[edge] - a[edge])
-        at = _cross(a[edge] - start, b[edge] - a[edge]) / np.where(across == 0, np.inf, across)
+        across = cross(ends[ray] - start, b[edge] - a[edge])
+        at = cross(a[edge] - start, b[edge] - a[edge]) / np.where(across == 0, np.inf, across)
         part = np.ones(len(ways))
         np.minimum.at(part, ray, np.clip(at, 0, 1))
         return part
@@ -257,8 +257,8 @@ class _Ring:
 
         a, b, c, d = self.points, self.points[self.after], last[self.after], last
         real = self.lengths > 0
-        bad = (_cross(c - b, d - c) <= 0) | (_cross(d - c, a - d) <= 0)
-        bad |= real & ((_cross(b - a, c - b) <= 0) | (_cross(a - d, b - a) <= 0))
+        bad = (cross(c - b, d - c) <= 0) | (cross(d - c, a - d) <= 0)
+        bad |= real & ((cross(b - a, c - b) <= 0) | (cross(a - d, b - a) <= 0))
         bad |= ((c - d) * self.ahead).sum(axis=1) < _SHORTEST * self.lengths
         tree = shapely.STRtree(shapely.linestrings(np.stack([d, c], axis=1)))
         one, other = tree.query(shapely.linestrings(np.stack([d, c], axis=1)), predicate="intersects")
@@ -276,8 +276,3 @@ def _left(steps: Points) -> Points:
 def _turned(steps: Points, angles: Values) -> Points:
     """Turn steps (B, 2) to the left by angles (B,)."""
     return np.cos(angles)[:, None] * steps + np.sin(angles)[:, None] * _left(steps)
-
-
-def _cross(u: Points, v: Points) -> Values:
-    found: Values = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    return found

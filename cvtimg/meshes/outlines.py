@@ -192,7 +192,7 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
 def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
     """Angles (N,), in degrees, by which the way over three points turns."""
     come, go = at - before, after - at
-    turns = np.arctan2(come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0], (come * go).sum(axis=1))
+    turns = np.arctan2(cross(come, go), (come * go).sum(axis=1))
     return np.abs(np.degrees(turns))
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
-from cvtimg.halfedges import edge_keys, measure_triangles
+from cvtimg.halfedges import edge_keys, edges_around, measure_triangles
 from cvtimg.labels.contours import OUTSIDE
-from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.outlines import Outline, cross
 
 Points = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -79,7 +79,7 @@ def quadratic(
     the vertices (N,) below theirs.
     """
     n = len(points)
-    half_edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    half_edges = edges_around(triangles)
     keys, first, own = np.unique(edge_keys(half_edges, n), return_index=True, return_inverse=True)
     number = (n + np.searchsorted(keys, edge_keys(edges, n))).astype(np.int32)
     all_six = np.concatenate([triangles, (n + own.reshape(-1, 3)).astype(np.int32)], axis=1)
@@ -198,9 +198,12 @@ def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) ->
     moved = points.copy()
     moved[edges[moves]] = ways.ends[moves]
     least = _LEAST * measure_triangles(points, triangles).areas
-    while (small := _twice_areas(moved[triangles]) / 2 < least).any():
+    while True:
+        a, b, c = moved[triangles].transpose(1, 0, 2)
+        small = cross(b - a, c - a) / 2 < least
+        if not small.any():
+            return moved
         moved[triangles[small]] = points[triangles[small]]
-    return moved
 
 
 def _with_areas(
@@ -249,9 +252,3 @@ def _jacobians(nodes: Points, triangles: Indices) -> Points:
     both = u[:, None, :, 0] * v[None, :, :, 1] - u[:, None, :, 1] * v[None, :, :, 0]
     pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]
     return np.stack([(both[i, j] + both[j, i]) / 2 for i, j in pairs], axis=1)
-
-
-def _twice_areas(corners: Points) -> NDArray[np.float64]:
-    """Twice the areas of triangles (T, 3, 2), negative where they go clockwise."""
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]

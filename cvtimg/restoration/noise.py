@@ -36,12 +36,6 @@ _SURELY = 0.1
 _SUMS, _STEPS, _OWN = 0.02, 0.25, 0.5
 
 
-def noise_of(versions: Versions, *, alike: bool = True) -> _Doubles:
-    """(S,) standard deviation of the noise of each version, a mean over its bands; NaN where too little is known."""
-    # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise.
-    return mean_noise(noise_of_bands(versions, alike=alike))
-
-
 def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
     """(S,) root mean squares of the noise in the bands of each version."""
     return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
@@ -49,6 +43,7 @@ def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
 
 def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     """(C,) standard deviation of the noise in each band, of each version; NaN where too little is known."""
+    # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise.
     alone = _alone(versions)
     return list(_by_differences(versions, np.stack(alone))) if alike and versions.n_versions > 1 else alone
 

@@ -64,9 +64,8 @@ class Versions:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
         values = self.stack[version][rows].astype(np.float32)
         if self.tones is not None:
-            values = values * self.tones[version, :, 0].astype(np.float32) + self.tones[version, :, 1].astype(
-                np.float32
-            )
+            gains, offsets = self.tones[version].T.astype(np.float32)
+            values = values * gains + offsets
         values = self.bend.bent(values) if self.bend else values
         values[~self.known[rows, :, version]] = 0
         return values

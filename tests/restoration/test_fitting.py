@@ -13,7 +13,7 @@ from skimage.transform import EuclideanTransform, warp
 
 from cvtimg import restore
 from cvtimg.restoration.evidence import MOST_MISFIT, misfits
-from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.versions import stack_versions
 
 RNG = np.random.default_rng(3)
@@ -36,7 +36,7 @@ def turned(image: NDArray[Any], degrees: float, shift: tuple[float, float]) -> N
 
 def misfit(*images: NDArray[Any]) -> NDArray[np.float64]:
     versions = stack_versions(images)
-    return misfits(versions, noise_of(versions))
+    return misfits(versions, mean_noise(noise_of_bands(versions)))
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvtimg.restoration.noise import noise_of
+from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
@@ -26,28 +26,30 @@ def test_several_versions_tell_noise_from_texture(
     versions = [noisy(photograph, sigma, seed) for seed, sigma in enumerate(sigmas)]
     known = [np.random.default_rng(seed + 9).random(photograph.shape[:2]) >= holes for seed in range(len(sigmas))]
     stack = stack_versions(versions, known)
-    np.testing.assert_allclose(noise_of(stack), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
+    np.testing.assert_allclose(mean_noise(noise_of_bands(stack)), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
     # Each by itself shows texture too.
-    assert noise_of(stack, alike=False)[0] > 1.2 * sigmas[0]
+    assert mean_noise(noise_of_bands(stack, alike=False))[0] > 1.2 * sigmas[0]
 
 
 def test_a_complete_version_is_measured_in_its_quiet_parts(photograph: NDArray[Any]) -> None:
     version = noisy(photograph, 5, 0)
     everywhere = scattered_noise(version.astype(np.float32), np.ones(version.shape[:2], np.bool_))
-    quiet = noise_of(stack_versions([version]))[0]
+    quiet = mean_noise(noise_of_bands(stack_versions([version])))[0]
     assert abs(quiet - 5) < 0.9 * abs(np.sqrt(np.mean(everywhere**2)) - 5)
 
 
 def test_noise_is_that_before_clipping() -> None:
     ramp = np.broadcast_to(np.linspace(0, 255, 256), (256, 256))
     for versions in ([noisy(ramp, 50, 0)], [noisy(ramp, 50, seed) for seed in range(3)]):
-        np.testing.assert_allclose(noise_of(stack_versions(versions)), 50, rtol=0.06)
-        assert noise_of(stack_versions([one / 255 for one in versions]))[0] < 0.94 * 50 / 255
+        np.testing.assert_allclose(mean_noise(noise_of_bands(stack_versions(versions))), 50, rtol=0.06)
+        assert mean_noise(noise_of_bands(stack_versions([one / 255 for one in versions])))[0] < 0.94 * 50 / 255
 
 
 def test_copies_of_one_noisy_version_have_its_noise(photograph: NDArray[Any]) -> None:
     one = noisy(photograph, 20, 0)
-    np.testing.assert_allclose(noise_of(stack_versions([one, one])), noise_of(stack_versions([one]))[0])
+    np.testing.assert_allclose(
+        mean_noise(noise_of_bands(stack_versions([one, one]))), mean_noise(noise_of_bands(stack_versions([one])))[0]
+    )
 
 
 def test_versions_out_of_place_or_of_other_exposure_seem_no_noisier_than_alone(photograph: NDArray[Any]) -> None:
@@ -55,7 +57,7 @@ def test_versions_out_of_place_or_of_other_exposure_seem_no_noisier_than_alone(p
     darker = noisy(photograph * 0.7, 10, 2)
     for other in (moved, darker):
         stack = stack_versions([noisy(photograph, 10, 0), other])
-        assert (noise_of(stack) <= noise_of(stack, alike=False) + 1e-6).all()
+        assert (mean_noise(noise_of_bands(stack)) <= mean_noise(noise_of_bands(stack, alike=False)) + 1e-6).all()
 
 
 def test_outliers_and_steps_of_integers_do_not_move_the_lower_half() -> None:
