@@ -3,7 +3,7 @@
 Every fourth of 600 snapshots of five flows is for tests. The relative error is the squared distance of these to the
 basis over that to the mean of the others. The file has 10,000 snapshots of 18,432 values around 12 states.
 
-    python benchmarks/bases.py [--quick] [--large]
+    python benchmarks/bases.py [--quick] [--parts flows large]
 """
 
 from __future__ import annotations
@@ -16,20 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, parser, pin_threads, print_table, timed, write_results
+from common import Rows, parser, run, timed
 from numpy.typing import NDArray
 
 Row = dict[str, Any]
 ONLINE, RANKS = (2, 4, 8), (16, 32)
 N_CELLS = 8
 LARGE, LARGE_RANK, RANK = (10_000, 96 * 96 * 2), 60, 56
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--large", action="store_true", help="only the file of 737 MB, written to the temporary folder")
-    return read.parse_args()
 
 
 def burgers(side: int = 96, n_runs: int = 5, n_each: int = 120) -> NDArray[np.float32]:
@@ -90,11 +83,11 @@ def rivals(train: NDArray[np.float32], n: int) -> dict[str, Any]:
     return calls
 
 
-def flows(quick: bool) -> list[Row]:
-    """Compare errors on test snapshots, and processor seconds."""
+def flows(given: argparse.Namespace) -> Rows:
+    """Burgers flows: relative errors on test snapshots, and processor seconds."""
     from cvtimg import reduced_basis
 
-    snapshots = burgers(n_each=40 if quick else 120)
+    snapshots = burgers(n_each=40 if given.quick else 120)
     held = np.arange(len(snapshots)) % 4 == 2
     train, test = snapshots[~held], snapshots[held].astype(np.float64)
     total = float(((test - train.mean(axis=0)) ** 2).sum())
@@ -117,15 +110,15 @@ def flows(quick: bool) -> list[Row]:
             apart = test - train.mean(axis=0)
             rest = apart - (apart @ modes.T) @ modes
             rows.append({"basis": name, "n": n, "error": float((rest**2).sum()) / total, "seconds": seconds})
-    table = [[r["basis"], str(r["n"]), f"{r['error']:.4g}", f"{r['seconds']:.2f}"] for r in rows]
-    print_table(f"Burgers: {train.shape} to train", ("basis", "modes", "relative test error", "seconds"), table)
     return rows
 
 
-def large() -> list[Row]:
-    """Reduce a file that need not fit into memory."""
+def large(given: argparse.Namespace) -> Rows:
+    """Reduce a file of 737 MB."""
     from cvtimg import reduced_basis
 
+    if given.quick:
+        return []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "snapshots.npy"
         _write(path)
@@ -142,7 +135,6 @@ def large() -> list[Row]:
         "before_mib": before / 1024,
     }
     row["explained"] = basis.explained
-    print_table("A file of snapshots", tuple(row), [[f"{value:.5g}" for value in row.values()]])
     return [row]
 
 
@@ -162,14 +154,5 @@ def _write(path: Path) -> None:
             file.write(block.tobytes())
 
 
-def main() -> None:
-    """Run what is asked for."""
-    asked = options()
-    pin_threads(asked.threads)
-    print(machine())
-    rows = large() if asked.large else flows(asked.quick)
-    write_results("bases_large" if asked.large else "bases", {"threads": asked.threads}, rows)
-
-
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), flows, large)

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -145,18 +145,6 @@ def take_turn(way: Way, source: Path, few: Path) -> tuple[float, float]:
     return len(paths) / seconds, float(np.mean(errors))
 
 
-def report(found: Sequence[Way], rates: dict[str, list[float]], errors: dict[str, float], jobs: int) -> None:
-    """Print the table, and how cvtimg scales."""
-    medians = {way.name: statistics.median(rates[way.name]) for way in found}
-    own = medians[f"cvtimg, {jobs} processes"]
-    rows = [[n, f"{rate:.2f}", f"{rate / own:.2f}", f"{errors[n]:.1f}"] for n, rate in medians.items()]
-    common.print_table("Pictures a second", ["", "pictures/s", "of cvtimg", "error of the first 8"], rows)
-    print(f"\n{jobs} processes do {own / medians['cvtimg, 1 process']:.2f} times as much as one.")
-    print(
-        f"A Dask cluster takes {own / medians[f'cvtimg, Dask, {jobs} workers'] - 1:+.0%} of the time of --jobs {jobs}."
-    )
-
-
 def main() -> None:
     """Print pictures a second."""
     options = common.parser(__doc__)
@@ -180,7 +168,13 @@ def main() -> None:
                 rate, errors[way.name] = take_turn(way, source, few)
                 rates[way.name].append(rate)
     print(f"\n{common.machine()}\n{n_pictures} photographs of {SIZE[0]} x {SIZE[1]} to {arguments.k} colors")
-    report(found, rates, errors, arguments.jobs)
+    medians = {name: statistics.median(some) for name, some in rates.items()}
+    own = medians[f"cvtimg, {arguments.jobs} processes"]
+    shown = [
+        {"": name, "pictures/s": rate, "of cvtimg": rate / own, "error of the first 8": errors[name]}
+        for name, rate in medians.items()
+    ]
+    common.show("Pictures a second", shown)
     rows = [{"way": name, "pictures_per_second": rate, "error": errors[name]} for name in rates for rate in rates[name]]
     common.write_results("batch", {"pictures": n_pictures, "k": arguments.k, "jobs": arguments.jobs}, rows)
 

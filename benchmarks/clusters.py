@@ -225,24 +225,17 @@ def compare(title: str, path: Path, k: int, n_rows: int, n_rival: int) -> list[R
         print(f"  {asdict(rows[-1])}", flush=True)
         seen.append(centers)
     print(f"\nThe bits of 1 and 2 workers are {'equal' if (seen[0] == seen[1]).all() else 'DIFFERENT'}.")
-    least, least_of_all = rows[2].energy, rows[2].energy_of_all
     table = [
-        [
-            row.program,
-            f"{row.rows:.0e}",
-            f"{row.wall:.1f}",
-            f"{row.cpu:.1f}",
-            f"{row.cpu * n_rows / row.rows:.0f}",
-            f"{row.worker_gib:.2f}" if row.worker_gib else "-",
-            str(row.passes),
-            f"{row.energy / least:.4f}",
-            f"{row.energy_of_all / least_of_all:.4f}",
-        ]
+        {
+            **asdict(row),
+            "cpu of all": row.cpu * n_rows / row.rows,
+            "energy": row.energy / rows[2].energy,
+            "energy_of_all": row.energy_of_all / rows[2].energy_of_all,
+        }
         for row in rows
     ]
-    heads = ["", "rows", "s", "cpu s", "cpu s, all rows", "GiB", "passes", "energy", "of all"]
     about = "energy of a tenth and of all rows as a ratio to cvtimg in memory, which was fitted to this tenth"
-    common.print_table(f"{title}, k = {k}; {about}", heads, table)
+    common.show(f"{title}, k = {k}; {about}", table, digits=5)
     return rows
 
 

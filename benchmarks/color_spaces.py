@@ -12,44 +12,12 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
-from common import (
-    Picture,
-    group,
-    machine,
-    parser,
-    picture_sets,
-    pin_threads,
-    print_table,
-    progress,
-    timed,
-    write_results,
-)
+from common import Rows, parser, picture_sets, progress, run, timed
 from numpy.typing import NDArray
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One space on one picture at one k."""
-
-    set: str
-    picture: str
-    k: int
-    space: str
-    psnr: float
-    mean_difference: float
-    high_difference: float
-    seconds: float
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--k", type=int, nargs="+", default=[16, 64, 256], metavar="K", help="numbers of colors")
-    read.add_argument("--pictures", type=int, default=5, metavar="N", help="pictures of each set (default: 5)")
-    return read.parse_args()
 
 
 def differences(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> tuple[float, float]:
@@ -64,55 +32,37 @@ def differences(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> tuple[fl
     return float(np.average(apart, weights=counts)), float(apart[order][np.searchsorted(share, 0.95)])
 
 
-def measure(name: str, picture: Picture, k: int) -> list[Record]:
-    """Quantize a picture in every space."""
+def spaces(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Quantize pictures in every space: means over the pictures, and the median ratio of seconds to rgb."""
     from cvtimg import quantize
     from cvtimg.colors import SPACES
 
-    records = []
-    for space in SPACES:
-        progress(f"{name} {picture.name} k={k} {space}")
-        result, seconds = timed(lambda space=space: quantize(picture.pixels, k, space=space), time.process_time)
-        apart = differences(picture.pixels, result.image)
-        records.append(Record(name, picture.name, k, space, result.psnr, *apart, seconds))
-    return records
-
-
-def show(name: str, records: list[Record]) -> None:
-    """Print the table of a set: a row for each space, three columns for each k."""
-    sizes = list(group(records, lambda record: record.k))
-    header = ["space", *(f"{what}, k={k}" for k in sizes for what in ("PSNR", "CIEDE2000", "95 %")), "seconds"]
-    seconds = {(record.picture, record.k): record.seconds for record in records if record.space == "rgb"}
-    rows = []
-    for space, some in group(records, lambda record: record.space).items():
-        cells = []
-        for same in group(some, lambda record: record.k).values():
-            cells += [f"{statistics.fmean(record.psnr for record in same):.2f}"]
-            cells += [f"{statistics.fmean(record.mean_difference for record in same):.2f}"]
-            cells += [f"{statistics.fmean(record.high_difference for record in same):.2f}"]
-        ratio = statistics.median(record.seconds / seconds[record.picture, record.k] for record in some)
-        rows.append([space, *cells, f"x {ratio:.1f}"])
-    n_pictures = len({record.picture for record in records})
-    print_table(f"{name}: {n_pictures} pictures", header, rows)
-
-
-def main() -> None:
-    """Measure, print and write the results."""
-    given = options()
-    pin_threads(given.threads)
-    sets = picture_sets(given.data, 2 if given.quick else given.pictures)
-    from cvtimg import quantize
-
     for space in ("lab", "oklab"):
         quantize(np.zeros((2, 2, 3), np.uint8), 1, space=space)  # imports are not timed
-    records: list[Record] = []
-    for name, pictures in sets.items():
-        found = [record for k in given.k for picture in pictures for record in measure(name, picture, k)]
-        show(name, found)
-        records += found
-    print(f"\n{machine()}")
-    write_results("color_spaces", {"threads": given.threads}, [asdict(record) for record in records])
+    rows, shown = [], []
+    for name, pictures in picture_sets(given.data, 2 if given.quick else given.pictures).items():
+        for space in SPACES:
+            line: dict[str, Any] = {"set": f"{name}, {len(pictures)} pictures", "space": space}
+            for k in given.k:
+                for picture in pictures:
+                    progress(f"{name} {picture.name} k={k} {space}")
+                    call = partial(quantize, picture.pixels, k, space=space)
+                    result, seconds = timed(call, time.process_time)
+                    mean, high = differences(picture.pixels, result.image)
+                    row = {"set": name, "picture": picture.name, "k": k, "space": space, "PSNR": result.psnr}
+                    rows.append({**row, "CIEDE2000": mean, "95 %": high, "seconds": seconds})
+                of_k = rows[-len(pictures) :]
+                for key in ("PSNR", "CIEDE2000", "95 %"):
+                    line[f"{key}, k={k}"] = statistics.fmean(row[key] for row in of_k)
+            own = [row["seconds"] for row in rows if (row["set"], row["space"]) == (name, space)]
+            in_rgb = [row["seconds"] for row in rows if (row["set"], row["space"]) == (name, "rgb")]
+            line["times rgb"] = statistics.median(a / b for a, b in zip(own, in_rgb, strict=True))
+            shown.append(line)
+    return rows, shown
 
 
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--k", type=int, nargs="+", default=[16, 64, 256], metavar="K", help="numbers of colors")
+    read.add_argument("--pictures", type=int, default=5, metavar="N", help="pictures of each set (default: 5)")
+    run(read, spaces)

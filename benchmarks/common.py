@@ -32,6 +32,8 @@ SETS = ("cq100", "kodak")
 #: Width and height of the large picture: 12.3 megapixels.
 LARGE = (4096, 3000)
 
+#: What a part of a benchmark measures: a value for each column.
+Rows = list[dict[str, Any]]
 T = TypeVar("T")
 S = TypeVar("S")
 
@@ -147,6 +149,11 @@ def timed(call: Callable[[], T], clock: Callable[[], float] = time.perf_counter)
     return result, clock() - start
 
 
+def cpu_seconds(call: Callable[[], object], repeats: int = 1) -> list[float]:
+    """Return the processor seconds of each of some calls."""
+    return [timed(call, time.process_time)[1] for _ in range(repeats)]
+
+
 def median_seconds(call: Callable[[], object], repeats: int) -> float:
     """Return the median over `repeats` calls, or as many as fill a quarter of a second if that is more.
 
@@ -247,19 +254,14 @@ def write_results(name: str, about: Mapping[str, Any], rows: Sequence[Mapping[st
         **about,
         "rows": list(rows),
     }
-    (OUT / f"{name}.json").write_text(json.dumps(whole, indent=1) + "\n")
-    write_csv(OUT / f"{name}.csv", rows)
+    (OUT / f"{name}.json").write_text(json.dumps(whole, indent=1, default=lambda scalar: scalar.item()) + "\n")
+    with (OUT / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(dict.fromkeys(key for row in rows for key in row)))
+        writer.writeheader()
+        writer.writerows(rows)
     if cvtimg_build() != BUILD:
         print("\nWARNING: cvtimg was installed anew during this run: its figures are of two builds")
     print(f"\nwritten: {(OUT / name).relative_to(ROOT)}.json and .csv", flush=True)
-
-
-def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows that all have the keys of the first."""
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [])
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -271,3 +273,41 @@ def parser(description: str | None) -> argparse.ArgumentParser:
         "--threads", type=int, default=1, metavar="N", help="threads of every rival (default: 1; 0: its own choice)"
     )
     return options
+
+
+def run(options: argparse.ArgumentParser, *parts: Callable[[argparse.Namespace], Rows | tuple[Rows, Rows]]) -> None:
+    """Run the parts of a benchmark, or those that are asked for: print each as a table, and write its rows.
+
+    A part is a function of the options. Its name is that of the part, and the first line of its docstring the title. It
+    returns the rows that it measured, or these and other rows to print: means, or one for each rival.
+    """
+    by_name = {part.__name__: part for part in parts}
+    if len(parts) > 1:
+        options.add_argument("--parts", nargs="+", choices=by_name, default=[*by_name], help="only these")
+    given = options.parse_args()
+    pin_threads(given.threads)
+    print(f"{machine()}. Threads: {given.threads or 'as each likes'}.")
+    script = Path(sys.argv[0]).stem
+    for name in by_name if len(parts) == 1 else given.parts:
+        found = by_name[name](given)
+        progress("")
+        rows, shown = found if isinstance(found, tuple) else (found, found)
+        if rows:
+            show((by_name[name].__doc__ or name).partition("\n")[0], shown)
+            about = {key: str(value) for key, value in vars(given).items()}
+            write_results(script if len(parts) == 1 else f"{script}_{name}", about, rows)
+
+
+def show(title: str, rows: Rows, digits: int = 4) -> None:
+    """Print rows as a table with a column for each key; floats by so many digits."""
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    print_table(title, columns, [[cell(row.get(column), digits) for column in columns] for row in rows])
+
+
+def cell(value: Any, digits: int = 4) -> str:
+    """Write a value of a table."""
+    if isinstance(value, float):
+        return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    if value is None or isinstance(value, bool):
+        return {None: "-", True: "yes", False: "no"}[value]
+    return str(value)

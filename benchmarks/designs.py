@@ -4,7 +4,7 @@ Methods are those of M. Gunzburger's lecture, and our Latin CVT; Latin hypercube
 rivals. Measures are those of `cvtimg.point_measures`: of each, less is more even. Interpolation is by cubic radial
 basis functions at 4,096 places, of 48 functions: ridges, peaks, sums of one-dimensional ones, and two active inputs.
 
-    python benchmarks/designs.py [--quick] [--only measures,interpolation] [--effort best]
+    python benchmarks/designs.py [--quick] [--parts measures interpolation] [--effort best]
 """
 
 from __future__ import annotations
@@ -17,30 +17,20 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from common import machine, parser, pin_threads, print_table, timed, write_results
+from common import Rows, parser, run, timed
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 from scipy.stats import qmc
 
 Points = NDArray[np.float64]
 Row = dict[str, Any]
-PARTS = ("measures", "criteria", "batches", "mixtures", "interpolation")
 DIMS, COUNTS = (2, 3, 7), (100, 1000)
 MEASURES = ("discrepancy", "h", "chi", "tau", "d", "energy")
 #: The greatest designs of methods in pure Python.
 SLOW = 100
 #: What is measured of designs in batches.
 BATCHES = ("distance", "discrepancy", "distance_of_batches", "discrepancy_of_batches", "seconds")
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
-    read.add_argument("--effort", default="balanced", choices=("fast", "balanced", "best"))
-    return read.parse_args()
 
 
 def hammersley(n: int, n_dims: int) -> Points:
@@ -90,14 +80,14 @@ def methods(effort: str, seed: int = 0) -> dict[str, Callable[[int, int], Points
     }
 
 
-def measures(quick: bool, effort: str) -> list[Row]:
+def measures(given: argparse.Namespace) -> Rows:
     """Measure designs by all methods."""
     from cvtimg import point_measures
 
     rows: list[Row] = []
     for n_dims in DIMS:
-        for n in COUNTS[:1] if quick else COUNTS:
-            for name, make in methods(effort).items():
+        for n in COUNTS[:1] if given.quick else COUNTS:
+            for name, make in methods(given.effort).items():
                 if n > SLOW and name.startswith(("IHS", "LHS maximin", "LHS random-cd")):
                     continue
                 try:
@@ -107,17 +97,10 @@ def measures(quick: bool, effort: str) -> list[Row]:
                     continue
                 found = {key: value for key, value in asdict(point_measures(points)).items() if key in MEASURES}
                 rows.append({"dimensions": n_dims, "n": n, "method": name, **found, "seconds": seconds})
-            table = [
-                [row["method"], *(f"{row[key]:.4g}" for key in MEASURES), f"{row['seconds']:.2f}"]
-                for row in rows
-                if (row["dimensions"], row["n"]) == (n_dims, n)
-            ]
-            header = ("method", "D*", "h", "chi", "tau", "d", "E", "seconds")
-            print_table(f"{n} points in {n_dims} dimensions", header, table)
     return rows
 
 
-def criteria(quick: bool, effort: str) -> list[Row]:
+def criteria(given: argparse.Namespace) -> Rows:
     """Compare designs for a criterion with those of others by three measures; means over a few seeds."""
     from cvtimg import design
 
@@ -129,7 +112,7 @@ def criteria(quick: bool, effort: str) -> list[Row]:
     ways: dict[str, Callable[[int, int, int], Points]] = {
         **{
             f"criterion={name!r}": lambda n, d, seed, name=name: (
-                design(n, d, criterion=name, effort=effort, rng=seed).unit_points
+                design(n, d, criterion=name, effort=given.effort, rng=seed).unit_points
             )
             for name in ("cvt", "maximin", "projection", "discrepancy")
         },
@@ -141,7 +124,7 @@ def criteria(quick: bool, effort: str) -> list[Row]:
     for n, n_dims in ((20, 3), (50, 5), (100, 10)):
         for name, make in ways.items():
             figures = []
-            for seed in range(1 if quick else 3):
+            for seed in range(1 if given.quick else 3):
                 points, seconds = timed(lambda m=make, n=n, d=n_dims, s=seed: m(n, d, s), time.process_time)
                 along = np.stack([pdist(axis[:, None], "sqeuclidean") for axis in points.T])
                 projection = np.mean(1 / along.prod(axis=0)) ** (1 / n_dims)
@@ -150,25 +133,20 @@ def criteria(quick: bool, effort: str) -> list[Row]:
                 zip(("distance", "projection", "discrepancy", "seconds"), np.mean(figures, axis=0), strict=True)
             )
             rows.append({"n": n, "dimensions": n_dims, "method": name, **means})
-    table = [
-        [str(value) if isinstance(value, (int, str)) else f"{value:.4g}" for value in row.values()] for row in rows
-    ]
-    header = ("runs", "dimensions", "method", "smallest distance", "MaxPro", "centered discrepancy", "seconds")
-    print_table("Designs for a criterion", header, table)
     return rows
 
 
-def batches(quick: bool, effort: str) -> list[Row]:
+def batches(given: argparse.Namespace) -> Rows:
     """Compare designs in batches: ours, the same runs divided at random, and hypercubes for each batch."""
     from cvtimg import design
 
     def sliced(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
-        found = design(n, n_dims, batches=n_batches, effort=effort, rng=seed)
+        found = design(n, n_dims, batches=n_batches, effort=given.effort, rng=seed)
         assert found.batches is not None
         return found.unit_points, found.batches - 1
 
     def divided(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
-        points = design(n, n_dims, effort=effort, rng=seed).unit_points
+        points = design(n, n_dims, effort=given.effort, rng=seed).unit_points
         return points, np.random.default_rng(seed).permutation(np.arange(n) % n_batches)
 
     def joined(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
@@ -184,7 +162,7 @@ def batches(quick: bool, effort: str) -> list[Row]:
     for n, n_dims, n_batches in ((30, 2, 3), (60, 5, 3), (100, 4, 5), (200, 8, 4)):
         for name, make in ways.items():
             figures = []
-            for seed in range(1 if quick else 3):
+            for seed in range(1 if given.quick else 3):
                 (points, labels), seconds = timed(
                     lambda m=make, n=n, d=n_dims, b=n_batches, s=seed: m(n, d, b, s), time.process_time
                 )
@@ -193,28 +171,6 @@ def batches(quick: bool, effort: str) -> list[Row]:
                 figures.append((pdist(points).min(), qmc.discrepancy(points), *of_parts, seconds))
             rows.append({"n": n, "dimensions": n_dims, "batches": n_batches, "method": name})
             rows[-1] |= dict(zip(BATCHES, np.mean(figures, axis=0).tolist(), strict=True))
-    table = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
-    print_table("Designs in batches", list(rows[0]), table)
-    return rows
-
-
-def mixtures(quick: bool, effort: str) -> list[Row]:
-    """Compare mixtures with draws by Dirichlet's distribution, by the mean squared distance to the nearest run."""
-    from cvtimg import design
-    from cvtimg.designs import Factor
-
-    rows: list[Row] = []
-    for n, n_dims in ((20, 3), (30, 5), (60, 10)):
-        places = np.random.default_rng(99).dirichlet(np.ones(n_dims), 1 << (14 if quick else 17))
-        factors = [Factor(f"c{k}", is_component=True) for k in range(n_dims)]
-        found, seconds = timed(lambda f=factors, n=n: design(n, f, effort=effort).points, time.process_time)
-        ways = {"components": found, "Dirichlet": np.random.default_rng(0).dirichlet(np.ones(n_dims), n)}
-        for name, points in ways.items():
-            energy = np.square(cKDTree(points).query(places)[0]).mean()
-            row = {"n": n, "components": n_dims, "method": name, "energy": energy, "distance": pdist(points).min()}
-            rows.append(row | {"seconds": seconds if name == "components" else 0.0})
-    table = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
-    print_table("Mixtures", list(rows[0]), table)
     return rows
 
 
@@ -236,7 +192,7 @@ def functions(n_dims: int) -> list[Callable[[Points], NDArray[np.float64]]]:
     return found
 
 
-def interpolation(quick: bool, effort: str) -> list[Row]:
+def interpolation(given: argparse.Namespace) -> Rows:
     """Interpolate all functions from 100 points; of methods that draw, the mean over a few seeds."""
     rows = []
     chosen = ("Monte Carlo", "Halton", "LHS", "CVT", "Latin CVT (default)", "LHS random-cd (SciPy)")
@@ -245,27 +201,17 @@ def interpolation(quick: bool, effort: str) -> list[Row]:
         wanted = np.stack([function(places) for function in functions(n_dims)], axis=1)
         for name in chosen:
             squares = []
-            for seed in range(2 if quick else 5):
-                points = methods(effort, seed)[name](100, n_dims)
+            for seed in range(2 if given.quick else 5):
+                points = methods(given.effort, seed)[name](100, n_dims)
                 values = np.stack([function(points) for function in functions(n_dims)], axis=1)
                 error = RBFInterpolator(points, values, kernel="cubic", degree=1)(places) - wanted
                 squares.append((error**2).mean(axis=0) / wanted.var(axis=0))
             # Functions differ in how hard they are: the geometric mean gives each its say.
             rows.append({"dimensions": n_dims, "method": name, "error": np.exp(np.log(squares).mean() / 2)})
-    table = [[str(row["dimensions"]), row["method"], f"{row['error']:.4g}"] for row in rows]
-    print_table("Interpolation: root mean squared error", ("dimensions", "method", "error"), table)
     return rows
 
 
-def main() -> None:
-    """Run what is asked for."""
-    asked = options()
-    pin_threads(asked.threads)
-    print(machine())
-    parts = dict(zip(PARTS, (measures, criteria, batches, mixtures, interpolation), strict=True))
-    for name in asked.only.split(","):
-        write_results(f"designs_{name}", {"effort": asked.effort}, parts[name](asked.quick, asked.effort))
-
-
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--effort", default="balanced", choices=("fast", "balanced", "best"))
+    run(read, measures, criteria, batches, interpolation)

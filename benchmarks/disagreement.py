@@ -9,11 +9,12 @@ pixels in the right segment.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from typing import Any
 
 import numpy as np
-from common import ROOT, machine, parser, pin_threads, print_table, timed, write_results
+from common import ROOT, Rows, parser, run
 from numpy.typing import NDArray
 from skimage.draw import disk, ellipse, line
 
@@ -73,18 +74,15 @@ def clipped_mean(versions: list[Floats]) -> Floats:
     return mean
 
 
-def compare(name: str, versions: list[Floats], clean: Floats, n_generators: int, **options: Any) -> list[Any]:
+def compare(name: str, versions: list[Floats], clean: Floats, n_generators: int, **options: Any) -> dict[str, Any]:
     """Return a row: the name and the PSNR of every way."""
-    found = [np.median(versions, axis=0), clipped_mean(versions)]
-    found += [restore(versions, n_generators, hidden=hidden, **options).image for hidden in HIDDEN]
-    return [name, *(psnr(image, clean) for image in found)]
+    found = {"median": np.median(versions, axis=0), f"mean, {CLIP:g} sigma": clipped_mean(versions)}
+    found |= {f"restore, {way}": restore(versions, n_generators, hidden=way, **options).image for way in HIDDEN}
+    return {"": name, **{way: psnr(image, clean) for way, image in found.items()}}
 
 
-def main() -> None:
-    """Measure, print, write."""
-    given = parser(__doc__).parse_args()
-    pin_threads(given.threads)
-    print(machine())
+def quality(given: argparse.Namespace) -> Rows:
+    """Compare the PSNR in dB of each way."""
     rows = []
     for name in PHOTOGRAPHS[: 1 if given.quick else None]:
         clean = read_image(SAMPLES / name)[:, :, :3] / 255
@@ -96,27 +94,19 @@ def main() -> None:
             rows.append(compare(f"{name}, noise {noise}, no additions, detail", alike, clean, 64, detail=True))
     clean = read_image(SAMPLES / "drawing.png") / 255
     versions, _ = damaged_versions(clean, 3, Damage(noise=0.15, occlusions=4), seed=2)
-    rows.append(compare("drawing, noise 0.15, painted over in one of three", versions, clean, 6))
-    ways = ("median", f"mean, {CLIP:g} sigma", *(f"restore, {hidden}" for hidden in HIDDEN))
-    print_table("PSNR", ("dB", *ways), [[name, *(f"{value:.2f}" for value in values)] for name, *values in rows])
-    right = []
+    return [*rows, compare("drawing, noise 0.15, painted over in one of three", versions, clean, 6)]
+
+
+def segments(given: argparse.Namespace) -> Rows:
+    """Count the share of pixels that are right where all versions but one are painted over."""
+    rows = []
     for noise in (0.05, 0.1, 0.2, 0.3):
         versions, clean = overlapping(noise)
-        labels = [restore(versions, 2, hidden=hidden).labels for hidden in HIDDEN]
-        right.append([f"noise {noise}", *(float(np.mean((found == 2) == (clean == 1))) for found in labels)])
-    table = [[name, *(f"{value:.2%}" for value in values)] for name, *values in right]
-    print_table("right pixels, painted over in all versions but one", ("", *HIDDEN), table)
-    _, seconds = timed(lambda: restore(versions, 2, hidden="none"))
-    _, more = timed(lambda: restore(versions, 2))
-    print(f"seconds with outliers over without: {more / seconds:.2f}")
-    records = [
-        {"case": name, "way": way, "measure": measure, "value": value}
-        for measure, columns, found in (("psnr", ways, rows), ("right pixels", tuple(HIDDEN), right))
-        for name, *values in found
-        for way, value in zip(columns, values, strict=True)
-    ]
-    write_results("disagreement", {"quick": given.quick}, records)
+        labels = {hidden: restore(versions, 2, hidden=hidden).labels for hidden in HIDDEN}
+        right = {hidden: float(np.mean((found == 2) == (clean == 1))) for hidden, found in labels.items()}
+        rows.append({"noise": noise, **right})
+    return rows
 
 
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), quality, segments)

@@ -16,22 +16,10 @@ import statistics
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from common import (
-    Picture,
-    machine,
-    parser,
-    picture_sets,
-    pin_threads,
-    print_table,
-    progress,
-    read_rgb,
-    run_process,
-    write_results,
-)
+from common import Picture, Rows, group, parser, picture_sets, progress, read_rgb, run, run_process
 from numpy.typing import NDArray
 from PIL import Image
 from rivals import ImageMagick, Pngquant
@@ -68,33 +56,6 @@ imagequant.quantize_pil_image(
     Image.open(before).convert("RGBA"), dithering_level=float(dithered), max_colors=int(k), max_quality=100
 ).save(after)
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One program on one picture at one k, plain or dithered; the blur is applied to the dithered picture only."""
-
-    set: str
-    picture: str
-    k: int
-    program: str
-    dithered: bool
-    psnr: float
-    difference: float
-    n_bytes: int
-    seconds: float
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--k", type=int, nargs="+", metavar="K", help="numbers of colors (default: 16 64 256)")
-    read.add_argument("--pictures", type=int, metavar="N", help="at most N pictures of each set (default: all)")
-    read.add_argument("--rivals", nargs="+", metavar="WORD", help="only programs whose name has one of these words")
-    given = read.parse_args()
-    given.pictures = given.pictures or (1 if given.quick else None)
-    given.k = given.k or ([16, 256] if given.quick else [16, 64, 256])
-    return given
 
 
 def programs(words: Sequence[str] | None) -> dict[str, Spelling]:
@@ -144,7 +105,7 @@ def difference(before: NDArray[np.float32], after: NDArray[np.float32]) -> float
     return float(deltaE_ciede2000(lab, other).mean())
 
 
-def measure(name: str, picture: Picture, k: int, commands: dict[str, Spelling], folder: Path) -> list[Record]:
+def measure(name: str, picture: Picture, k: int, commands: dict[str, Spelling], folder: Path) -> Rows:
     """Run every program on a picture, plain and dithered, and look at what it wrote."""
     before, after = folder / "before.png", folder / "after.png"
     Image.fromarray(picture.pixels).save(before)
@@ -164,52 +125,36 @@ def measure(name: str, picture: Picture, k: int, commands: dict[str, Spelling], 
             shown = blurred(pixels) if dithered else pixels.astype(np.float32)
             quality, seen = psnr(original, shown), difference(original, shown)
             n_bytes = after.stat().st_size
-            records.append(Record(name, picture.name, k, program, dithered, quality, seen, n_bytes, cost.cpu))
+            case = {"set": name, "picture": picture.name, "k": k, "program": program, "dithered": dithered}
+            found = {"psnr": quality, "difference": seen, "n_bytes": n_bytes, "seconds": cost.cpu}
+            records.append({**case, **found})
     return records
 
 
-def report(records: Sequence[Record], k: int, n_pictures: int) -> None:
-    """Print the table of one k."""
-    rows = []
-    for program in dict.fromkeys(record.program for record in records):
-        row = [program]
-        for dithered in (False, True):
-            own = [
-                record for record in records if (record.program, record.k, record.dithered) == (program, k, dithered)
-            ]
-            row += _cells(own) if own else ["", "", "", ""]
-        rows.append(row)
-    header = ["program", "PSNR", "CIEDE2000", "KiB", "seconds"]
-    header += ["dithered, blurred: PSNR", "CIEDE2000", "KiB", "seconds"]
-    print_table(f"{k} colors, {n_pictures} pictures", header, rows)
+def mean_of(own: Rows) -> dict[str, float]:
+    """Return means of quality and bytes, and the median of seconds."""
+    means = {key: statistics.fmean(row[key] for row in own) for key in ("psnr", "difference", "n_bytes")}
+    return {**means, "seconds": statistics.median(row["seconds"] for row in own)}
 
 
-def _cells(own: Sequence[Record]) -> list[str]:
-    return [
-        f"{statistics.fmean(record.psnr for record in own):.2f}",
-        f"{statistics.fmean(record.difference for record in own):.3f}",
-        f"{statistics.fmean(record.n_bytes for record in own) / 1024:.1f}",
-        f"{statistics.median(record.seconds for record in own):.3f}",
-    ]
-
-
-def main() -> None:
-    """Measure, print, write."""
-    given = options()
-    pin_threads(given.threads)
-    print(f"Plain and dithered. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
+def dithering(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Compare files, plain and dithered; the dithered after a blur."""
     commands = programs(given.rivals)
-    sets = picture_sets(given.data, given.pictures)
-    records: list[Record] = []
-    for k in given.k:
-        with tempfile.TemporaryDirectory() as folder:
+    sets = picture_sets(given.data, given.pictures or (1 if given.quick else None))
+    rows: Rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for k in given.k or ([16, 256] if given.quick else [16, 64, 256]):
             for name, pictures in sets.items():
                 for picture in pictures:
-                    records += measure(name, picture, k, commands, Path(folder))
-        progress("")
-        report(records, k, sum(map(len, sets.values())))
-    write_results("dithering", {"threads": given.threads, "blur": BLUR}, [asdict(record) for record in records])
+                    rows += measure(name, picture, k, commands, Path(folder))
+    keys = ("k", "dithered", "program")
+    cases = group(rows, lambda row: tuple(row[key] for key in keys))
+    return rows, [{**dict(zip(keys, case, strict=True)), **mean_of(own)} for case, own in sorted(cases.items())]
 
 
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--k", type=int, nargs="+", metavar="K", help="numbers of colors (default: 16 64 256)")
+    read.add_argument("--pictures", type=int, metavar="N", help="at most N pictures of each set (default: all)")
+    read.add_argument("--rivals", nargs="+", metavar="WORD", help="only programs whose name has one of these words")
+    run(read, dithering)

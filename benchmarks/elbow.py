@@ -10,29 +10,16 @@ Index of cells with the number that each rule picks, beside every fixed number.
 
 from __future__ import annotations
 
-import importlib.util
+import argparse
 import statistics
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
-from common import (
-    DATA,
-    Picture,
-    machine,
-    parser,
-    picture_sets,
-    pin_threads,
-    print_table,
-    progress,
-    read_rgb,
-    spread,
-    write_results,
-)
+from common import DATA, Rows, cpu_seconds, parser, picture_sets, progress, read_rgb, run, spread
 from numpy.typing import NDArray
+from segmentation import metrics_of
 
 N_MAX = 64
 #: How the synthetic pictures differ: standard deviation of the noise, and least distance of two colors in units of it.
@@ -42,24 +29,15 @@ FIXED = range(2, 9)
 RULES = ("chord", "chord-linear", "kneedle", "variance")
 
 
-def cpu_seconds(call: Callable[[], object], repeats: int) -> float:
-    """Return the median of the processor's seconds."""
-    runs = []
-    for _ in range(repeats):
-        start = time.process_time()
-        call()
-        runs.append(time.process_time() - start)
-    return statistics.median(runs)
-
-
-def curves(pictures: list[Picture], repeats: int) -> list[dict[str, Any]]:
-    """Compare curves with scikit-learn's time and with single tessellations."""
+def curves(given: argparse.Namespace) -> Rows:
+    """Compare CPU seconds of curves to k = 64, and E(k) with tessellate balanced at every k."""
     from sklearn.cluster import KMeans
 
     import cvtimg
 
+    sets = picture_sets(given.data, 1 if given.quick else 4)
     rows = []
-    for picture in pictures:
+    for picture in sets.get("kodak") or next(iter(sets.values())):
         progress(f"curve of {picture.name}")
         samples = cvtimg.colors.color_samples(picture.pixels)
         colors = samples.colors.astype(np.float64)
@@ -68,8 +46,9 @@ def curves(pictures: list[Picture], repeats: int) -> list[dict[str, Any]]:
             return KMeans(N_MAX, n_init=1, random_state=0).fit(colors, sample_weight=samples.density)
 
         curve = cvtimg.energy_curve(samples, N_MAX)
-        ours = cpu_seconds(lambda samples=samples: cvtimg.energy_curve(samples, N_MAX), repeats)  # type: ignore[misc]
-        theirs = cpu_seconds(rival, repeats)
+        repeats = 1 if given.quick else 3
+        ours = statistics.median(cpu_seconds(lambda samples=samples: cvtimg.energy_curve(samples, N_MAX), repeats))
+        theirs = statistics.median(cpu_seconds(rival, repeats))
         above = curve.energies / [cvtimg.tessellate(samples, k).energy for k in range(1, N_MAX + 1)] - 1
         worst = int(np.argmax(above))
         rows.append(
@@ -112,7 +91,7 @@ def synthetic_picture(n_colors: int, sigma: float, separation: float, rng: np.ra
     return np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
 
 
-def hits(seed: int, separation: float, n_pictures: int) -> dict[str, Any]:
+def _hits(seed: int, separation: float, n_pictures: int) -> dict[str, Any]:
     """Count the pictures whose number of colors each rule finds; 2 to 12 colors take turns."""
     from cvtimg.elbow.curves import auto_count
 
@@ -131,32 +110,19 @@ def hits(seed: int, separation: float, n_pictures: int) -> dict[str, Any]:
     return {"seed": seed, "separation": separation, **rates, "missed": "; ".join(missed)}
 
 
-def metrics(data: Path) -> ModuleType | None:
-    """Load the measures of segmentations beside the data, if they are there."""
-    path = data.parent / "measure" / "segmentation_metrics.py"
-    if not path.exists():
-        return None
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def human_pictures(data: Path, n_pictures: int | None) -> Iterator[tuple[NDArray[np.uint8], NDArray[Any]]]:
     """Read pictures and their human segmentations."""
     for path in spread(sorted((data / "bsds").glob("*.jpg")), n_pictures):
         yield read_rgb(path), np.load(path.with_name(f"{path.stem}_gt.npz"))["segmentation"]
 
 
-def rand_indices(data: Path, space: str, n_pictures: int | None) -> list[dict[str, Any]]:
+def _rand_indices(data: Path, space: str, n_pictures: int | None) -> Rows:
     """Compute the mean Probabilistic Rand Index of plain cells for every fixed K, and for what each rule picks."""
     import cvtimg
     from cvtimg.colors.places import to_places
     from cvtimg.elbow.curves import auto_count
 
-    measure = metrics(data)
+    measure = metrics_of(data)
     if measure is None:
         return []
     indices: dict[str, list[float]] = {}
@@ -174,30 +140,18 @@ def rand_indices(data: Path, space: str, n_pictures: int | None) -> list[dict[st
     return [{"space": space, "K": name, "PRI": round(float(np.mean(some)), 4)} for name, some in indices.items()]
 
 
-def show(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print rows that all have the same keys."""
-    if rows:
-        print_table(title, list(rows[0]), [[str(value) for value in row.values()] for row in rows])
+def hits(given: argparse.Namespace) -> Rows:
+    """Count synthetic pictures of 2 to 12 colors whose number is found."""
+    return [_hits(seed, far, 33 if given.quick else 100) for far in SEPARATIONS for seed in given.seeds]
 
 
-def main() -> None:
-    """Measure, print, write."""
-    read = parser(__doc__)
-    read.add_argument("--seeds", type=int, nargs="+", default=[1, 2], help="of the synthetic pictures (default: 1 2)")
-    given = read.parse_args()
-    pin_threads(given.threads)
-    print(machine())
-    sets = picture_sets(given.data, 1 if given.quick else 4)
-    pictures = sets.get("kodak") or next(iter(sets.values()))
-    timed = curves(pictures, 1 if given.quick else 3)
-    show(f"Curve to k = {N_MAX} (CPU seconds), and E(k) against tessellate balanced at every k", timed)
-    counted = [hits(seed, far, 33 if given.quick else 100) for far in SEPARATIONS for seed in given.seeds]
-    show("Synthetic pictures of 2 to 12 colors: number found", counted)
-    data = given.data or DATA
-    indexed = [row for space in ("rgb", "lab") for row in rand_indices(data, space, 4 if given.quick else None)]
-    show("Mean Probabilistic Rand Index of plain cells", indexed)
-    write_results("elbow", {"curves": timed, "rand_indices": indexed}, counted)
+def rand_indices(given: argparse.Namespace) -> Rows:
+    """Compute mean Probabilistic Rand Indices of plain cells."""
+    data, n = given.data or DATA, 4 if given.quick else None
+    return [row for space in ("rgb", "lab") for row in _rand_indices(data, space, n)]
 
 
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--seeds", type=int, nargs="+", default=[1, 2], help="of the synthetic pictures (default: 1 2)")
+    run(read, curves, hits, rand_indices)

@@ -1,10 +1,9 @@
 """The engine beside other clusterings: time against energy, scaling, threads, and the best of ten starts.
 
-Prints four parts: at which times which clustering has the lowest energy, on photographs, with a plot; seconds and
-energy as samples, generators and dimensions grow; cvtimg with one and two threads at each instruction set; and
-effort "best" against ten starts of scikit-learn.
+Prints three parts: at which times which clustering has the lowest energy, on photographs, with a plot; seconds and
+energy as samples, generators and dimensions grow; and effort "best" against ten starts of scikit-learn.
 
-    python benchmarks/engine.py [--quick] [--full] [--docs] [--parts curves scaling threads starts]
+    python benchmarks/engine.py [--quick] [--full] [--docs] [--parts curves scaling starts]
 """
 
 from __future__ import annotations
@@ -12,11 +11,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
-import json
-import os
 import statistics
-import subprocess
-import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -37,16 +32,16 @@ from common import (
     pin_threads,
     print_table,
     progress,
+    show,
     spread,
     timed,
     write_results,
 )
-from kernels import SIMD_LEVELS
 from numpy.typing import NDArray
 from PIL import Image
 from rivals import distinct_colors, to_8_bits
 
-PARTS = ("curves", "scaling", "threads", "starts")
+PARTS = ("curves", "scaling", "starts")
 EFFORTS = ("fast", "balanced", "best")
 #: Seconds below which a clustering is timed three times, of which the median counts.
 SHORT = 0.3
@@ -89,7 +84,6 @@ def options() -> argparse.Namespace:
     read.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="only these (default: all)")
     read.add_argument("--pictures", type=int, default=4, metavar="N", help="pictures for the curves (4)")
     read.add_argument("--k", type=int, nargs="+", default=[16, 64, 256], metavar="K", help="colors (16 64 256)")
-    read.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     given = read.parse_args()
     given.pictures = 1 if given.quick else given.pictures
     return given
@@ -316,24 +310,6 @@ def report_curves(points: Sequence[Point]) -> None:
         ["clustering", *(f"k={k}" for k in ks)],
         cells,
     )
-    print(f"\n{verdict(points, ahead)}")
-
-
-def verdict(points: Sequence[Point], ahead: Sequence[Point]) -> str:
-    """Say at which budgets of time cvtimg is not lowest."""
-    if not ahead:
-        return "At every time budget cvtimg is lowest: no rival is below its steps."
-    lines = ["At every time budget cvtimg is lowest, but for these:"]
-    for point in ahead:
-        own = [other for other in points if other.rival == "cvtimg" and other.k == point.k]
-        able = [other for other in own if other.seconds <= point.seconds]
-        least = min(able, key=lambda other: other.excess) if able else min(own, key=lambda other: other.seconds)
-        why = "" if able else ", the fastest of cvtimg, takes longer:"
-        lines.append(
-            f"- k={point.k}, {point.rival} {point.setting}: {point.seconds * 1e3:.1f} ms, +{point.excess:.2f} %; "
-            f"{least.setting}{why} {least.seconds * 1e3:.1f} ms, +{least.excess:.2f} %"
-        )
-    return "\n".join(lines)
 
 
 def draw_curves(points: Sequence[Point], n_pictures: int) -> None:
@@ -400,17 +376,12 @@ def scaling_cases(full: bool, quick: bool) -> list[tuple[str, int, int, int, str
 def clusterings(rows: NDArray[Any], k: int, full: bool) -> dict[str, Cluster]:
     """List the clusterings to be compared on rows of a table."""
     found: dict[str, Cluster] = {f"cvtimg {effort}": partial(cvtimg_rows, rows, k, effort) for effort in EFFORTS[:2]}
-    if has_quietly("sklearn") and (full or rows.size * k <= HEAVY):
+    if importlib.util.find_spec("sklearn") and (full or rows.size * k <= HEAVY):
         found["scikit-learn"] = partial(scikit_rows, rows, k)
-    if has_quietly("faiss"):
+    if importlib.util.find_spec("faiss"):
         found["faiss, a part"] = partial(faiss_rows, rows, k, most=256)
         found["faiss, all"] = partial(faiss_rows, rows, k)
     return found
-
-
-def has_quietly(module: str) -> bool:
-    """Whether a module can be found."""
-    return importlib.util.find_spec(module) is not None
 
 
 def scaling(cases: Sequence[tuple[str, int, int, int, str]], full: bool) -> list[Row]:
@@ -436,10 +407,6 @@ def report_scaling(measured: Sequence[Row]) -> None:
         cells.append(["slope", *(f"{slope(by_name[name], axis):.2f}" for name in names)])
         held = ", ".join(f"{key}={some[0][key]}" for key in ("n", "k", "D") if key != axis)
         print_table(f"As {axis} grows, {held}: seconds (energy, by the lowest of the line)", [axis, *names], cells)
-    print()
-    for effort in EFFORTS[:2]:
-        for theirs in ("faiss, all", "faiss, a part"):
-            print(slower_than_both(measured, f"cvtimg {effort}", theirs))
 
 
 def scaling_cells(axis: str, value: int, case: Sequence[Row], names: Sequence[str]) -> list[str]:
@@ -455,64 +422,7 @@ def slope(rows: Sequence[Row], axis: str) -> float:
     return float(np.polyfit(xs, ys, 1)[0])
 
 
-def slower_than_both(measured: Sequence[Row], ours: str, theirs: str) -> str:
-    """Say where we are slower than scikit-learn and a faiss."""
-    places = []
-    for (n, k, n_dims), case in group(measured, lambda row: (row["n"], row["k"], row["D"])).items():
-        seconds = {row["rival"]: row["seconds"] for row in case}
-        rivals = [seconds[name] for name in ("scikit-learn", theirs) if name in seconds]
-        if rivals and seconds[ours] > max(rivals):
-            places.append(f"n={n} k={k} D={n_dims} ({seconds[ours]:.3g} s against {max(rivals):.3g})")
-    return f"- {ours} slower than both scikit-learn and {theirs}: {'; '.join(places) or 'nowhere'}."
-
-
-# ---------------------------------------------------------------------------------------- threads, and ten starts
-
-
-def one_large(n: int) -> Row:
-    """Time the large case in this process."""
-    import cvtimg
-    from cvtimg.engine import _kernels
-
-    rows = blobs(n, 3, "uint8")
-    cvtimg_rows(rows[:10_000], 64, "fast")
-    runs = [timed(lambda: cvtimg.tessellate(rows, 64, effort="fast")) for _ in range(3)]
-    return {"simd": _kernels.simd, "seconds": min(run[1] for run in runs), "energy": runs[0][0].energy}
-
-
-def threads(quick: bool) -> list[Row]:
-    """Run the large case in processes of their own: one and two threads, three instruction sets."""
-    rows = []
-    for level in SIMD_LEVELS:
-        for n_threads in (1, 2):
-            progress(f"{level}, {n_threads} threads")
-            environment = {**os.environ, "CVTIMG_SIMD": level, "CVTIMG_THREADS": str(n_threads)}
-            command = [sys.executable, __file__, "--one", *(["--quick"] if quick else [])]
-            shown = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout
-            row = json.loads(shown)
-            if row["simd"] == level:
-                rows.append({**row, "threads": n_threads})
-    progress("")
-    return rows
-
-
-def report_threads(rows: Sequence[Row], n: int) -> None:
-    """Print the table."""
-    slowest = rows[0]["seconds"]
-    cells = []
-    for level, some in group(rows, lambda row: row["simd"]).items():
-        one, two = (row["seconds"] for row in some)
-        same = "yes" if some[0]["energy"] == some[1]["energy"] else "NO"
-        cells.append([level, f"{one:.3f}", f"{two:.3f}", f"{one / two:.2f}", f"{slowest / one:.2f}", same])
-    header = [
-        "instruction set",
-        "1 thread, s",
-        "2 threads, s",
-        "gain of threads",
-        "gain of instructions",
-        "same energy",
-    ]
-    print_table(f"Threads and instruction sets: n={n} uint8, D=3, k=64, fast; best of three", header, cells)
+# ----------------------------------------------------------------------------------------------- ten starts
 
 
 def starts(pictures: Sequence[Picture], k: int = 64) -> list[Row]:
@@ -530,28 +440,11 @@ def starts(pictures: Sequence[Picture], k: int = 64) -> list[Row]:
         for name, run in runs.items():
             generators, row[f"{name}_seconds"] = timed(run)
             row[f"{name}_energy"] = energy(colors, generators, counts) / counts.sum()
+        row["energy best/ten"] = row["best_energy"] / row["ten_energy"]
+        row["seconds best/ten"] = row["best_seconds"] / row["ten_seconds"]
         rows.append(row)
     progress("")
     return rows
-
-
-def report_starts(rows: Sequence[Row]) -> None:
-    """Print the table."""
-    cells = [
-        [
-            row["picture"],
-            *(f"{row[f'{name}_energy']:.3f}" for name in ("best", "one", "ten")),
-            f"{row['best_energy'] / row['ten_energy']:.4f}",
-            *(f"{row[f'{name}_seconds']:.2f}" for name in ("best", "one", "ten")),
-            f"{row['best_seconds'] / row['one_seconds']:.2f}",
-            f"{row['best_seconds'] / row['ten_seconds']:.3f}",
-        ]
-        for row in rows
-    ]
-    header = ["picture", "energy: best", "1 start", "10 starts", "best/10", "seconds: best", "1 start", "10 starts"]
-    print_table(
-        f"cvtimg best, and scikit-learn from k-means++, k={rows[0]['k']}", [*header, "best/1", "best/10"], cells
-    )
 
 
 # -------------------------------------------------------------------------------------------------------- the run
@@ -560,10 +453,6 @@ def report_starts(rows: Sequence[Row]) -> None:
 def main() -> None:
     """Measure, print, write."""
     given = options()
-    n_large = 200_000 if given.quick else 2_000_000
-    if given.one:
-        print(json.dumps(one_large(n_large)))
-        return
     pin_threads(given.threads)
     warnings.filterwarnings("ignore", module="sklearn")  # few iterations are meant
     print(f"Engine. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
@@ -576,13 +465,12 @@ def main() -> None:
         measured = scaling(scaling_cases(given.full, given.quick), given.full)
         report_scaling(measured)
         write_results("engine_scaling", about, measured)
-    if "threads" in given.parts:
-        ran = threads(given.quick)
-        report_threads(ran, n_large)
-        write_results("engine_threads", about, ran)
     if "starts" in given.parts and has("sklearn"):
         started = starts(pictures if given.full else spread(pictures, 1 if given.quick else 3))
-        report_starts(started)
+        show(
+            f"cvtimg best, and scikit-learn from k-means++, from one start and the best of ten, k={started[0]['k']}",
+            started,
+        )
         write_results("engine_starts", about, started)
 
 

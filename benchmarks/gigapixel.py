@@ -11,10 +11,8 @@ in a tiled BigTIFF, compressed. Each size runs in a process of its own, whose pe
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,9 +39,8 @@ def tiles(side: int, photographs: list[NDArray[np.uint8]]) -> Iterator[NDArray[n
 
 def make(path: Path, side: int) -> None:
     """Write the picture: of the sample images, so that it is the same everywhere."""
-    photographs = [
-        picture.pixels for pictures in common.picture_sets(common.SAMPLES, None).values() for picture in pictures
-    ]
+    (pictures,) = common.picture_sets(common.SAMPLES, None).values()
+    photographs = [picture.pixels for picture in pictures]
     with tifffile.TiffWriter(path, bigtiff=True) as file:
         file.write(
             tiles(side, photographs),
@@ -59,14 +56,10 @@ def make(path: Path, side: int) -> None:
 def measure(source: Path, target: Path, words: list[str]) -> str:
     """Run the command line to its end; return its row and what it cost."""
     command = [sys.executable, "-m", "cvtimg", words[0], source, "-o", target, "--json", *words[1:]]
-    start = time.perf_counter()
-    process = os.posix_spawn(sys.executable, [str(part) for part in command], os.environ)
-    _, status, usage = os.wait4(process, 0)
-    wall = time.perf_counter() - start
-    if status:
-        sys.exit(f"exit status {os.waitstatus_to_exitcode(status)}")
-    cpu = usage.ru_utime + usage.ru_stime
-    return f"{wall:.0f} s, of processors {cpu:.0f} s, peak memory {usage.ru_maxrss / 2**20:.2f} GiB"
+    cost = common.run_process(command)
+    if cost.failure:
+        sys.exit(cost.failure)
+    return f"{cost.wall:.0f} s, of processors {cost.cpu:.0f} s, peak memory {cost.peak / 2**10:.2f} GiB"
 
 
 def main() -> None:

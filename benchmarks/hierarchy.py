@@ -1,11 +1,11 @@
-"""Trees of regions beside other programs: regions and edges that people drew, objects, seconds.
+"""Trees of regions beside other programs: regions and edges that people drew, seconds.
 
 Every program is scored at every threshold of its own. "One threshold" is the best that serves all pictures (ODS),
 "its best" the best of each picture (OIS), "default" the default cut of cvtimg, found on the training pictures.
 Edges are compared within 0.75 % of the diagonal, without the one-to-one matching of the official benchmark, so they
 are comparable here and not with published figures.
 
-    python benchmarks/hierarchy.py [--quick] [--parts regions edges objects speed] [--set bsds bsds_train]
+    python benchmarks/hierarchy.py [--quick] [--parts regions edges speed] [--set bsds bsds_train]
 """
 
 from __future__ import annotations
@@ -13,84 +13,42 @@ from __future__ import annotations
 import argparse
 import resource
 import statistics
+import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, parser, pin_threads, print_table, progress, read_rgb, write_results
+from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb, run
 from numpy.typing import NDArray
 from PIL import Image
-from segmentation import metrics_of
+from segmentation import Divided, berkeley, metrics_of
 from skimage import __version__ as skimage_version
 
-from cvtimg import read_image, segment_hierarchy
+from cvtimg import segment_hierarchy
 
-PARTS = ("regions", "edges", "objects", "speed")
 SIZES = ((481, 321), (1224, 816), (4000, 3000))
 OURS = "cvtimg segment_hierarchy"
 
 Labels = NDArray[Any]
-Row = dict[str, Any]
 
 
-class Divided(NamedTuple):
-    """A picture, the segments that people see in it, and the borders of these."""
-
-    pixels: NDArray[np.uint8]
-    segments: NDArray[Any]
-    borders: NDArray[np.bool_]
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="what to measure (default: all)")
-    read.add_argument("--set", default="bsds", choices=("bsds", "bsds_train"), help="pictures (default: bsds)")
-    return read.parse_args()
-
-
-def main() -> None:
-    """Measure the parts for which there are pictures."""
-    asked = options()
-    pin_threads(asked.threads)
-    data = asked.data or DATA
-    pictures, metrics = divided(data / asked.set, asked.quick), metrics_of(data)
-    rows: list[Row] = []
-    if pictures and metrics:
-        rows += regions_part(pictures, metrics) if "regions" in asked.parts else []
-        rows += edges_part(pictures, metrics) if "edges" in asked.parts else []
-    else:
-        print("\nregions, edges: no pictures that people divided")
-    rows += objects_part(data) if "objects" in asked.parts else []
-    rows += speed_part(data, asked.quick) if "speed" in asked.parts else []
-    columns = dict.fromkeys(name for row in rows for name in row)
-    write_results(
-        "hierarchy", {"threads": asked.threads, "set": asked.set}, [{n: row.get(n) for n in columns} for row in rows]
-    )
-
-
-def divided(folder: Path, quick: bool) -> list[Divided]:
-    """Read the pictures of a folder of the Berkeley set."""
-    found = []
-    for path in sorted(folder.glob("*.jpg"))[:: 4 if quick else 1]:
-        with np.load(path.with_name(f"{path.stem}_gt.npz")) as file:
-            if "boundaries" in file:
-                borders = file["boundaries"]
-            else:
-                shape = file["shape"]
-                borders = np.unpackbits(file["boundaries_packed"])[: np.prod(shape)].reshape(shape).astype(bool)
-            found.append(Divided(read_rgb(path), file["segmentation"], borders))
-    return found
+def divided(given: argparse.Namespace) -> tuple[list[Divided], ModuleType]:
+    """Read the pictures, and load the measures."""
+    data = given.data or DATA
+    pictures, metrics = berkeley(data / given.set, given.quick), metrics_of(data)
+    if not pictures or metrics is None:
+        sys.exit(f"no pictures that people divided in {data / given.set}, or no measures beside them")
+    return pictures, metrics
 
 
 # Regions
 
 
-def regions_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
-    """Score the regions of each program at all its thresholds."""
+def regions(given: argparse.Namespace) -> Rows:
+    """Score regions: PRI (high) / VOI (low) / covering (high); seconds of one call."""
+    pictures, metrics = divided(given)
     rows = []
     for name, (thresholds, divide) in region_rivals().items():
         scores, seconds = [], []
@@ -100,14 +58,8 @@ def regions_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
             cuts = divide(picture.pixels)
             seconds.append(time.process_time() - start)
             scores.append([agreement(labels, picture.segments, metrics) for labels in cuts])
-        rows.append({"part": "regions", "rival": name, **summary(np.array(scores), np.array(thresholds))})
+        rows.append({"rival": name, **summary(np.array(scores), np.array(thresholds))})
         rows[-1]["seconds"] = statistics.median(seconds) / (1 if name == OURS else len(thresholds))
-    kinds = {"ods": "one threshold", "ois": "its best", "default": "default"}
-    print_table(
-        f"Regions of {len(pictures)} pictures: PRI (high) / VOI (low) / covering (high); seconds of one call",
-        ["", *kinds.values(), "seconds"],
-        [[row["rival"], *(row[kind] or "" for kind in kinds), f"{row['seconds']:.2f}"] for row in rows],
-    )
     return rows
 
 
@@ -207,29 +159,25 @@ def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]]
 # Edges
 
 
-def edges_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
-    """Score edges at all thresholds: the best F that one threshold has for all pictures, and each picture's best."""
+def edges(given: argparse.Namespace) -> Rows:
+    """Score edges: the best F that one threshold has for all pictures, and each picture's best."""
+    pictures, metrics = divided(given)
     rows = []
     for name, find in edge_rivals().items():
         scores = []
         for number, picture in enumerate(pictures):
             progress(f"{name}: {number + 1} of {len(pictures)}")
             people = list(picture.borders)
-            scores.append([metrics.bprf(edges, people)[:2] for edges in find(picture.pixels)])
+            scores.append([metrics.bprf(found, people)[:2] for found in find(picture.pixels)])
         precision, recall = np.moveaxis(np.array(scores), 2, 0)
         each = 2 * precision * recall / np.maximum(precision + recall, 1e-9)
         p, r = precision.mean(axis=0), recall.mean(axis=0)
         all_f = 2 * p * r / np.maximum(p + r, 1e-9)
         best = int(all_f.argmax())
         rows.append(
-            {"part": "edges", "rival": name, "f_ods": float(all_f[best]), "f_ois": float(each.max(axis=1).mean())}
+            {"rival": name, "f_ods": float(all_f[best]), "f_ois": float(each.max(axis=1).mean())}
             | {"precision": float(p[best]), "recall": float(r[best])}
         )
-    print_table(
-        f"Edges of {len(pictures)} pictures",
-        ["", "F, one threshold", "precision", "recall", "F, its best"],
-        [[row["rival"], *(f"{row[key]:.3f}" for key in ("f_ods", "precision", "recall", "f_ois"))] for row in rows],
-    )
     return rows
 
 
@@ -259,64 +207,27 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
     }
 
 
-# Objects
-
-
-def objects_part(data: Path) -> list[Row]:
-    """Find nuclei."""
-    path = data / "scenes" / "dsb2018_nuclei_img2d.png"
-    if not path.exists():
-        print("\nobjects: no picture")
-        return []
-    from segmentation_scenes import nuclei_rivals, score
-
-    image, truth = read_image(path), np.load(path.with_name("dsb2018_nuclei_mask2d.npz"))["labels"]
-    tree = segment_hierarchy(image)
-    ours = {"bright objects": tree.find_objects(polarity="bright"), "all objects": tree.find_objects()}
-    found = {f"{OURS}, {name}": labels for name, labels in ours.items()}
-    found |= {name: find() for name, find in nuclei_rivals(image)}
-    rows = [{"part": "objects", "rival": name, **score(labels, truth)} for name, labels in found.items()]
-    print_table(
-        f"Nuclei: {len(np.unique(truth)) - 1} true objects",
-        ["", "objects", "of them true", "F1", "foreground IoU"],
-        [
-            [row["rival"], str(row["objects"]), str(row["matched"]), f"{row['f1']:.3f}", f"{row['iou']:.3f}"]
-            for row in rows
-        ],
-    )
-    return rows
-
-
 # Speed
 
 
-def speed_part(data: Path, quick: bool) -> list[Row]:
+def speed(given: argparse.Namespace) -> Rows:
     """Measure seconds of the processor by size of the picture, and of a cut."""
-    large = data / "large" / "Futuristic.jpg"
+    large = (given.data or DATA) / "large" / "Futuristic.jpg"
     source = Image.fromarray(read_rgb(large if large.exists() else SAMPLES / "coffee.png"))
     rows = []
-    for width, height in SIZES[: 2 if quick else 3]:
+    for width, height in SIZES[: 2 if given.quick else 3]:
         progress(f"speed: {width} x {height}")
         image = np.asarray(source.resize((width, height), Image.Resampling.BICUBIC))
-        repeats = [_seconds(lambda image=image: segment_hierarchy(image)) for _ in range(3 if width < 2000 else 1)]
+        repeats = cpu_seconds(lambda image=image: segment_hierarchy(image), 3 if width < 2000 else 1)
         tree = segment_hierarchy(image)
-        cuts = [_seconds(lambda tree=tree, n=n: tree.cut(n)) for n in range(2, 30)]
+        cuts = [cpu_seconds(lambda tree=tree, n=n: tree.cut(n))[0] for n in range(2, 30)]
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        rows.append({"part": "speed", "rival": f"{width} x {height}", "seconds": min(repeats)})
+        rows.append({"size": f"{width} x {height}", "seconds": min(repeats)})
         rows[-1] |= {"cut_ms": 1e3 * statistics.median(cuts), "peak_mib": peak}
-    print_table(
-        "Seconds of the processor, one thread",
-        ["", "tree, seconds", "a cut, ms", "memory of the process so far, MiB"],
-        [[row["rival"], f"{row['seconds']:.2f}", f"{row['cut_ms']:.2f}", f"{row['peak_mib']:.0f}"] for row in rows],
-    )
     return rows
 
 
-def _seconds(call: Callable[[], object]) -> float:
-    start = time.process_time()
-    call()
-    return time.process_time() - start
-
-
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--set", default="bsds", choices=("bsds", "bsds_train"), help="pictures (default: bsds)")
+    run(read, regions, edges, speed)

@@ -6,19 +6,17 @@ in common, and over pictures. Scores are SSIMULACRA2, and as a second measure th
 difference in Oklab, masked by texture. "Ahead" is by how many points of SSIMULACRA2 cvtimg is better at the bytes of
 pngquant's 256 colors. Programs that are not installed are left out.
 
-With --time, whole processes are timed at 768 x 512 and at 12 megapixels instead, and with --sheet parts of the pictures
-three times as large are written: as they are, in pngquant's 256 colors, and by cvtimg at the same score.
+With --sheet, parts of the pictures three times as large are written instead: as they are, in pngquant's 256 colors, and
+by cvtimg at the same score. `whole_process.py` has times.
 
     python benchmarks/looks.py [--quick] [--pictures 4] [--size 512 384] [--rivals pngquant] [--gif]
-                               [--time] [--sheet FILE]
+                               [--sheet FILE]
 """
 
 from __future__ import annotations
 
 import io
-import statistics
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -28,19 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import oxipng
-from common import (
-    DATA,
-    SAMPLES,
-    Picture,
-    large_pictures,
-    machine,
-    parser,
-    picture_sets,
-    print_table,
-    progress,
-    run_process,
-    write_results,
-)
+from common import Picture, machine, parser, picture_sets, progress, show, write_results
 from numpy.typing import NDArray
 from PIL import Image
 from rivals import ImageMagick
@@ -52,7 +38,7 @@ from cvtimg.looks import VisualQuality
 from cvtimg.looks.rate import visibility
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.plotting import Panel, contact_sheet
-from cvtimg.quantization import quantize_file
+from cvtimg.quantization import QuantizeOptions, Writing, quantize_file
 
 #: What each program is asked for, from large files to small ones.
 COLORS = (256, 160, 96, 64, 40)
@@ -194,7 +180,9 @@ def gifs_of(pixels: Pixels) -> dict[str, list[bytes]]:
         source.write_bytes(png_of(pixels))
         for quality in (*QUALITIES, None):
             try:
-                quantize_file(source, target, quality=quality, goal="eyes", overwrite=True)
+                quantize_file(
+                    source, target, QuantizeOptions(quality=quality, goal="eyes"), writing=Writing(overwrite=True)
+                )
             except ValueError:  # which 256 colors do not reach
                 continue
             eyes.append(target.read_bytes())
@@ -244,31 +232,6 @@ def measure(
     return row | {"ahead": float(np.interp(rival[-1, 1], ours[:, 1], ours[:, 0]) - rival[-1, 0])}
 
 
-def times(n_rounds: int, data: Path | None) -> None:
-    """Print what whole processes cost on a small and on a large picture."""
-    small = [*sorted(((data or DATA) / "kodak").glob("*.png")), SAMPLES / "coffee.png"][0]
-    command = str(Path(sys.executable).with_name("cvtimg"))
-    programs: dict[str, list[str]] = {
-        "cvtimg --goal eyes": [command, "quantize", "IN", "--goal", "eyes", "-o", "OUT", "--quiet", "--overwrite"],
-        "cvtimg --quality 70": [command, "quantize", "IN", "--quality", "70", "-o", "OUT", "--quiet", "--overwrite"],
-        "pngquant": ["pngquant", "--force", "256", "--output", "OUT", "IN"],
-        "pngquant --speed 1": ["pngquant", "--force", "--speed", "1", "256", "--output", "OUT", "IN"],
-    }
-    if ImageMagick().is_available:
-        programs["ImageMagick"] = [ImageMagick().program, "IN", "-colors", "256", "OUT"]
-    with tempfile.TemporaryDirectory() as folder:
-        for source in (small, large_pictures(data)[-1]):
-            names = {"IN": str(source), "OUT": str(Path(folder, "out.png"))}
-            rows = []
-            for name, words in programs.items():
-                progress(f"{source.name}: {name}")
-                runs = [run_process([names.get(word, word) for word in words]) for _ in range(n_rounds)]
-                failure = next((one.failure for one in runs if one.failure), "")
-                costs = [statistics.median(getattr(one, of) for one in runs) for of in ("wall", "cpu", "peak")]
-                rows.append([name, *([failure] * 3 if failure else [f"{cost:.2f}" for cost in costs])])
-            print_table(f"Whole processes, {source.name}", ["program", "seconds", "of processors", "MiB"], rows)
-
-
 def main() -> None:
     """Run the benchmark and print its table."""
     options = parser(__doc__)
@@ -276,13 +239,8 @@ def main() -> None:
     options.add_argument("--size", type=int, nargs=2, default=(512, 384), help="width and height of what is taken")
     options.add_argument("--rivals", nargs="+", metavar="NAME", help="only these programs, one of which is pngquant")
     options.add_argument("--gif", action="store_true", help="GIF files")
-    options.add_argument("--time", action="store_true", help="time and memory instead")
     options.add_argument("--sheet", metavar="FILE", help="image file to write instead")
     given = options.parse_args()
-    if given.time:
-        print(machine())
-        times(1 if given.quick else 3, given.data)
-        return
     if given.sheet:
         rows = [shown(one) for some in picture_sets(given.data, given.pictures).values() for one in some]
         Image.fromarray(contact_sheet(rows, panel_width=3 * SHOWN)).save(given.sheet, quality=85, method=6)
@@ -297,11 +255,9 @@ def main() -> None:
             rows.append(measure(picture, given.size, files_of))
             write_results(name_of_results, {"size": given.size, **versions}, rows)  # a run takes long
     names = [name for name in rows[0] if name != "picture"]
-    table = [[str(row["picture"]), *(f"{row[one]:.3f}" for one in names)] for row in rows]
     values = {one: np.array([row[one] for row in rows], float) for one in names}
-    means = [f"{some.mean() if one == 'ahead' else np.exp(np.log(some).mean()):.3f}" for one, some in values.items()]
-    print(machine())
-    print_table(f"Bytes at equal looks, {versions}", ["picture", *names], [*table, ["mean", *means]])
+    means = {one: float(some.mean() if one == "ahead" else np.exp(np.log(some).mean())) for one, some in values.items()}
+    show(f"Bytes at equal looks, {versions}; {machine()}", [*rows, {"picture": "mean", **means}])
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ Prints milliseconds of a pass over a picture and its ratio to `scipy.spatial.cKD
 processor seconds and energy of each effort against the best of some long runs; seconds and memory of a million
 generators; how far centroids are from those of exact polygons; and seconds of draws in one and two processes.
 
-    python benchmarks/plane.py [--quick] [--million] [--only passes,descents,exact,draws]
+    python benchmarks/plane.py [--quick] [--parts passes descents exact draws million]
 """
 
 from __future__ import annotations
@@ -20,24 +20,15 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, machine, parser, pin_threads, print_table, timed, write_results
+from common import DATA, SAMPLES, Rows, cpu_seconds, parser, run, timed
 from numpy.typing import NDArray
 from PIL import Image
 
 Row = dict[str, Any]
-PARTS = ("passes", "descents", "exact", "draws")
 PASSES = {1: (1000, 1000), 12: (3000, 4000)}
 COUNTS = (1000, 20_000, 100_000)
 #: Long runs whose best is the measure of all others.
 LONG_RUNS = 5
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
-    read.add_argument("--million", action="store_true", help="a million generators on 24 megapixels, too")
-    return read.parse_args()
 
 
 def photograph(megapixels: float) -> NDArray[np.float32]:
@@ -51,12 +42,7 @@ def photograph(megapixels: float) -> NDArray[np.float32]:
     return density
 
 
-def least_seconds(call: Any, repeats: int) -> float:
-    """Return the least processor seconds of some calls: what others do on the machine only adds to them."""
-    return min(timed(call, time.process_time)[1] for _ in range(repeats))
-
-
-def passes(quick: bool) -> list[Row]:
+def passes(given: argparse.Namespace) -> Rows:
     """Time passes over uniform densities, and the tree that finds the nearest generator of each pixel."""
     from scipy.spatial import cKDTree
 
@@ -72,37 +58,34 @@ def passes(quick: bool) -> list[Row]:
             points = rng.random((n, 2)) * [width, height]
             for _ in range(3):
                 points = moments(points).centroids
-            ours = least_seconds(partial(moments, points), 3 if quick else 15)
-            labels = least_seconds(partial(moments.labels, points), 3 if quick else 7)
-            theirs = least_seconds(partial(cKDTree(points).query, centers), 1)
+            ours = min(cpu_seconds(partial(moments, points), 3 if given.quick else 15))
+            labels = min(cpu_seconds(partial(moments.labels, points), 3 if given.quick else 7))
+            theirs = min(cpu_seconds(partial(cKDTree(points).query, centers), 1))
             row = {"megapixels": megapixels, "n": n, "ms": ours * 1e3, "labels_ms": labels * 1e3}
             rows.append({**row, "ckdtree_ms": theirs * 1e3, "ratio": theirs / ours})
-    header = ("megapixels", "generators", "ms per pass", "ms for labels", "cKDTree.query, ms", "ratio")
-    print_table("Passes", header, [[f"{value:.4g}" for value in row.values()] for row in rows])
     return rows
 
 
-def descents(quick: bool) -> list[Row]:
-    """Compare efforts with the best of long runs from other seeds."""
+def descents(given: argparse.Namespace) -> Rows:
+    """Efforts on a megapixel against the best of long runs from other seeds."""
     from cvtimg.placement import place_in_picture
 
     density = photograph(1)
     rows = []
-    for n in (20_000,) if quick else (20_000, 100_000):
-        runs = range(1, 1 + (2 if quick else LONG_RUNS))
+    for n in (20_000,) if given.quick else (20_000, 100_000):
+        runs = range(1, 1 + (2 if given.quick else LONG_RUNS))
         best = min(place_in_picture(density, n, effort="best", rng=seed).energy for seed in runs)
         for effort in ("fast", "balanced"):
             placement, seconds = timed(lambda n=n, e=effort: place_in_picture(density, n, effort=e), time.process_time)
             over = placement.energy / best - 1
             rows.append({"n": n, "effort": effort, "seconds": seconds, "passes": placement.n_iter, "over_best": over})
-    header = ("generators", "effort", "processor seconds", "moves", "energy over the best")
-    table = [[f"{r['n']}", r["effort"], f"{r['seconds']:.2f}", f"{r['passes']}", f"{r['over_best']:.3%}"] for r in rows]
-    print_table(f"Descents on {density.size / 1e6:.2f} megapixels, against {len(runs)} long runs", header, table)
     return rows
 
 
-def million() -> list[Row]:
+def million(given: argparse.Namespace) -> Rows:
     """Place a million generators on 24 megapixels."""
+    if given.quick:
+        return []
     from cvtimg.placement import place_in_picture
 
     density = photograph(24)
@@ -111,18 +94,17 @@ def million() -> list[Row]:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     row = {"n": 1_000_000, "megapixels": density.size / 1e6, "seconds": seconds, "peak_mib": peak / 1024}
     row |= {"over_start_mib": (peak - before) / 1024, "empty": int((placement.masses == 0).sum())}
-    print_table("A million", tuple(row), [[f"{value:.5g}" for value in row.values()]])
     return [row]
 
 
-def exact(quick: bool) -> list[Row]:
-    """Compare centroids of cells with those of polygons, of SciPy's Voronoi diagram of points and mirror images."""
+def exact(given: argparse.Namespace) -> Rows:
+    """Centroids for a constant density: largest error by the spacing, from exact polygons and from pixels."""
     from scipy.spatial import Voronoi
 
     from cvtimg.placement import Box, ConstantDensity, PixelMoments, PolygonMoments
 
     rows = []
-    for n in (1000,) if quick else (1000, 10_000):
+    for n in (1000,) if given.quick else (1000, 10_000):
         points = np.random.default_rng(0).random((n, 2))
         mirrored = [points, *(points * flip + shift for flip, shift in _MIRRORS)]
         diagram = Voronoi(np.concatenate(mirrored))
@@ -133,10 +115,6 @@ def exact(quick: bool) -> list[Row]:
         spacing = n**-0.5
         row = {"n": n, "polygons": np.abs(found.centroids - expected).max() / spacing, "polygons_s": seconds}
         rows.append({**row, "pixels": np.abs(pixels.centroids - expected).max() / spacing})
-    header = ("generators", "polygons: largest error by spacing", "seconds", "pixels, 2048 x 2048")
-    print_table(
-        "Centroids for a constant density", header, [[f"{value:.3g}" for value in row.values()] for row in rows]
-    )
     return rows
 
 
@@ -152,38 +130,31 @@ def _centroid(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return centroid
 
 
-def draws(quick: bool) -> list[Row]:
-    """Time the probabilistic method in this process, in one and two others, and on two of Dask, in turns.
+def draws(given: argparse.Namespace) -> Rows:
+    """Draws in this process, in one and two others, and on two of Dask, in turns.
 
     What else runs on the machine changes the wall time, so that several rounds are run, and the load is printed.
     """
     from cvtimg.engine import Probabilistic
     from cvtimg.placement import Box, place_by_draws
 
-    box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if quick else 20))
+    box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if given.quick else 20))
     places: dict[str, Any] = {"this process": _alone, "1 process": partial(_in_pool, 1)}
     places |= {"2 processes": partial(_in_pool, 2), "2 of Dask": _on_dask}
     runs: dict[str, list[Row]] = {where: [] for where in places}
 
-    def run(executor: Any, n_moves: int = 2 if quick else 5) -> float:
+    def place(executor: Any, n_moves: int = 2 if given.quick else 5) -> float:
         return place_by_draws(box, n, rule=rule, n_moves=n_moves, executor=executor).energy
 
-    for _ in range(2 if quick else 5):
+    for _ in range(2 if given.quick else 5):
         for where, measure in places.items():
-            runs[where] += measure(run)
+            runs[where] += measure(place)
     rows = []
     for where, found in runs.items():
         if found:
             wall, cpu = ([row[key] for row in found] for key in ("wall", "cpu"))
             row = {"where": where, "wall": min(wall), "median_wall": statistics.median(wall), "cpu": min(cpu)}
             rows.append({**row, "energy": found[0]["energy"]})
-    header = ("where", "wall seconds, best", "median", "processor seconds", "energy")
-    table = [
-        [r["where"], f"{r['wall']:.2f}", f"{r['median_wall']:.2f}", f"{r['cpu']:.2f}", f"{r['energy']:.8g}"]
-        for r in rows
-    ]
-    load = f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    print_table(f"Draws: {rule.draws} in each move, {n} generators in 3 dimensions; {load}", header, table)
     return rows
 
 
@@ -224,18 +195,5 @@ def _seconds_of(pids: list[int]) -> float:
     return total
 
 
-def main() -> None:
-    """Run what is asked for."""
-    asked = options()
-    pin_threads(asked.threads)
-    parts = {"passes": passes, "descents": descents, "exact": exact, "draws": draws}
-    print(machine())
-    rows = [{"part": name, **row} for name in asked.only.split(",") for row in parts[name](asked.quick)]
-    if asked.million:
-        rows += [{"part": "million", **row} for row in million()]
-    keys = dict.fromkeys(key for row in rows for key in row)
-    write_results("plane", {"threads": asked.threads}, [{key: row.get(key, "") for key in keys} for row in rows])
-
-
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), passes, descents, exact, draws, million)

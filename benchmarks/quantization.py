@@ -12,14 +12,13 @@ from __future__ import annotations
 import argparse
 import statistics
 import sys
-import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from common import (
     Picture,
+    Rows,
     group,
     machine,
     parser,
@@ -29,7 +28,6 @@ from common import (
     progress,
     spread,
     squared_error,
-    write_csv,
     write_results,
 )
 from numpy.typing import NDArray
@@ -41,20 +39,6 @@ MEASURE = "cvtimg balanced"
 LONG = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One rival on one picture at one k."""
-
-    set: str
-    picture: str
-    k: int
-    rival: str
-    error: float
-    seconds: float
-    repeats: int
-    n_colors: int
-
-
 def options() -> argparse.Namespace:
     """Read the command line."""
     read = parser(__doc__)
@@ -63,7 +47,6 @@ def options() -> argparse.Namespace:
     read.add_argument("--rivals", nargs="+", metavar="WORD", help="only rivals whose name has one of these words")
     read.add_argument("--heavy", type=int, default=2, metavar="N", help="pictures of each set for slow rivals (2)")
     read.add_argument("--repeats", type=int, default=3, metavar="N", help="times of which to take the median (3)")
-    read.add_argument("--csv", type=Path, metavar="FILE", help="write the rows here too")
     given = read.parse_args()
     if given.quick:
         given.pictures, given.heavy, given.repeats = given.pictures or 2, 1, 1
@@ -97,7 +80,7 @@ def warm_up(rivals: Iterable[Rival], n_threads: int) -> None:
         rival.cluster(small, 4)
 
 
-def compare(name: str, picture: Picture, k: int, rivals: Sequence[Rival], repeats: int) -> list[Record]:
+def compare(name: str, picture: Picture, k: int, rivals: Sequence[Rival], repeats: int) -> Rows:
     """Measure rivals on one picture, one after the other, in one order and then in the other; once what is long."""
     seconds: dict[str, list[float]] = {rival.name: [] for rival in rivals}
     shown = {}
@@ -109,16 +92,15 @@ def compare(name: str, picture: Picture, k: int, rivals: Sequence[Rival], repeat
             shown[rival.name], once = rival.cluster(picture.pixels, k)
             seconds[rival.name].append(once)
     return [
-        Record(
-            set=name,
-            picture=picture.name,
-            k=k,
-            rival=rival.name,
-            error=round(squared_error(picture.pixels, shown[rival.name]), 4),
-            seconds=round(statistics.median(seconds[rival.name]), 5),
-            repeats=len(seconds[rival.name]),
-            n_colors=count_colors(shown[rival.name]),
-        )
+        {
+            "set": name,
+            "picture": picture.name,
+            "k": k,
+            "rival": rival.name,
+            "error": squared_error(picture.pixels, shown[rival.name]),
+            "seconds": statistics.median(seconds[rival.name]),
+            "n_colors": count_colors(shown[rival.name]),
+        }
         for rival in rivals
     ]
 
@@ -129,7 +111,7 @@ def count_colors(pixels: NDArray[np.uint8]) -> int:
     return len(np.unique(wide[:, 0] << 16 | wide[:, 1] << 8 | wide[:, 2]))
 
 
-def measure(name: str, pictures: Sequence[Picture], rivals: Sequence[Rival], given: argparse.Namespace) -> list[Record]:
+def measure(name: str, pictures: Sequence[Picture], rivals: Sequence[Rival], given: argparse.Namespace) -> Rows:
     """Measure all rivals on a set; the heavy ones on a few pictures that lie evenly in it."""
     few = {picture.name for picture in spread(pictures, given.heavy)}
     records = []
@@ -143,36 +125,36 @@ def measure(name: str, pictures: Sequence[Picture], rivals: Sequence[Rival], giv
     return records
 
 
-def error_cell(records: Sequence[Record], base: dict[str, Record]) -> str:
+def error_cell(records: Rows, base: dict[str, dict[str, Any]]) -> str:
     """Write the mean error, or the ratio of the means and the number of pictures where they are not all there."""
     if not records:
         return "-"
-    mean = statistics.fmean(record.error for record in records)
+    mean = statistics.fmean(record["error"] for record in records)
     if len(records) == len(base):
         return f"{mean:.1f}" if mean < 1000 else f"{mean:.0f}"
-    compared = statistics.fmean(base[record.picture].error for record in records)
+    compared = statistics.fmean(base[record["picture"]]["error"] for record in records)
     return f"x{mean / compared:.3f} ({len(records)})"
 
 
-def time_cell(records: Sequence[Record], base: dict[str, Record]) -> str:
+def time_cell(records: Rows, base: dict[str, dict[str, Any]]) -> str:
     """Write the median seconds, and the median over the pictures of the ratio."""
     if not records:
         return "-"
-    ratio = statistics.median(record.seconds / base[record.picture].seconds for record in records)
-    return f"{statistics.median(record.seconds for record in records):.3f} (x{ratio:.3g})"
+    ratio = statistics.median(record["seconds"] / base[record["picture"]]["seconds"] for record in records)
+    return f"{statistics.median(record['seconds'] for record in records):.3f} (x{ratio:.3g})"
 
 
-def report(name: str, records: Sequence[Record], ks: Sequence[int]) -> None:
+def report(name: str, records: Rows, ks: Sequence[int]) -> None:
     """Print the two tables of a set."""
-    of_measure = group([record for record in records if record.rival == MEASURE], lambda record: record.k)
-    base = {k: {record.picture: record for record in rows} for k, rows in of_measure.items()}
+    of_measure = group([record for record in records if record["rival"] == MEASURE], lambda record: record["k"])
+    base = {k: {record["picture"]: record for record in rows} for k, rows in of_measure.items()}
     n_pictures = len(base[ks[0]])
-    rows_of = group(records, lambda record: record.rival)
+    rows_of = group(records, lambda record: record["rival"])
     header = ["rival", *(f"k={k}" for k in ks)]
     cells = {"error": error_cell, "time": time_cell}
     tables = {
         what: [
-            [rival, *(cell([record for record in rows if record.k == k], base[k]) for k in ks)]
+            [rival, *(cell([record for record in rows if record["k"] == k], base[k]) for k in ks)]
             for rival, rows in rows_of.items()
         ]
         for what, cell in cells.items()
@@ -181,7 +163,7 @@ def report(name: str, records: Sequence[Record], ks: Sequence[int]) -> None:
     print_table(f"{name}, {n_pictures} pictures: seconds a picture (times {MEASURE})", header, tables["time"])
 
 
-def explain(given: argparse.Namespace, records: Sequence[Record]) -> None:
+def explain(given: argparse.Namespace, records: Rows) -> None:
     """Say how to read the tables, what was left out, and who broke the rules."""
     print(
         "\nError: squared, summed over R, G and B, 8-bit palette, mean over the pictures. Seconds: from decoded pixels"
@@ -190,30 +172,25 @@ def explain(given: argparse.Namespace, records: Sequence[Record]) -> None:
         f"\nratio of the mean error to that of {MEASURE} on the same n pictures."
     )
     for record in records:
-        if record.n_colors > record.k:
-            print(f"too many colors: {record.rival} gave {record.n_colors} at k={record.k} on {record.picture}")
+        if record["n_colors"] > record["k"]:
+            print(f"too many colors: {record}")
 
 
 def main() -> None:
     """Measure, print, write."""
-    start = time.perf_counter()
     given = options()
     pin_threads(given.threads)
     print(f"Color quantization. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
     rivals = chosen(given.rivals)
     warm_up(rivals, given.threads)
-    records: list[Record] = []
+    records: Rows = []
     for name, pictures in picture_sets(given.data, given.pictures).items():
         of_set = measure(name, pictures, rivals, given)
         report(name, of_set, given.k)
         records += of_set
     explain(given, records)
-    rows = [asdict(record) for record in records]
     versions = {rival.name: rival.version() for rival in rivals}
-    write_results("quantization", {"threads": given.threads, "versions": versions}, rows)
-    if given.csv:
-        write_csv(given.csv, rows)
-    print(f"{time.perf_counter() - start:.0f} s in all")
+    write_results("quantization", {"threads": given.threads, "versions": versions}, records)
 
 
 if __name__ == "__main__":

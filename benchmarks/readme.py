@@ -138,7 +138,7 @@ PARTS = {
     "restoration": Part(
         "restoration.py --photographs {data}/kodak --damages 1 --rivals BM3D", "photographs", restoration
     ),
-    "regions": Part("hierarchy.py --parts regions", "hierarchy", regions),
+    "regions": Part("hierarchy.py --parts regions", "hierarchy_regions", regions),
     "files": Part("looks.py --pictures 6 --rivals pngquant", "looks", files),
     "bytes": Part("dithering.py --pictures 4 --rivals cvtimg pngquant", "dithering", bytes_of_files),
 }

@@ -264,18 +264,6 @@ class PillowOctree(Pillow):
     name, method = "Pillow octree", Image.Quantize.FASTOCTREE
 
 
-class PillowImagequant(Pillow):
-    """libimagequant, where Pillow was built with it; its wheels are not."""
-
-    name, method = "Pillow libimagequant", Image.Quantize.LIBIMAGEQUANT
-
-    def missing(self) -> str:
-        """Ask Pillow."""
-        from PIL import features
-
-        return "" if features.check_feature("libimagequant") else "this Pillow was built without libimagequant"
-
-
 class Program(Rival):
     """A program that is timed as a whole process: it reads a file and writes one."""
 
@@ -359,7 +347,6 @@ RIVALS: tuple[Rival, ...] = (
     PillowMedianCut(),
     PillowKmeans(),
     PillowOctree(),
-    PillowImagequant(),
     Pngquant(),
     ImageMagick(),
 )

@@ -3,7 +3,7 @@
 Prints four parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
 pictures, if they are there, at one setting for all of them; superpixels beside SLIC; seconds on a megapixel.
 
-    python benchmarks/segmentation.py [--quick] [--parts noise bsds superpixels speed]
+    python benchmarks/segmentation.py [--quick] [--parts noise bsds cells speed]
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, parser, pin_threads, print_table, progress, read_rgb, write_results
+from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb, run, timed
 from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize, segment, superpixels
 
-PARTS = ("noise", "bsds", "superpixels", "speed")
 SIGMAS = (0.25, 0.5, 1.0)
 N_SUPERPIXELS = 400
 #: The one setting for all Berkeley pictures.
@@ -41,7 +40,6 @@ BSDS_SETTING: dict[str, Any] = {
 }
 
 Labels = NDArray[Any]
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,13 +50,6 @@ class Divided:
     pixels: NDArray[np.uint8]
     segments: NDArray[Any]
     borders: NDArray[np.bool_]
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    choices = parser(__doc__)
-    choices.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="what to measure (default: all)")
-    return choices.parse_args()
 
 
 def three_shapes(size: int = 256) -> NDArray[np.bool_]:
@@ -82,27 +73,25 @@ def two_phase_rivals() -> dict[str, Callable[[NDArray[np.float64]], Labels]]:
     from skimage.segmentation import chan_vese
 
     return {
-        "cvtimg segment, edge_weight='auto'": lambda image: segment(image, 2, edge_weight="auto").labels,
-        "cvtimg segment (k-means)": lambda image: segment(image, 2).labels,
-        "Gaussian 1, then k-means": lambda image: segment(gaussian_filter(image, 1), 2).labels,
-        "Gaussian 2, then k-means": lambda image: segment(gaussian_filter(image, 2), 2).labels,
+        "cvtimg segment": lambda image: segment(image, 2).labels,
+        "cvtimg segment, edge_weight=0 (k-means)": lambda image: segment(image, 2, edge_weight=0).labels,
+        "Gaussian 1, then k-means": lambda image: segment(gaussian_filter(image, 1), 2, edge_weight=0).labels,
+        "Gaussian 2, then k-means": lambda image: segment(gaussian_filter(image, 2), 2, edge_weight=0).labels,
         f"{skimage()} chan_vese": lambda image: chan_vese(image).astype(int),
         f"{skimage()} chan_vese, mu=0.03": lambda image: chan_vese(image, mu=0.03).astype(int),
     }
 
 
-def noise_part(quick: bool) -> list[Row]:
-    """Measure accuracy on shapes of contrast 1 under noise."""
+def noise(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Measure percents of pixels right on three shapes of contrast 1 under noise, 256 x 256."""
     truth = three_shapes()
-    rows: list[Row] = []
+    rows: Rows = []
     for name, find in two_phase_rivals().items():
         for sigma in SIGMAS:
             progress(f"noise: {name} {sigma}")
-            for seed in range(2 if quick else 5):
+            for seed in range(2 if given.quick else 5):
                 image = truth + np.random.default_rng(seed).normal(0, sigma, truth.shape)
-                start = time.process_time()
-                found = find(image)
-                seconds = time.process_time() - start
+                found, seconds = timed(lambda find=find, image=image: find(image), time.process_time)
                 accuracy = float((bright(image, found) == truth).mean())
                 rows.append({"part": "noise", "rival": name, "sigma": sigma, "seed": seed, "accuracy": accuracy})
                 rows[-1]["seconds"] = seconds
@@ -110,52 +99,54 @@ def noise_part(quick: bool) -> list[Row]:
     for name in dict.fromkeys(row["rival"] for row in rows):
         own = [row for row in rows if row["rival"] == name]
         means = [100 * statistics.mean(row["accuracy"] for row in own if row["sigma"] == sigma) for sigma in SIGMAS]
-        table.append([name, *(f"{mean:.2f}" for mean in means), f"{statistics.median(r['seconds'] for r in own):.3f}"])
-    header = ["percent of pixels right", *(f"sigma {sigma}" for sigma in SIGMAS), "seconds"]
-    print_table("Three shapes of contrast 1 under noise, 256 x 256", header, table)
-    return rows
+        seconds = statistics.median(row["seconds"] for row in own)
+        table.append({"": name, **dict(zip(map("sigma {}".format, SIGMAS), means, strict=True)), "seconds": seconds})
+    return rows, table
 
 
-def berkeley(data: Path, quick: bool) -> list[Divided]:
-    """Read the Berkeley pictures with their human segmentations."""
+def berkeley(folder: Path, quick: bool) -> list[Divided]:
+    """Read the pictures of a folder of the Berkeley set with their human segmentations."""
     found = []
-    for path in sorted((data / "bsds").glob("*.jpg"))[:: 4 if quick else 1]:
+    for path in sorted(folder.glob("*.jpg"))[:: 4 if quick else 1]:
         with np.load(path.with_name(f"{path.stem}_gt.npz")) as truth:
-            shape = truth["shape"]
-            borders = np.unpackbits(truth["boundaries_packed"])[: np.prod(shape)].reshape(shape).astype(bool)
+            if "boundaries" in truth:
+                borders = truth["boundaries"]
+            else:
+                shape = truth["shape"]
+                borders = np.unpackbits(truth["boundaries_packed"])[: np.prod(shape)].reshape(shape).astype(bool)
             found.append(Divided(path.stem, read_rgb(path), truth["segmentation"], borders))
     return found
 
 
-def measured(
-    part: str, rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]], pictures: list[Divided], metrics: ModuleType
-) -> list[Row]:
+def measured(rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]], given: argparse.Namespace) -> Rows:
     """Score each rival on each picture."""
+    data = given.data or DATA
+    pictures, metrics = berkeley(data / "bsds", given.quick), metrics_of(data)
+    if metrics is None or not pictures:
+        print(f"Left out, for {data / 'bsds'} or the measures beside it are not there.", file=sys.stderr)
+        return []
     rows = []
     for name, divide in rivals.items():
         for picture in pictures:
-            progress(f"{part}: {name} {picture.name}")
-            start = time.process_time()
-            labels = divide(picture.pixels)
-            seconds = time.process_time() - start
+            progress(f"{name} {picture.name}")
+            labels, seconds = timed(lambda divide=divide, picture=picture: divide(picture.pixels), time.process_time)
             scores = metrics.scores(labels, picture.segments, picture.borders)
-            rows.append({"part": part, "rival": name, "picture": picture.name, **scores, "seconds": seconds})
+            rows.append({"rival": name, "picture": picture.name, **scores, "seconds": seconds})
     return rows
 
 
-def print_scores(title: str, rows: list[Row], columns: dict[str, str]) -> None:
-    """Print the means over the pictures."""
+def means_of(rows: Rows, columns: dict[str, str]) -> Rows:
+    """Return the means over the pictures."""
     table = []
     for name in dict.fromkeys(row["rival"] for row in rows):
         own = [row for row in rows if row["rival"] == name]
-        means = [statistics.mean(float(row[key]) for row in own) for key in columns]
-        median = statistics.median(row["seconds"] for row in own)
-        table.append([name, *(f"{mean:.3f}" if mean < 10 else f"{mean:.0f}" for mean in means), f"{median:.3f}"])
-    print_table(title, ["mean over the pictures", *columns.values(), "seconds"], table)
+        means = {column: statistics.mean(float(row[key]) for row in own) for key, column in columns.items()}
+        table.append({"": name, **means, "seconds": statistics.median(row["seconds"] for row in own)})
+    return table
 
 
-def bsds_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
-    """Compare with human segmentations."""
+def bsds(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Compare with human segmentations of Berkeley pictures."""
     from skimage.segmentation import felzenszwalb
 
     chosen = {key: value for key, value in BSDS_SETTING.items() if key != "n_segments"}
@@ -168,13 +159,12 @@ def bsds_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
         "cvtimg segment, K = 4 in lab": lambda image: segment(image, 4, space="lab").labels,
         f"{skimage()} felzenszwalb, scale 600": lambda image: felzenszwalb(image, scale=600),
     }
-    rows = measured("bsds", rivals, pictures, metrics)
+    rows = measured(rivals, given)
     columns = {"PRI": "PRI (high)", "VOI": "VOI (low)", "COV": "covering (high)", "n": "regions"}
-    print_scores(f"{len(pictures)} Berkeley pictures; {BSDS_SETTING}", rows, columns)
-    return rows
+    return rows, means_of(rows, columns)
 
 
-def superpixels_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
+def cells(given: argparse.Namespace) -> tuple[Rows, Rows]:
     """Compare superpixels; SLIC gives fewer than it is asked for, so it is asked for more too."""
     from skimage.segmentation import slic
 
@@ -184,10 +174,9 @@ def superpixels_part(pictures: list[Divided], metrics: ModuleType) -> list[Row]:
         f"{skimage()} slic, {N_SUPERPIXELS}": lambda image: slic(image, N_SUPERPIXELS),
         f"{skimage()} slic, {N_SUPERPIXELS * 27 // 20}": lambda image: slic(image, N_SUPERPIXELS * 27 // 20),
     }
-    rows = measured("superpixels", rivals, pictures, metrics)
+    rows = measured(rivals, given)
     columns = {"BR2": "boundary recall (high)", "UE": "undersegmentation (low)", "ASA": "achievable", "n": "cells"}
-    print_scores(f"Superpixels on {len(pictures)} Berkeley pictures", rows, columns)
-    return rows
+    return rows, means_of(rows, columns)
 
 
 def megapixel(data: Path) -> NDArray[np.uint8]:
@@ -197,19 +186,19 @@ def megapixel(data: Path) -> NDArray[np.uint8]:
         return np.asarray(image.convert("RGB").resize((1152, 868), Image.Resampling.BICUBIC))
 
 
-def speed_part(data: Path, repeats: int) -> list[Row]:
-    """Measure seconds of the processor; calls take turns."""
+def speed(given: argparse.Namespace) -> Rows:
+    """Measure seconds of the processor on one megapixel RGB; calls take turns."""
     from skimage.segmentation import slic
 
-    clean = megapixel(data)
-    noise = np.random.default_rng(0).normal(0, 40, clean.shape)
-    noisy = np.clip(np.rint(clean + noise), 0, 255).astype(np.uint8)
+    clean = megapixel(given.data or DATA)
+    grain = np.random.default_rng(0).normal(0, 40, clean.shape)
+    noisy = np.clip(np.rint(clean + grain), 0, 255).astype(np.uint8)
     calls: dict[str, Callable[[], Any]] = {
         "quantize, K = 4": lambda: quantize(clean, 4),
         "segment, K = 4": lambda: segment(clean, 4),
-        "segment, K = 4, edge_weight='auto'": lambda: segment(clean, 4, edge_weight="auto"),
+        "segment, K = 4, edge_weight=0": lambda: segment(clean, 4, edge_weight=0),
         "segment, K = 4, edge_weight=20": lambda: segment(clean, 4, edge_weight=20),
-        "segment, K = 4, edge_weight='auto', noise 40": lambda: segment(noisy, 4, edge_weight="auto"),
+        "segment, K = 4, noise 40": lambda: segment(noisy, 4),
         "segment, K = 4, components, min_size=100": lambda: segment(clean, 4, components=True, min_size=100),
         "superpixels, 100": lambda: superpixels(clean, 100),
         f"{skimage()} slic, its defaults (100)": lambda: slic(clean),
@@ -217,16 +206,11 @@ def speed_part(data: Path, repeats: int) -> list[Row]:
         f"{skimage()} slic, 1000": lambda: slic(clean, 1000),
     }
     seconds: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(repeats):
+    for _ in range(1 if given.quick else 5):
         for name, call in calls.items():
             progress(f"speed: {name}")
-            start = time.process_time()
-            call()
-            seconds[name].append(time.process_time() - start)
-    rows = [{"part": "speed", "call": name, "seconds": statistics.median(runs)} for name, runs in seconds.items()]
-    table = [[row["call"], f"{row['seconds']:.3f}"] for row in rows]
-    print_table("One megapixel RGB, seconds of the processor, one thread", ["call", "seconds"], table)
-    return rows
+            seconds[name] += cpu_seconds(call)
+    return [{"call": name, "seconds": statistics.median(runs)} for name, runs in seconds.items()]
 
 
 def skimage() -> str:
@@ -245,25 +229,5 @@ def metrics_of(data: Path) -> ModuleType | None:
     return module
 
 
-def main() -> None:
-    """Measure the parts that were asked for."""
-    args = options()
-    pin_threads(args.threads)
-    data = args.data or DATA
-    metrics, pictures = metrics_of(data), berkeley(data, args.quick)
-    rows: dict[str, list[Row]] = {}
-    if "noise" in args.parts:
-        rows["noise"] = noise_part(args.quick)
-    for part, run in (("bsds", bsds_part), ("superpixels", superpixels_part)):
-        if part in args.parts and (metrics is None or not pictures):
-            print(f"{part}: left out, as {data / 'bsds'} or the measures beside it are not there", file=sys.stderr)
-        elif part in args.parts and metrics is not None:
-            rows[part] = run(pictures, metrics)
-    if "speed" in args.parts:
-        rows["speed"] = speed_part(data, 1 if args.quick else 5)
-    for part, measured_rows in rows.items():
-        write_results(f"segmentation_{part}", {"setting": BSDS_SETTING}, measured_rows)
-
-
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), noise, bsds, cells, speed)

@@ -2,11 +2,10 @@
 
 Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids, to given offsets and to those where
 `sphere_grid` stops; refined ones, with the energy by the quadrature that published figures are given in as well; nested
-ones; grids along coasts, of the package global-land-mask or of a mask; and moves in patches, here and on workers of
-Dask, with the processor seconds of all processes.
+ones; and grids along coasts, of the package global-land-mask or of a mask.
 
     python -m venv stripy && stripy/bin/pip install "numpy<2" stripy
-    python benchmarks/sphere.py [--quick] [--only triangulations,uniform,refined,nested,coast,patches]
+    python benchmarks/sphere.py [--quick] [--parts triangulations uniform refined nested coast]
         [--land MASK.npy] [--stripy stripy/bin/python]
 """
 
@@ -24,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import parser, pin_threads, print_table, timed
+from common import Rows, parser, run, timed
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, SphericalVoronoi
 
@@ -32,11 +31,8 @@ from cvtimg.sphere import Refinement
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
-PARTS = ("triangulations", "uniform", "refined", "nested", "coast", "patches")
 #: Root mean squares of offsets to be reached, by numbers of points.
 OFFSETS = {40_962: 1e-6, 163_842: 6e-6, 655_362: 4e-6, 2_621_442: 2e-6}
-#: Moves in patches.
-MOVES = 20
 #: The density of one cap with cells four times as fine, and five more.
 CAP = np.array([0.3, -0.5, 0.6]) / 0.7**0.5
 #: The regional grids of J. Burkardt's lecture "Gridding the Earth": 65,026 points, 40 km apart in the United States
@@ -57,23 +53,14 @@ DENSITIES: dict[str, Callable[[Points], Any]] = {
 }
 
 
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
-    read.add_argument("--stripy", type=Path, metavar="PYTHON", help="Python that has stripy, which wants NumPy 1")
-    read.add_argument("--land", type=Path, help="(H, 2 H) array of the share of land, .npy (default: global-land-mask)")
-    return read.parse_args()
-
-
-def triangulations(quick: bool, python: Path | None) -> list[Row]:
+def triangulations(given: argparse.Namespace) -> Rows:
     """Triangulate the points of an icosahedral grid, in order and shuffled."""
     from cvtimg.sphere import triangulate
     from cvtimg.sphere.starts import bisected, icosahedron, in_order
     from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
     rows, mesh = [], icosahedron()
-    while len(mesh.points) < (40_962 if quick else 163_842):
+    while len(mesh.points) < (40_962 if given.quick else 163_842):
         mesh = bisected(mesh)
     rng = np.random.default_rng(0)
     ordered = in_order(mesh).points
@@ -84,7 +71,7 @@ def triangulations(quick: bool, python: Path | None) -> list[Row]:
         hull = timed(partial(ConvexHull, points), time.process_time)[1]
         row = {"points": f"{len(points)} {name}", "cvtimg": least, "ConvexHull / cvtimg": hull / least}
         row["SphericalVoronoi / cvtimg"] = timed(partial(SphericalVoronoi, points), time.process_time)[1] / least
-        row["stripy / cvtimg"] = None if python is None else _stripy_seconds(points, python) / least
+        row["stripy / cvtimg"] = None if given.stripy is None else _stripy_seconds(points, given.stripy) / least
         moving = SphereTriangulation(points)
         row["step of Lloyd's"] = min(
             timed(lambda m=moving: m.replace(unit(m.uniform_moments())), time.process_time)[1] for _ in range(3)
@@ -125,12 +112,12 @@ def figures(grid: Any, seconds: float) -> Row:
     }
 
 
-def uniform(quick: bool) -> list[Row]:
+def uniform(given: argparse.Namespace) -> Rows:
     """Make grids of even cells, to the offsets above, and as they are made by default."""
     import cvtimg
     from cvtimg.sphere.grids import EFFORTS
 
-    counts = (40_962, 40_000) if quick else (*OFFSETS, 40_000)
+    counts = (40_962, 40_000) if given.quick else (*OFFSETS, 40_000)
     rows = []
     for n in counts:
         if n in OFFSETS:
@@ -141,14 +128,14 @@ def uniform(quick: bool) -> list[Row]:
     return rows
 
 
-def refined(quick: bool) -> list[Row]:
+def refined(given: argparse.Namespace) -> Rows:
     """Make grids by densities; "E n" is the energy times n by moments alone, as published figures are."""
     import cvtimg
     from cvtimg.sphere.triangulation import SphereTriangulation
 
     rows = []
-    cases = [(name, 10_242 if quick else 40_962) for name in DENSITIES]
-    for name, n in cases if quick else [*cases, ("cap x4", 163_842)]:
+    cases = [(name, 10_242 if given.quick else 40_962) for name in DENSITIES]
+    for name, n in cases if given.quick else [*cases, ("cap x4", 163_842)]:
         density = DENSITIES[name]
         grid, seconds = timed(partial(cvtimg.sphere_grid, n, density=density), time.process_time)
         mesh = SphereTriangulation(grid.points, grid.triangles)
@@ -159,7 +146,7 @@ def refined(quick: bool) -> list[Row]:
     return rows
 
 
-def nested(quick: bool) -> list[Row]:
+def nested(given: argparse.Namespace) -> Rows:
     """Refine the United States three times, to cells of 40 and 120 km: as a new grid, and as a part of an even one.
 
     The even grid has 40,962 points. All triangles that have no corner in the nested region must stay.
@@ -167,12 +154,12 @@ def nested(quick: bool) -> list[Row]:
     import cvtimg
     from cvtimg.sphere import Cap, nested_grid
 
-    parent = cvtimg.sphere_grid(10_242 if quick else 40_962)
+    parent = cvtimg.sphere_grid(10_242 if given.quick else 40_962)
     # Outside of the circle around all but 29,756 points, the density is next to even.
-    n_inside = len(parent.points) - (7_440 if quick else 29_756)
+    n_inside = len(parent.points) - (7_440 if given.quick else 29_756)
     depths = np.sort(Cap(*PLACE, 90).depth(parent.points))
     within = Cap(*PLACE, 90 - float(np.degrees(depths[-n_inside - 1 : -n_inside + 1].mean())))
-    n = 8_818 if quick else 35_270
+    n = 8_818 if given.quick else 35_270
     total = len(parent.points) - n_inside + n
     new, seconds = timed(partial(cvtimg.sphere_grid, total, density=UNITED_STATES), time.process_time)
     rows = [{"scenario": "new", **_regional(new, seconds, within), "same bits": None, "lost triangles": None}]
@@ -205,17 +192,17 @@ def _kept(triangles: NDArray[Any]) -> set[tuple[int, ...]]:
     return {tuple(row) for row in np.sort(triangles[(triangles >= 0).all(axis=1)], axis=1).tolist()}
 
 
-def coast(quick: bool, land: Path | None) -> list[Row]:
+def coast(given: argparse.Namespace) -> Rows:
     """Make a grid along the coasts of the earth, and measure how far its points are from those of the map as it is."""
     from skimage.measure import find_contours
 
     from cvtimg.sphere import coastal_grid
     from cvtimg.sphere.densities import from_degrees
 
-    mask = _land() if land is None else np.load(land)
+    mask = _land() if given.land is None else np.load(given.land)
     if mask is None:
         return []
-    n = 10_242 if quick else 40_962
+    n = 10_242 if given.quick else 40_962
     grid, seconds = timed(partial(coastal_grid, n, mask), time.process_time)
     on_land, at_sea = grid.on_land[grid.triangles], ~(grid.on_land | grid.on_coast)[grid.triangles]
     height, width = mask.shape
@@ -244,48 +231,8 @@ def _land() -> Points | None:
     return np.asarray(1 - np.array(strips))
 
 
-def patches(quick: bool) -> list[Row]:
-    """Move the points of a bisected grid in patches: wall and processor seconds, and whether bits are the same."""
-    from clusters import here, on_cluster
-    from distributed import get_client
-
-    import cvtimg
-    from cvtimg.sphere import move_in_patches
-    from cvtimg.sphere.grids import as_grid
-    from cvtimg.sphere.starts import bisected, in_order
-    from cvtimg.sphere.triangulation import SphereTriangulation, uniform_cells
-
-    n = 40_962 if quick else 655_362
-    coarse = cvtimg.sphere_grid((n + 6) // 4, polish=False)
-    grid = as_grid(in_order(bisected(SphereTriangulation(coarse.points, coarse.triangles))), uniform_cells, None)
-    rows, first = [], None
-    for n_patches, n_workers in ((1, 0), (2, 0), (2, 1), (2, 2), (8, 2)):
-        move = partial(move_in_patches, grid, MOVES, n_patches=n_patches)
-        result, cost = on_cluster(n_workers, lambda f=move: f(client=get_client())) if n_workers else here(move)
-        first = result if first is None else first
-        rows.append(
-            {
-                "n": n,
-                "patches": n_patches,
-                "workers": n_workers or "none",
-                "wall": cost.wall,
-                "processor seconds": cost.cpu,
-                "offset": result.offset,
-                "same bits": bool((result.points == first.points).all()),
-            }
-        )
-    return rows
-
-
-def _shown(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
 if __name__ == "__main__":
-    given = options()
-    pin_threads(given.threads)
-    for part in given.only.split(","):
-        extra = {"triangulations": [given.stripy], "coast": [given.land]}.get(part, [])
-        rows = globals()[part](given.quick, *extra)
-        if rows:
-            print_table(part, list(rows[0]), [[_shown(value) for value in row.values()] for row in rows])
+    read = parser(__doc__)
+    read.add_argument("--stripy", type=Path, metavar="PYTHON", help="Python that has stripy, which wants NumPy 1")
+    read.add_argument("--land", type=Path, help="(H, 2 H) array of the share of land, .npy (default: global-land-mask)")
+    run(read, triangulations, uniform, refined, nested, coast)

@@ -3,7 +3,7 @@
 Prints for each way of stippling the PSNR and the error of tones after a blur by the distance of dots, in linear light,
 and processor seconds; the length and seconds of tours; and the PSNR of mosaics beside the means of SLIC superpixels.
 
-    python benchmarks/stippling.py [--quick] [--million]
+    python benchmarks/stippling.py [--quick] [--parts stippling tours mosaics million]
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, machine, parser, pin_threads, print_table, timed, write_results
+from common import DATA, SAMPLES, Rows, parser, run, timed
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
@@ -33,13 +33,6 @@ MAX_INK = 0.6
 FINE = 4
 
 
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--million", action="store_true", help="a million dots on the large photograph, too")
-    return read.parse_args()
-
-
 def photographs(megapixels: float, quick: bool) -> dict[str, NDArray[np.uint8]]:
     """Return photographs at about so many megapixels."""
     paths = [SAMPLES / "coffee.png", SAMPLES / "astronaut.png"]
@@ -54,14 +47,15 @@ def photographs(megapixels: float, quick: bool) -> dict[str, NDArray[np.uint8]]:
     return scaled
 
 
-def stippling(quick: bool) -> list[Row]:
-    """Compare ways of stippling with what plain weighted tessellations and error diffusion give."""
+def stippling(given: argparse.Namespace) -> Rows:
+    """Tones of stipples, after a blur by the distance of dots."""
+    quick = given.quick
     rows = []
     n_dots = 5000 if quick else 20_000
     for name, image in photographs(0.25 if quick else 1.0, quick).items():
         gray = np.asarray(Image.fromarray(image).convert("L"))
         wanted = np.float32(MAX_INK) * ink_coverage(gray)
-        for dots in ("equal", "equal-mass", "sized"):
+        for dots in ("equal", "sized"):
             draw = partial(cvtimg.stipple, gray, n_dots, dots=dots, max_ink=MAX_INK, tones="true")
             result, seconds = timed(draw, time.process_time)
             rows.append({"image": name, "dots": dots, **errors(result.points, result.radii, wanted), "s": seconds})
@@ -105,8 +99,9 @@ def srgb(light: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
 
 
-def tours(quick: bool) -> list[Row]:
-    """Measure tours through stipples, in square roots of their number times the area."""
+def tours(given: argparse.Namespace) -> Rows:
+    """Tours through stipples, in square roots of their number times the area."""
+    quick = given.quick
     gray = np.asarray(Image.fromarray(data.camera()).resize((632, 632)))
     rows = []
     for n_dots in (5000,) if quick else (5000, 20_000, 100_000):
@@ -118,8 +113,9 @@ def tours(quick: bool) -> list[Row]:
     return rows
 
 
-def mosaics(quick: bool) -> list[Row]:
-    """Compare mosaics with means of superpixels."""
+def mosaics(given: argparse.Namespace) -> Rows:
+    """PSNR of mosaics beside means of superpixels."""
+    quick = given.quick
     rows = []
     for name, image in photographs(0.1 if quick else 0.4, quick).items():
         for n_tiles in (250,) if quick else (1000, 4000):
@@ -145,10 +141,10 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     return float(-10 * np.log10(((a.astype(np.float64) - b) ** 2).mean() / 255**2))
 
 
-def million() -> list[Row]:
+def million(given: argparse.Namespace) -> Rows:
     """Stipple the large photograph by a million dots."""
     path = DATA / "large" / "Futuristic.jpg"
-    if not path.exists():
+    if given.quick or not path.exists():
         return []
     image = cvtimg.read_image(path)
     result, seconds = timed(partial(cvtimg.stipple, image, 1_000_000, tones="true"), time.process_time)
@@ -156,26 +152,5 @@ def million() -> list[Row]:
     return [{"dots": len(result), "pixels": image.shape[0] * image.shape[1], "s": seconds, "GB": memory}]
 
 
-def show(title: str, rows: list[Row]) -> list[Row]:
-    """Print rows as a table, and mark them with its title."""
-    words = [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
-    if rows:
-        print_table(title, list(rows[0]), words)
-    return [{"part": title, **row} for row in rows]
-
-
-def main() -> None:
-    """Measure and print."""
-    asked = options()
-    pin_threads(asked.threads)
-    print(machine())
-    parts = {"stippling": stippling, "tours": tours, "mosaics": mosaics}
-    rows = [row for title, part in parts.items() for row in show(title, part(asked.quick))]
-    if asked.million:
-        rows += show("million", million())
-    keys = dict.fromkeys(key for row in rows for key in row)
-    write_results("stippling", {"threads": asked.threads}, [{key: row.get(key, "") for key in keys} for row in rows])
-
-
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), stippling, tours, mosaics, million)

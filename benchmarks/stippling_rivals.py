@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, parser, pin_threads, print_table, timed, write_results
+from common import Rows, parser, run, timed
 from numpy.typing import NDArray
 from PIL import Image
 from stippling import MAX_INK, errors, photographs
@@ -37,13 +37,6 @@ D3_ITERATIONS, STIPPLER_ITERATIONS = 80, 50
 STIPPLER_MOST = 5000
 #: LBG: iterations, and the share of a dot that a cell may be off, at first and more each time.
 LBG_ITERATIONS, LBG_OFF, LBG_GROWTH = 50, 0.6, 0.01
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--node-modules", type=Path, metavar="DIR", help="folder with node_modules/d3-delaunay")
-    return read.parse_args()
 
 
 def by_density(density: NDArray[np.float32], n_dots: int) -> Points:
@@ -143,23 +136,18 @@ def compare(gray: NDArray[np.uint8], n_dots: int, asked: argparse.Namespace) -> 
     return rows
 
 
-def main() -> None:
-    """Measure and print."""
-    asked = options()
-    pin_threads(asked.threads)
-    print(machine())
+def rivals(given: argparse.Namespace) -> Rows:
+    """Seconds and energy over those of cvtimg, PSNR in dB and error of tones in %."""
     rows = []
-    header = ("", "dots", "processor s", "times ours", "energy over ours", "PSNR, dB", "error of tones, %")
-    images = photographs(0.25 if asked.quick else 1.0, quick=False)
-    for name in [name for name in ("camera", "kodim05") if name in images][: 1 if asked.quick else 2]:
+    images = photographs(0.25 if given.quick else 1.0, quick=False)
+    for name in [name for name in ("camera", "kodim05") if name in images][: 1 if given.quick else 2]:
         gray = np.asarray(Image.fromarray(images[name]).convert("L"))
-        for n_dots in (2000,) if asked.quick else (5000, 20_000):
-            found = compare(gray, n_dots, asked)
-            rows += [{"image": name, **row} for row in found]
-            table = [[f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()] for row in found]
-            print_table(f"{name}, {gray.size / 1e6:.2f} megapixels, {n_dots} dots", header, table)
-    write_results("stippling_rivals", {"threads": asked.threads}, rows)
+        for n_dots in (2000,) if given.quick else (5000, 20_000):
+            rows += [{"image": name, **row} for row in compare(gray, n_dots, given)]
+    return rows
 
 
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--node-modules", type=Path, metavar="DIR", help="folder with node_modules/d3-delaunay")
+    run(read, rivals)

@@ -1,6 +1,6 @@
-"""Radii of supports: overlap of covers by random, Halton and tessellation points, with seconds; a field around a slit.
+"""Radii of supports: overlap of covers by random, Halton and tessellation points, with seconds.
 
-Each cover is proved by the arrangement of its circles. The overlap is the share of entries of the matrix of a meshless
+The overlap is the share of entries of the matrix of a meshless
 method that are not zero. Uniform points, and points with the density exp(-3 |x|^2), which is centered on the region.
 
     python benchmarks/supports.py [--quick]
@@ -8,13 +8,12 @@ method that are not zero. Uniform points, and points with the density exp(-3 |x|
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import ROOT, machine, parser, pin_threads, print_table, timed, write_results
+from common import Rows, parser, run, timed
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
@@ -50,14 +49,14 @@ def points(kind: str, region: Any, n: int, density: Any) -> Points:
     return np.ascontiguousarray(places[good][:n])
 
 
-def covers(quick: bool) -> list[dict[str, Any]]:
-    """Cover both regions by all kinds of points."""
+def covers(given: argparse.Namespace) -> Rows:
+    """Share of entries of the overlap that are not zero."""
     from cvtimg import support_radii
 
     rows = []
     for name, region in regions().items():
         for law, density in (("uniform", None), ("Gaussian", gaussian)):
-            for n in (128,) if quick or density is not None else (128, 256, 512):
+            for n in (128,) if given.quick or density is not None else (128, 256, 512):
                 for kind in ("random", "Halton", "CVT"):
                     where = points(kind, region, n, density)
                     row = {"region": name, "density": law, "n": n, "points": kind}
@@ -68,34 +67,8 @@ def covers(quick: bool) -> list[dict[str, Any]]:
                         row |= {f"p={cover}": found.overlap.nnz / n**2, f"p={cover} s": seconds}
                         row["proved"] = row.get("proved", True) and found.proved
                     rows.append(row)
-    header = ("region", "density", "n", "points", "p = 1", "p = 3", "seconds, p = 3", "proved")
-    table = []
-    for r in rows:
-        figures = [f"{r['p=1']:.2%}", f"{r['p=3']:.2%}", f"{r['p=3 s']:.2f}", "yes" if r["proved"] else "no"]
-        table.append([r["region"], r["density"], str(r["n"]), r["points"], *figures])
-    print_table("Entries of the overlap that are not zero", header, table)
     return rows
 
 
-def slit(quick: bool) -> None:
-    """Run the example of a slit."""
-    sys.path.insert(0, str(ROOT / "examples"))
-    from slit import main as interpolate
-
-    halton, graded = interpolate(Path(ROOT / "out" / "slit.png"), 256 if quick else 1024).values()
-    table = [[str(d), f"{halton[d]:.3g}", f"{graded[d]:.3g}", f"{graded[d] / halton[d]:.3f}"] for d in halton]
-    print_table("A field around a slit: root mean squared error", ("degree", "Halton", "CVT", "ratio"), table)
-
-
-def main() -> None:
-    """Run both parts."""
-    asked = parser(__doc__).parse_args()
-    pin_threads(asked.threads)
-    print(machine())
-    rows = covers(asked.quick)
-    slit(asked.quick)
-    write_results("supports", {"threads": asked.threads}, rows)
-
-
 if __name__ == "__main__":
-    main()
+    run(parser(__doc__), covers)

@@ -18,24 +18,21 @@ import statistics
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from common import (
     DATA,
     Process,
+    Rows,
     large_pictures,
-    machine,
     parser,
-    pin_threads,
-    print_table,
     progress,
     read_rgb,
+    run,
     run_process,
     spread,
     squared_error,
-    write_results,
 )
 from numpy.typing import NDArray
 from rivals import ImageMagick, Pngquant
@@ -47,41 +44,13 @@ MEASURE = "cvtimg quantize"
 Spelling = Callable[[Path, Path, int, bool], list[str | Path]]
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """One program on one picture: medians over the rounds."""
-
-    picture: str
-    program: str
-    seconds: float
-    ratio: float | None
-    cpu_seconds: float
-    cpu_ratio: float | None
-    file_mib: float
-    error: float
-    rounds: int
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    read = parser(__doc__)
-    read.add_argument("--k", type=int, default=256, metavar="K", help="number of colors (256)")
-    read.add_argument("--rounds", type=int, metavar="N", help="times of which to take the median (5; quick: 2)")
-    read.add_argument("--cvtimg", metavar="PATH", help="the command to measure (default: that beside this Python)")
-    read.add_argument("--dither", action="store_true", help="with Floyd-Steinberg dithering")
-    given = read.parse_args()
-    given.rounds = given.rounds or (2 if given.quick else 5)
-    return given
-
-
 def programs(cvtimg: str | None) -> dict[str, Spelling]:
     """List the programs that run here, by name, and print why others are left out."""
     pngquant, magick = Pngquant(), ImageMagick()
     known: dict[str, tuple[str, str, Spelling]] = {}
     path, reason = find_cvtimg(cvtimg)
-    for effort in ("", "fast"):
-        name = f"{MEASURE} --effort {effort}" if effort else MEASURE
-        known[name] = (reason, path, spell_cvtimg(path, *(["--effort", effort] if effort else [])))
+    for words in ("", "--effort fast", "--goal eyes"):
+        known[f"{MEASURE} {words}".strip()] = (reason, path, spell_cvtimg(path, *words.split()))
     for speed in ("", "11"):
         name = f"pngquant --speed {speed}" if speed else "pngquant"
         known[name] = (pngquant.missing(), pngquant.program, spell_pngquant(pngquant.program, speed))
@@ -147,21 +116,20 @@ def output(folder: Path, name: str) -> Path:
     return folder / f"{name.replace(' ', '_')}.png"
 
 
-def summarize(picture: Path, pixels: NDArray[np.uint8], folder: Path, runs: dict[str, list[Process]]) -> list[Record]:
+def summarize(picture: Path, pixels: NDArray[np.uint8], folder: Path, runs: dict[str, list[Process]]) -> Rows:
     """Take medians, and measure what was written."""
     base = runs.get(MEASURE)
     return [
-        Record(
-            picture=picture.stem,
-            program=name,
-            seconds=round(statistics.median(cost.wall for cost in costs), 3),
-            ratio=_median_ratio([cost.wall for cost in costs], [cost.wall for cost in base or ()]),
-            cpu_seconds=round(statistics.median(cost.cpu for cost in costs), 3),
-            cpu_ratio=_median_ratio([cost.cpu for cost in costs], [cost.cpu for cost in base or ()]),
-            file_mib=round(output(folder, name).stat().st_size / 2**20, 2),
-            error=round(squared_error(pixels, read_rgb(output(folder, name))), 3),
-            rounds=len(costs),
-        )
+        {
+            "picture": picture.stem,
+            "program": name,
+            "seconds": statistics.median(cost.wall for cost in costs),
+            "ratio": _median_ratio([cost.wall for cost in costs], [cost.wall for cost in base or ()]),
+            "cpu_seconds": statistics.median(cost.cpu for cost in costs),
+            "cpu_ratio": _median_ratio([cost.cpu for cost in costs], [cost.cpu for cost in base or ()]),
+            "file_mib": output(folder, name).stat().st_size / 2**20,
+            "error": squared_error(pixels, read_rgb(output(folder, name))),
+        }
         for name, costs in runs.items()
     ]
 
@@ -173,56 +141,28 @@ def _median_ratio(costs: Sequence[float], base: Sequence[float]) -> float | None
     return round(statistics.median(cost / other for cost, other in zip(costs, base, strict=True)), 3)
 
 
-def report(pixels: NDArray[np.uint8], records: Sequence[Record]) -> None:
-    """Print the table of a picture."""
-    height, width = pixels.shape[:2]
-    print_table(
-        f"{records[0].picture}, {width}x{height}, median of {records[0].rounds} rounds",
-        ["program", "seconds", "ratio", "processor seconds", "ratio", "file MiB", "error per pixel"],
-        [
-            [
-                record.program,
-                f"{record.seconds:.3f}",
-                _times(record.ratio),
-                f"{record.cpu_seconds:.3f}",
-                _times(record.cpu_ratio),
-                f"{record.file_mib:.2f}",
-                f"{record.error:.2f}",
-            ]
-            for record in records
-        ],
-    )
-
-
-def _times(ratio: float | None) -> str:
-    return f"x{ratio:.2f}" if ratio else "-"
-
-
 def pictures(given: argparse.Namespace) -> list[Path]:
     """List the pictures: photographs of 768 x 512, where there are any, then those of 12 megapixels."""
     small = sorted(((given.data or DATA) / "kodak").glob("*.png"))
     return [*spread(small, 1 if given.quick else 3), *large_pictures(given.data)[: 1 if given.quick else None]]
 
 
-def main() -> None:
-    """Measure, print, write."""
-    given = options()
-    pin_threads(given.threads)
-    how = "with Floyd-Steinberg dithering" if given.dither else "no dithering"
-    print(f"PNG to PNG at k={given.k}, {how}. {machine()}. Threads: {given.threads or 'as each likes'}.\n")
+def processes(given: argparse.Namespace) -> Rows:
+    """Time whole processes from PNG to PNG: medians of rounds."""
+    given.rounds = given.rounds or (2 if given.quick else 5)
     commands = programs(given.cvtimg)
-    records: list[Record] = []
+    rows: Rows = []
     for picture in pictures(given):
-        pixels = read_rgb(picture)
         with tempfile.TemporaryDirectory() as folder:
             runs = take_turns(picture, Path(folder), commands, given)
-            of_picture = summarize(picture, pixels, Path(folder), runs)
-        if of_picture:
-            report(pixels, of_picture)
-        records += of_picture
-    about = {"threads": given.threads, "k": given.k, "dither": given.dither}
-    write_results("whole_process", about, [asdict(record) for record in records])
+            rows += summarize(picture, read_rgb(picture), Path(folder), runs)
+    return rows
 
 
 if __name__ == "__main__":
-    main()
+    read = parser(__doc__)
+    read.add_argument("--k", type=int, default=256, metavar="K", help="number of colors (256)")
+    read.add_argument("--rounds", type=int, metavar="N", help="times of which to take the median (5; quick: 2)")
+    read.add_argument("--cvtimg", metavar="PATH", help="the command to measure (default: that beside this Python)")
+    read.add_argument("--dither", action="store_true", help="with Floyd-Steinberg dithering")
+    run(read, processes)

@@ -24,7 +24,6 @@ from . import surfaces as surfaces
 from . import tables as tables
 from .artwork.mosaics import mosaic as mosaic
 from .artwork.stippling import stipple as stipple
-from .bases.film import key_frames as key_frames
 from .bases.reduction import reduced_basis as reduced_basis
 from .designs.latin import latinize as latinize
 from .designs.measures import point_measures as point_measures
@@ -45,9 +44,9 @@ from .palettes.files import write_palette as write_palette
 from .pictures.files import read_image as read_image
 from .pictures.files import write_image as write_image
 from .placement.place import place_generators as place_generators
-from .quantization.animations import quantize_frames as quantize_frames
 from .quantization.images import quantize as quantize
 from .quantization.palette_search import find_palette as find_palette
+from .quantization.series import quantize_frames as quantize_frames
 from .restoration.films import restore_frames as restore_frames
 from .restoration.reconstruction import restore as restore
 from .segmentation.grid_cells import superpixels as superpixels

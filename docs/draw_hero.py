@@ -71,14 +71,14 @@ def dots(axes: Axes) -> None:
     """Show a portrait in dots."""
     face = data.astronaut()[:250, 95:345]  # type: ignore[no-untyped-call]
     portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
-    drawn = cvtimg.stipple(portrait, 7000, dots="equal-mass", max_ink=0.8).draw(scale=4)
+    drawn = cvtimg.stipple(portrait, 7000, max_ink=0.8).draw(scale=4)
     show(axes, drawn, "7,000 dots for a plotter")
 
 
 def mesh(axes: Axes) -> None:
     """Show a mesh of the segments of a drawing."""
     image = cvtimg.read_image(SAMPLES / "drawing.png")
-    segmented = cvtimg.segment(image, 6)
+    segmented = cvtimg.segment(image, 6, edge_weight=0)
     made = cvtimg.mesh_labels(segmented.labels, n=900)
     colors = segmented.generators[made.tags - 1] / 255
     triangles = list(made.points[made.triangles])

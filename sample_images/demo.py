@@ -104,7 +104,7 @@ def segmented(name: str) -> list[Panel]:
     """Show an image, its elbow palette, its segments with their edges, and superpixels."""
     image = read_image(FOLDER / name)
     few = quantize(image, "auto")
-    segments = segment(image, 6, space="lab", edge_weight="auto", components=True, min_size=100)
+    segments = segment(image, 6, space="lab", components=True, min_size=100)
     cells = superpixels(image, 400)
     return [
         Panel(image, (Path(name).stem,)),
@@ -125,7 +125,7 @@ def restored() -> list[Panel]:
 def art() -> list[Panel]:
     """Show a portrait in dots, a photograph in dots of four inks, and mosaics of it."""
     portrait, cup = read_image(FOLDER / "astronaut.png"), read_image(FOLDER / "coffee.png")
-    dots = stipple(portrait, 8000, dots="equal-mass")
+    dots = stipple(portrait, 8000)
     inks = stipple(cup, 20000, dots="sized", layers="cmyk")
     return [
         Panel(dots.draw(scale=2), (f"{len(dots):,} dots",)),

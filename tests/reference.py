@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 
 def squared_distances(samples: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
@@ -41,6 +42,15 @@ def seen_energy(one: NDArray[Any], other: NDArray[Any]) -> float:
     if one.ndim == 2 or one.shape[2] not in (2, 4):
         return float(((one.astype(float) - other) ** 2).sum())
     return sum(float(((composite(one, b) - composite(other, b)) ** 2).sum()) for b in (0, 1)) / 2 * peak**2
+
+
+def same_partition(one: NDArray[Any], other: NDArray[Any]) -> float:
+    """Share of the elements that two labelings put into the same part, when parts are matched one to one at best."""
+    _, first = np.unique(one, return_inverse=True)
+    _, second = np.unique(other, return_inverse=True)
+    table = np.zeros((first.max() + 1, second.max() + 1))
+    np.add.at(table, (first.ravel(), second.ravel()), 1)
+    return float(table[linear_sum_assignment(table, maximize=True)].sum() / table.sum())
 
 
 def edge_weighted_energy(

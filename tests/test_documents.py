@@ -54,7 +54,7 @@ SLOW_IN_PYTHON = {
     "globe.md",
     "grid_files.md",
     "hierarchy.md",
-    "key_frames.md",
+    "modes.md",
     "merging_exposures.md",
     "mesh_from_mask.md",
     "meshes.md",
@@ -231,7 +231,7 @@ def test_the_extra_all_holds_every_optional_part() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     named = re.fullmatch(r"cvtimg\[(.*)\]", *extras["all"])
     assert named
-    optional = set(extras) - {"all", "bench", "docs", "lint", "test"}
+    optional = set(extras) - {"all", "bench", "dist", "docs", "lint", "test", "test-slow"}
     assert set(named[1].split(",")) == optional
     page = (ROOT / "docs" / "installation.md").read_text()
     assert set(re.findall(r"^\| `(\w+)` \|", page, flags=re.MULTILINE)) == optional

@@ -51,13 +51,6 @@ def test_territories_are_more_regular_where_fish_settle_together(example: Any, t
     Image.open(tmp_path / "t.png").verify()
 
 
-def test_a_field_around_a_slit_is_interpolated_better_from_a_tessellation(example: Any, tmp_path: Path) -> None:
-    halton, graded = example("slit").main(tmp_path / "s.png", n_points=400, n_places=800).values()
-    assert graded[1] < 0.75 * halton[1]
-    assert graded[2] < 0.75 * halton[2]
-    Image.open(tmp_path / "s.png").verify()
-
-
 def test_residuals_lead_to_meshes_that_are_as_good_as_they_can_be(example: Any, tmp_path: Path) -> None:
     pytest.importorskip("skfem")
     for name, found in example("adaptive").main(["interfaces", "gear"], 1000, tmp_path).items():

@@ -22,25 +22,12 @@ from cvtimg._shared.extras import Extra, needs
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
-    *(
-        "aiohttp",
-        "astropy",
-        "av",
-        "dask",
-        "distributed",
-        "fsspec",
-        "imagecodecs",
-        "kneed",
-        "matplotlib",
-        "meshio",
-        "netCDF4",
-    ),
+    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
     *(
         "numexpr",
         "oxipng",
         "psutil",
         "pyarrow",
-        "pymetis",
         "pythoncdt",
         "rawpy",
         "roifile",
@@ -107,7 +94,7 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_extras_are_those_of_the_project() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = set(project["optional-dependencies"]) - {"all", "bench", "docs", "lint", "test"}
+    extras = set(project["optional-dependencies"]) - {"all", "bench", "dist", "docs", "lint", "test", "test-slow"}
     assert set(get_args(Extra)) == extras
     assert needs("zarr 3", "zarr") == "zarr 3: pip install 'cvtimg[zarr]'"
 
@@ -172,7 +159,6 @@ def test_commands_need_no_extra_for_their_own_job() -> None:
         "sphere -n 42 -o grid.csv",
         "design -n 8 -d 2 -o points.csv",
         "cluster table.csv -k 2 -o clusters.csv",
-        "keyframes folder -n 2 --out-dir out",
         "basis folder -n 2 -o basis.npz",
         "info a.png",
     )
@@ -184,7 +170,6 @@ NEED_EXTRAS = [
     ("quantize a.png -k 4 --optimize", 2, "--optimize needs oxipng: pip install 'cvtimg[oxipng]'"),
     ("quantize a.fits -k 4", 1, "a.fits: is a FITS file, which needs astropy: pip install 'cvtimg[fits]'"),
     ("restore a.dng -o b.png", 1, "a.dng: needs rawpy: pip install 'cvtimg[raw]'"),
-    ("restore a.mp4 -o b.mp4", 1, "a.mp4: needs av: pip install 'cvtimg[films]'"),
     (
         "quantize lzw.tif -k 4",
         1,

@@ -119,11 +119,11 @@ def check_non_negative(name: str, value: float) -> float:
     return number
 
 
-def check_edge_weight(edge_weight: float | str) -> float | None:
+def check_edge_weight(edge_weight: float | str, name: str = "edge_weight") -> float | None:
     """Return an edge weight >= 0, or None for "auto"."""
     if not isinstance(edge_weight, str):
-        return check_non_negative("edge_weight", edge_weight)
-    check_in_range("edge_weight", edge_weight, edge_weight == "auto", "a finite number >= 0, or 'auto'")
+        return check_non_negative(name, edge_weight)
+    check_in_range(name, edge_weight, edge_weight == "auto", "a finite number >= 0, or 'auto'")
     return None
 
 

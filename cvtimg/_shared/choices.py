@@ -13,9 +13,7 @@ MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic"
 InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
 SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
 AveragingName: TypeAlias = Literal["before", "after"]
-DitherName: TypeAlias = Literal[
-    "floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16", "compact"
-]
+DitherName: TypeAlias = Literal["floyd-steinberg", "edge-aware", "blue-noise", "bayer", "compact"]
 NoiseName: TypeAlias = Literal["auto", "white"]
 AlignName: TypeAlias = Literal["auto", "translation", "euclidean", "affine", "homography"]
 GoalName: TypeAlias = Literal["error", "eyes"]

@@ -70,6 +70,9 @@ if hasattr(os, "register_at_fork"):
 def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
     """Call ``kernel(start, stop)`` for parts of `n_items`, in threads where `work`, in steps, is worth them."""
     n_parts = int(min(1 if _alone.get() else n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
+    if n_parts <= 1:
+        kernel(0, n_items)
+        return
     bounds = [n_items * part // n_parts for part in range(n_parts + 1)]
     others = [_pool().submit(kernel, *ends) for ends in pairwise(bounds[1:])]
     kernel(bounds[0], bounds[1])

@@ -8,20 +8,12 @@ those among all dots, so that they do not fall on each other.
 M. Jiang, Y. Zhou, R. Wang, R. Southern, J. J. Zhang, Blue noise sampling using an SPH-based method, ACM Trans. Graphics
 34 (2015), doi 10.1145/2816795.2818102; L.-Y. Wei, Multi-class blue noise sampling, ACM Trans. Graphics 29 (2010), doi
 10.1145/1778765.1778816.
-
-Cells of equal mass: M. Balzer, T. Schloemer, O. Deussen, Capacity-constrained point distributions: a variant of Lloyd's
-method, ACM Trans. Graphics 28 (2009), doi 10.1145/1531326.1531392; by weights as in F. de Goes, K. Breeden, V.
-Ostromoukhov, M. Desbrun, Blue noise through optimal transport, ACM Trans. Graphics 31 (2012), doi
-10.1145/2366145.2366190; and by Newton's method on them, with steps halved where masses would be less equal, as in J.
-Kitagawa, Q. Merigot, B. Thibert, Convergence of a Newton algorithm for semi-discrete optimal transport, J. Eur. Math.
-Soc. 21 (2019), doi 10.4171/JEMS/889.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,17 +26,7 @@ from cvtimg.placement.pictures import WhereMassIs, picture_moments
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
-DOTS = ("equal", "equal-mass", "sized")
-#: Steps of Newton's method after the last move.
-_LAST_STEPS = 4
-#: How often a step is halved that makes masses less equal, as between lines with paper around them.
-_HALVED = 6
-#: What neighbors exchange at least, as a part of what they would in a lattice: across paper all cells hang together.
-_LEAST_EXCHANGE = 0.1 / (2 * np.sqrt(3))
-#: Points nearer to each other than this, in pixels, exchange no more.
-_NEAR = 0.05
-#: Steps of the solver, and the residual, as a part of the first, at which it ends.
-_SOLVER_STEPS, _SOLVED = 60, 1e-2
+DOTS = ("equal", "sized")
 #: How often the density is corrected, and moves after each correction.
 _ROUNDS, _MOVES = 4, 4
 #: The density grows as this power of the ink of a cell, in units of the mean, and at most by this factor.
@@ -53,103 +35,12 @@ _POWER, _LARGEST = 2.0, 4.0
 _SMOOTHED = 0.5
 #: Moves, after how many the tones are corrected, and how far dots go to the centers of their cells among all dots.
 _PEN_MOVES, _CORRECTED, _TO_ALL = 20, 4, 0.5
-#: Moves of dots to the centers of the ink of their cells at the end; and where those of other pens are in the way.
-_LAST_MOVES = {"equal": 1, "equal-mass": 5, "sized": 2}
-_LAST_MOVES_APART = {"equal": 0, "equal-mass": 1, "sized": 0}
+#: Moves of dots to the centers of the ink of their cells at the end.
+_LAST_MOVES = {"equal": 1, "sized": 2}
 #: Parts of the time: until dots are balanced, until those of pens are placed, until all but the last moves are made.
-_PLACED, _OF_PENS = 0.3, 0.5
-_SPREAD = {"equal": 0.9, "equal-mass": 0.3, "sized": 0.9}
-#: Steps of the tones that sizes of dots are told by, and of the search for how they grow.
-_TONES, _HALVINGS = 1024, 40
-
-
-def share_equally(moments: PixelMoments, points: Floats, n_moves: int) -> tuple[Floats, Floats]:
-    """Return points and the weights of power cells that share the mass of a picture.
-
-    Points make `n_moves` moves to the centers of mass of such cells. A move carries ink over long ways, after which
-    weights begin anew.
-    """
-    weights = np.zeros(len(points))
-    if len(points) == 1:
-        return points, weights
-    for _ in each(range(n_moves)):
-        points = moments(points, _balanced(moments, points, np.zeros(len(points)))).centroids
-    for _ in range(_LAST_STEPS):
-        weights = _balanced(moments, points, weights)
-    return points, weights
-
-
-def _balanced(moments: PixelMoments, points: Floats, weights: Floats) -> Floats:
-    """Step towards weights whose power cells have equal masses, or stay where no step leads there."""
-    share = moments.mass / len(points)
-    lack = share - moments(points, weights).masses
-    step = _solve(_exchange(moments, points, weights), lack)
-    for _ in range(_HALVED):
-        there = weights + step
-        if np.square(share - moments(points, there).masses).sum() < np.square(lack).sum():
-            return there
-        step /= 2
-    return weights
-
-
-def _exchange(moments: PixelMoments, points: Floats, weights: Floats) -> Any:
-    """Return the (N, N) sparse matrix of how masses change with weights.
-
-    A border between generators at distance d moves by 1 / (2 d) for each unit of weight. In a row of pixels it moves
-    by 1 / (2 dx), so that the density there over 2 dx, summed over rows, is what two cells exchange; over columns for
-    borders that run more along rows.
-    """
-    from scipy.sparse import csr_array, dia_array
-    from scipy.spatial import cKDTree
-
-    n_points = len(points)
-    labels, density = moments.labels(points, weights), moments.density
-    found = [_crossings(labels, density, points), _crossings(labels.T, density.T, points[:, ::-1])]
-    one, other, flow = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    # Weights are in squared units and dx in units; a border moves by pixels, of which a unit has as many as the scale.
-    borders = csr_array((flow * moments.scale, (one, other)), shape=(n_points, n_points))
-    gaps, near = cKDTree(points).query(points, min(7, n_points))
-    own, others = np.repeat(np.arange(n_points), near.shape[1] - 1), near[:, 1:].ravel()
-    least = _LEAST_EXCHANGE * moments.mass / n_points / np.maximum(gaps[:, 1] ** 2, 1e-6)
-    close = csr_array((least[own], (own, others)), shape=(n_points, n_points))
-    both_ways = (borders + borders.T).maximum(close.maximum(close.T))
-    return dia_array((both_ways.sum(axis=1)[np.newaxis] * (1 + 1e-4), [0]), shape=both_ways.shape) - both_ways
-
-
-def _crossings(
-    labels: NDArray[np.int32], density: NDArray[np.float32], points: Floats
-) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """List where borders that run more along columns cross rows: the cells on both sides, and what they exchange."""
-    y, x = np.nonzero(labels[:, 1:] != labels[:, :-1])
-    left, right = labels[y, x], labels[y, x + 1]
-    step_x, step_y = np.abs(points[right] - points[left]).T
-    steep = step_x >= step_y
-    y, x, left, right, step_x = y[steep], x[steep], left[steep], right[steep], step_x[steep]
-    here = 0.5 * (density[y, x] + density[y, x + 1])
-    return left, right, here / (2 * np.maximum(step_x, _NEAR))
-
-
-def _solve(matrix: Any, right: Floats) -> Floats:
-    """Solve a positive definite system by conjugate gradients, roughly.
-
-    Not by SciPy, whose products go through a BLAS: its threads change bits, and spin while they wait.
-    """
-    scale = 1 / matrix.diagonal()
-    solution = np.zeros_like(right)
-    rest = right.copy()
-    direction = scale * rest
-    product = first = float(np.einsum("k,k", rest, direction))
-    for _ in range(_SOLVER_STEPS):
-        if product <= _SOLVED**2 * first:
-            break
-        image = matrix @ direction
-        length = product / float(np.einsum("k,k", direction, image))
-        solution += length * direction
-        rest -= length * image
-        scaled = scale * rest
-        before, product = product, float(np.einsum("k,k", rest, scaled))
-        direction = scaled + product / before * direction
-    return solution
+_PLACED, _OF_PENS, _SPREAD = 0.3, 0.5, 0.9
+#: Steps of the tones that sizes of dots are told by, and logarithms of the powers by which they may grow.
+_TONES, _POWERS = 1024, (-10.0, 10.0)
 
 
 def balance_tones(amount: Floats32, points: Floats) -> Floats:
@@ -223,20 +114,19 @@ class DotLayer:
     points: Floats
     radii: Floats
     masses: Floats
-    weights: Floats
     energy: float
 
 
 def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float, float] | None) -> DotLayer:
     """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for.
 
-    Dots are "equal", of one size where the density tells; "equal-mass", of one size with cells of one mass; or "sized",
-    each as large as its mass, with radii in a range if one is given.
+    Dots are "equal", of one size where the density tells; or "sized", each as large as its mass, with radii in a range
+    if one is given.
     """
     amount = _amount(ink, n_dots, radius_range)
-    with part(0, _SPREAD[dots]):
+    with part(0, _SPREAD):
         points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
-    with part(_SPREAD[dots], 1):
+    with part(_SPREAD, 1):
         return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
 
 
@@ -249,8 +139,7 @@ def place_pens(
         placed = [_spread_dots(*pen, balanced=True) for pen in each(list(zip(amounts, counts, strict=True)))]
     with part(_OF_PENS, 1):
         apart = keep_apart(amounts, placed)
-    moves = _LAST_MOVES_APART[dots]
-    return [_finished(ink, points, dots, radius_range, moves) for ink, points in zip(inks, apart, strict=True)]
+    return [_finished(ink, points, dots, radius_range, 0) for ink, points in zip(inks, apart, strict=True)]
 
 
 def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> Floats32:
@@ -278,50 +167,20 @@ def _finished(
     """Make the last moves of dots, and find their sizes."""
     n_dots = len(points)
     if n_dots == 0:
-        return DotLayer(points, np.empty(0), np.empty(0), np.empty(0), 0.0)
-    moments, weights = picture_moments(ink, n_dots), np.zeros(n_dots)
-    if dots == "equal-mass":
-        points, weights = share_equally(moments, points, n_moves)
-    else:
-        # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
-        for _ in range(n_moves):
-            points = moments(points).centroids
+        return DotLayer(points, np.empty(0), np.empty(0), 0.0)
+    moments = picture_moments(ink, n_dots)
+    # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
+    for _ in range(n_moves):
+        points = moments(points).centroids
     points = WhereMassIs(moments)(points, points)
-    found = moments(points, weights)
+    found = moments(points)
     masses = found.masses
     radii = np.full(n_dots, np.sqrt(moments.mass / n_dots / np.pi))
     if dots == "sized":
         radii = np.sqrt(masses / np.pi)
         if radius_range is not None:
             radii = np.clip(radii, *radius_range)
-    return DotLayer(points, radii, masses, weights, found.energy)
-
-
-def share_dots(dots: DotLayer, inks: Sequence[Floats32], order: NDArray[np.intp]) -> list[DotLayer]:
-    """Give the dots of one tessellation to several pens, so that each pen has its ink everywhere.
-
-    The dots are walked along a tour, and each goes to the pen that is most in arrears: what a pen has had too much or
-    too little is carried on to the next dot, which is near. Dots of all pens together keep their distances.
-    """
-    if len(dots.points) == 0:
-        return [dots] * len(inks)
-    found = [
-        picture_moments(ink, len(dots.points))(dots.points).masses if ink.any() else np.zeros(len(dots.points))
-        for ink in inks
-    ]
-    wanted = np.stack(found, axis=1)[order]
-    pens = np.empty(len(order), np.intp)
-    arrears = np.zeros(len(inks))
-    for step, (dot, mass) in enumerate(zip(order, wanted, strict=True)):
-        arrears += mass
-        pens[dot] = pen = int(arrears.argmax())
-        arrears[pen] -= wanted[step].sum()
-    parts = [np.flatnonzero(pens == pen) for pen in range(len(inks))]
-    energies = [dots.energy, *([0.0] * (len(inks) - 1))]
-    return [
-        DotLayer(dots.points[own], dots.radii[own], dots.masses[own], dots.weights[own], energy)
-        for own, energy in zip(parts, energies, strict=True)
-    ]
+    return DotLayer(points, radii, masses, found.energy)
 
 
 def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -> Floats32:
@@ -338,10 +197,12 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
     def areas(tone: Floats, exponent: float) -> Floats:
         return np.pi * (least + (greatest - least) * (tone / darkest) ** exponent) ** 2
 
-    low, high = -10.0, 10.0  # logarithms of the power
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        n_needed = float((counts * tones / areas(tones, np.exp(middle))).sum())
-        low, high = (middle, high) if n_needed < n_dots else (low, middle)
-    table = areas(np.linspace(0, darkest, _TONES), np.exp(middle)).astype(np.float32)
+    def excess(power: float) -> float:
+        return float((counts * tones / areas(tones, np.exp(power))).sum()) - n_dots
+
+    from scipy.optimize import bisect
+
+    low, high = _POWERS
+    power = low if excess(low) > 0 else high if excess(high) < 0 else float(bisect(excess, low, high, xtol=1e-9))
+    table = areas(np.linspace(0, darkest, _TONES), np.exp(power)).astype(np.float32)
     return table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]

@@ -179,13 +179,6 @@ class Mosaic(ReadOnly):
             Pixels written per pixel of the image; only for pixels.
         overwrite : bool
             Replace an existing file.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is unknown.
-        OSError
-            If the file cannot be written.
         """
         check_non_negative("outline", outline)
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
@@ -293,11 +286,6 @@ def mosaic(
     Returns
     -------
     Mosaic
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
 
     See Also
     --------

@@ -15,9 +15,8 @@ from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, num
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
 from cvtimg.colors.spaces import from_space, to_space
-from cvtimg.files.arrays import save_arrays
 from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath, whole_file, write_text
+from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
@@ -29,16 +28,13 @@ _FINE = 8
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 _INCH = 25.4
-MARKS = ("disks", "circles", "points", "lines")
-#: Formats of dots beside those of pixels.
-TABLES = (".csv", ".npy", ".npz")
+MARKS = ("disks", "circles", "points")
 #: Width of the line of circles, in millimeters, where none is given.
 _LINE = 0.3
-#: Half a diagonal of points, and half the length of lines, in widths of the pen: a pen that goes no way at all may make
-#: no dot.
+#: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
-#: Area that the pen covers for a dot, in squared widths of the pen.
-_COVERED = {"points": np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2, "lines": np.pi / 4 + 2 * _POINT}
+#: Area that the pen covers for a point, in squared widths of the pen.
+_COVERED = np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2
 #: Width of the lines of cells, in millimeters.
 _CELL_LINE = 0.1
 
@@ -72,28 +68,18 @@ class PenDots:
 
 def suffixes() -> list[str]:
     """List what dots can be written in."""
-    return [".svg", *(suffix for suffix in image_suffixes() if suffix not in TABLES), *TABLES]
+    return [".svg", *(suffix for suffix in image_suffixes() if suffix != ".npy"), ".csv"]
 
 
 def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> None:
-    """Write dots as text, or as arrays of NumPy."""
+    """Write dots as text."""
     points, radii, masses = (
         np.concatenate([getattr(pen, name) for pen in pens]) for name in ("points", "radii", "masses")
     )
     layers = np.repeat(np.arange(len(pens)), [len(pen.radii) for pen in pens])
-    suffix = Path(path).suffix.lower()
-    if suffix == ".csv":
-        columns = (points[:, 0], points[:, 1], radii, masses, layers)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
-        return
-    if suffix == ".npz":
-        colors = np.stack([pen.color for pen in pens])
-        arrays = {"points": points, "radii": radii, "masses": masses, "layers": layers, "colors": colors}
-        save_arrays(path, "stipples", arrays, overwrite=overwrite)
-        return
-    with whole_file(path, overwrite=overwrite) as file:
-        np.save(file, np.column_stack([points, radii, layers]))
+    columns = (points[:, 0], points[:, 1], radii, masses, layers)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
 
 
 def write_svg(
@@ -127,20 +113,17 @@ def _layers(pens: Sequence[PenDots], ground: NDArray[np.uint8], paper: Paper, sc
 
 
 def _suiting_line(marks: str, radii: NDArray[np.float64]) -> float:
-    """Choose a width of the pen: for marks that it dots, so that they cover what the dots do."""
-    if marks not in _COVERED or not len(radii):
-        return _LINE
-    return float(radii.mean() * np.sqrt(np.pi / _COVERED[marks]))
+    """Choose a width of the pen: for points, so that they cover what the dots do."""
+    return float(radii.mean() * np.sqrt(np.pi / _COVERED)) if marks == "points" and len(radii) else _LINE
 
 
 def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float) -> Iterator[str]:
     half = _POINT * line
-    if marks in _COVERED:
+    if marks == "points":
         # Loops have corners: viewers leave a hole in a round one that is smaller than its line is wide.
         r = number(half, 4)
-        way = f"h{number(2 * half, 4)}" if marks == "lines" else f"l{r}-{r} {r} {r}-{r} {r}z"
         starts = zip(numbers(places[:, 0] - half, 3), numbers(places[:, 1], 3), strict=True)
-        yield from (f'<path d="M{x} {y}{way}"/>\n' for x, y in starts)
+        yield from (f'<path d="M{x} {y}l{r}-{r} {r} {r}-{r} {r}z"/>\n' for x, y in starts)
         return
     if marks == "circles":
         radii = np.maximum(radii - line / 2, half)
@@ -155,7 +138,7 @@ def write_cells(
     if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".geojson":
         _write_geojson(path, pens, overwrite)
         return
-    scale = Paper(width, "lines", None).width / size[1]
+    scale = Paper(width, "circles", None).width / size[1]
     body = _cell_layers(pens, scale)
     write_text(path, drawing(width, size[0] * scale, body, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
@@ -234,8 +217,6 @@ class Stipples(ReadOnly):
         In pixels.
     masses : (N,) float64 array
         The ink, as area in pixels, that the cell of each dot asks for.
-    weights : (N,) float64 array
-        Weights of the power cells, in squared pixels; 0 where cells are Voronoi cells.
     layers : (N,) int32 array
         The pen of each dot: an index of `colors`. Dots of one layer follow each other.
     order : (N,) integer array
@@ -257,7 +238,6 @@ class Stipples(ReadOnly):
     points: NDArray[np.float64]
     radii: NDArray[np.float64]
     masses: NDArray[np.float64]
-    weights: NDArray[np.float64]
     layers: NDArray[np.int32]
     order: NDArray[np.intp]
     colors: NDArray[np.uint8]
@@ -288,7 +268,7 @@ class Stipples(ReadOnly):
         for pen in range(len(self.colors)):
             own = np.flatnonzero(self.layers == pen)
             if len(own):
-                for dot, cell in zip(own, power_cells(self.points[own], self.weights[own], self.size), strict=True):
+                for dot, cell in zip(own, power_cells(self.points[own], None, self.size), strict=True):
                     cells[dot] = cell
         return tuple(cells)
 
@@ -351,36 +331,27 @@ class Stipples(ReadOnly):
         ----------
         path : str or path-like
             .svg: a drawing in millimeters with one layer per pen. .png and other formats of pixels: what `draw` gives.
-            .csv: a line for each dot. .npy: an (N, 4) array of x, y, radius and layer. .npz: arrays by name. Places
-            and radii are in pixels in the last three.
+            .csv: a line for each dot, with places and radii in pixels.
         width : float
             Width on paper in millimeters, for .svg and .png.
-        marks : {"disks", "circles", "points", "lines"}
-            For .svg: filled dots; their outlines; tiny loops that a pen makes dots of; or lines so short that a pen
-            makes dots of them.
+        marks : {"disks", "circles", "points"}
+            For .svg: filled dots; their outlines; or tiny loops that a pen makes dots of.
         pen_width : float, optional
-            Width of the pen's line in millimeters, for .svg. By default such that points and lines cover what the
-            dots of a layer do; 0.3 for circles.
+            Width of the pen's line in millimeters, for .svg. By default such that points cover what the dots of a layer
+            do; 0.3 for circles.
         tour : bool
             Write dots in the order of the tour, else in that in which they were placed.
         scale : float, optional
             Pixels per pixel of the image, as for `draw`.
         overwrite : bool
             Replace an existing file.
-
-        Raises
-        ------
-        ValueError
-            If the suffix or the marks are unknown, or a width is not > 0.
-        OSError
-            If the file cannot be written.
         """
         paper = Paper(width, marks, pen_width)
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
         pens = self._pens(self.order if tour else np.arange(len(self)))
         if suffix == ".svg":
             write_svg(path, pens, self.size, self.paper, paper, overwrite=overwrite)
-        elif suffix in TABLES:
+        elif suffix == ".csv":
             write_table(path, pens, overwrite=overwrite)
         else:
             drawn = self.draw(scale=scale)

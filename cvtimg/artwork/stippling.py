@@ -19,9 +19,9 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens, share_dots
+from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens
 from cvtimg.artwork.stipples import Stipples
-from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, palette_coverages, process_coverages
+from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, process_coverages
 from cvtimg.artwork.tours import find_tour
 from cvtimg.placement.pictures import enlarge
 
@@ -43,7 +43,7 @@ def stipple(
     white_cutoff: float = 0.0,
     dot_diameter: float | None = None,
     radius_range: tuple[float, float] | None = None,
-    layers: str | int | None = None,
+    layers: str | None = None,
     invert: bool = False,
     tones: str = "light",
 ) -> Stipples:
@@ -64,9 +64,8 @@ def stipple(
     dot_diameter : float, optional
         Diameter of dots in pixels, such as that of a pen, in place of their number, which follows from the ink. A pen
         of 0.4 mm on a drawing 200 mm wide has ``0.4 / 200 * image.shape[1]``. Not for "sized".
-    dots : {"equal", "equal-mass", "sized"}
-        "equal": dots of one size. "equal-mass": dots of one size, each for exactly the same ink, so that tones are
-        right to the last dot; for one pen. "sized": each as large as the ink of its cell, for print.
+    dots : {"equal", "sized"}
+        "equal": dots of one size. "sized": each as large as the ink of its cell, for print.
     max_ink : float
         Share of the paper that black covers, in (0, 1]; lighter tones in proportion. Dots overlap beyond 0.907.
     white_cutoff : float
@@ -74,10 +73,9 @@ def stipple(
     radius_range : (float, float), optional
         Least and greatest radius in pixels, for "sized": dark tones get large dots. Tones are right if `n_dots` such
         dots can hold the ink of the image.
-    layers : "cmyk" or int, optional
-        Draw in color, with a layer for each pen. "cmyk": cyan, magenta, yellow and black, whose dots keep apart as far
-        as there is room. A number: so many colors of the image's own palette, whose dots lie side by side. `n_dots` is
-        the number of all together.
+    layers : {"cmyk"}, optional
+        Draw in color, with a layer for each pen: cyan, magenta, yellow and black, whose dots keep apart as far as there
+        is room. `n_dots` is the number of all together.
     invert : bool
         Draw light on dark paper.
     tones : {"light", "true"}
@@ -88,11 +86,6 @@ def stipple(
     Returns
     -------
     Stipples
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
 
     See Also
     --------
@@ -126,8 +119,9 @@ def stipple(
         check_needs("dot_diameter", True, 'dots of one size, not "sized"', dots != "sized")
     count = _Count(n_dots, dot_diameter)
     if layers is not None:
+        check_choice("layers", layers, ("cmyk",))
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
-        return _in_colors(image, layers, count, dots, max_ink, white_cutoff, radius_range, tones)
+        return _in_colors(image, count, dots, max_ink, white_cutoff, radius_range, tones)
     coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones)
     coverage *= np.float32(max_ink)
     area = disk_area(count.enlarged(coverage))
@@ -139,7 +133,6 @@ def stipple(
 
 def _in_colors(
     image: Any,
-    layers: str | int,
     count: _Count,
     dots: str,
     max_ink: float,
@@ -147,27 +140,13 @@ def _in_colors(
     radius_range: tuple[float, float] | None,
     tones: str,
 ) -> Stipples:
-    """Stipple with several pens."""
-    white = [255] * 3
-    if isinstance(layers, str):
-        check_choice("layers", layers, ("cmyk",))
-        coverages = process_coverages(image, white_cutoff, max_ink, tones)
-        inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
-        counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
-        placed = place_pens(inks, counts.tolist(), dots, radius_range)
-        about = _Drawn(list(PROCESS_COLORS), list(PROCESS_COLORS.values()), white, coverages[0].shape, max_ink)
-        return _together(placed, about, count.factor)
-    n_pens = check_count("layers", layers, 64, "or 'cmyk'")
-    coverages, pens = palette_coverages(image, n_pens, white_cutoff, tones)
-    size = coverages[0].shape
-    coverages = [count.enlarged(coverage * np.float32(max_ink)) for coverage in coverages]
-    total = np.minimum(np.sum(coverages, axis=0, dtype=np.float32), 1)
-    area = disk_area(total)
-    together = place_dots(area, count.of(area), dots, radius_range)
-    tour = find_tour(together.points) if len(together.points) else np.empty(0, np.intp)
-    shared = share_dots(together, coverages, tour)
-    about = _Drawn([f"#{pen.tobytes().hex()}" for pen in pens], pens, white, size, max_ink)
-    return _together(shared, about, count.factor)
+    """Stipple with the pens of process colors."""
+    coverages = process_coverages(image, white_cutoff, max_ink, tones)
+    inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
+    counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
+    placed = place_pens(inks, counts.tolist(), dots, radius_range)
+    about = _Drawn(list(PROCESS_COLORS), list(PROCESS_COLORS.values()), [255] * 3, coverages[0].shape, max_ink)
+    return _together(placed, about, count.factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +222,6 @@ def _together(layers: list[DotLayer], about: _Drawn, factor: int) -> Stipples:
         points=joined("points") / factor,
         radii=joined("radii") / factor,
         masses=joined("masses") / factor**2,
-        weights=joined("weights") / factor**2,
         layers=np.repeat(np.arange(len(layers), dtype=np.int32), counts),
         order=np.concatenate(tours) if tours else np.empty(0, np.intp),
         colors=np.asarray(about.colors, np.uint8),

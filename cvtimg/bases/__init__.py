@@ -1,4 +1,4 @@
-"""Reduced bases of snapshots: proper orthogonal decomposition, and its CVT counterparts; key frames."""
+"""Reduced bases of snapshots: proper orthogonal decomposition, and its CVT counterparts."""
 
 import lazy_loader
 

@@ -1,5 +1,3 @@
-from .film import KeyFrames as KeyFrames
-from .film import key_frames as key_frames
 from .reduction import KINDS as KINDS
 from .reduction import Basis as Basis
 from .reduction import Projection as Projection

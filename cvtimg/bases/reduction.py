@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -201,9 +200,11 @@ class Basis(ReadOnly):
         """
         given = as_snapshots(snapshots)
         check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
-        return given.total(self._project_block, _joined)
+        parts = [self._project_block(block) for _, block in given.blocks()]
+        columns = zip(*((part.coordinates, part.cells, part.residuals) for part in parts), strict=True)
+        return Projection(*map(np.concatenate, columns))
 
-    def _project_block(self, rows: slice, block: NDArray[Any]) -> Projection:
+    def _project_block(self, block: NDArray[Any]) -> Projection:
         given = block.astype(np.float64)
         apart = distances(given, self.centers, self.modes)
         cells = apart.argmin(axis=1)
@@ -235,11 +236,6 @@ class Basis(ReadOnly):
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         save_arrays(path, _KIND, arrays, overwrite=overwrite)
-
-
-def _joined(parts: Iterable[Projection]) -> Projection:
-    columns = zip(*((part.coordinates, part.cells, part.residuals) for part in parts), strict=True)
-    return Projection(*map(np.concatenate, columns))
 
 
 def read_basis(path: StrPath) -> Basis:
@@ -306,16 +302,8 @@ def reduced_basis(
     -------
     Basis
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or a snapshot contains NaN or infinity.
-    OSError
-        If a file cannot be read.
-
     See Also
     --------
-    key_frames : Snapshots that stand for the others.
     read_basis : What `Basis.save` wrote.
 
     Notes
@@ -396,7 +384,7 @@ def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) ->
     orthonormal = np.linalg.qr(cells.generators[heaviest].T)[0].T
     axes[0, : len(orthonormal)] = orthonormal
     labels = np.argsort(heaviest, kind="stable")[cells.labels]
-    medoids = nearest_members(rows, labels, cells.generators[heaviest])
+    medoids = _nearest_members(rows, labels, cells.generators[heaviest])
     measured = _measured(rows, np.zeros((1, rows.shape[1])), axes, np.zeros(len(rows), np.int64), medoids)
     return _Reduced(measured.centers, axes, labels, medoids, measured.energies)
 
@@ -408,7 +396,7 @@ def _cvod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -
     fitted = [principal_axes(rows[end.labels == cell], n_modes) for cell in np.unique(end.labels)]
     centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
     labels = distances(rows, centers, axes).argmin(axis=1)
-    return _measured(rows, centers, axes, labels, nearest_members(rows, labels, centers))
+    return _measured(rows, centers, axes, labels, _nearest_members(rows, labels, centers))
 
 
 def _measured(
@@ -422,7 +410,7 @@ def _measured(
     return _Reduced(centers, axes, labels, medoids, energies)
 
 
-def nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats) -> NDArray[np.int64]:
+def _nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats) -> NDArray[np.int64]:
     """(k,) for each cell that has rows, the index of the row nearest to its center."""
     apart = ((rows - centers[labels]) ** 2).sum(axis=1)
     order = np.lexsort((apart, labels))

@@ -1,36 +1,26 @@
-"""Snapshots, wherever they are: arrays in memory, on disk or on a cluster, animations, and folders of images.
-
-They are worked on block by block: by this process, or, if they are Dask arrays, by the Dask cluster that is current.
-"""
+"""Snapshots, wherever they are: arrays in memory or on disk, animations, and folders of images, read in blocks."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg._shared.extras import optional
-from cvtimg.blocks.passes import Block, over_blocks
-from cvtimg.blocks.rows import Blocks, as_blocks
 from cvtimg.files.finding import find_images
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.frames import Frames, is_animated, read_frames
 
-T = TypeVar("T")
-
 #: Bytes of a block of rows in memory.
 _BLOCK_BYTES = 1 << 26
-#: Minimum number of snapshots in a block of a Dask array: what a pass sends for each block is as large as some tens.
-_LEAST_ROWS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,15 +37,12 @@ class Snapshots:
         float32 or float64: the type of the blocks.
     read : callable
         From start and stop to that part of the snapshots, (stop - start, ...).
-    in_dask : Blocks or None
-        The (N, D) snapshots in the blocks in which Dask works on them.
     """
 
     n_snapshots: int
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     read: Callable[[int, int], Any]
-    in_dask: Blocks | None = None
 
     @property
     def n_dims(self) -> int:
@@ -68,23 +55,6 @@ class Snapshots:
         for start in range(0, self.n_snapshots, n_rows):
             stop = min(start + n_rows, self.n_snapshots)
             yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)
-
-    def total(self, work: Callable[[slice, NDArray[Any]], T], add: Callable[[Iterable[T]], T]) -> T:
-        """Return the sum of what `work` makes of the rows of each block and the (m, D) block, as in `over_blocks`.
-
-        `add` takes parts of consecutive blocks in their order, and changes none of them. Both are picklable.
-        """
-        if self.in_dask is None:
-            return add(work(rows, block) for rows, block in self.blocks())
-        ends = np.cumsum([0, *(self.in_dask.lengths or ())])
-        return over_blocks(self.in_dask, _worked, add, work, ends, self.dtype)
-
-
-def _worked(block: Block, work: Callable[[slice, NDArray[Any]], T], ends: NDArray[np.int64], dtype: np.dtype[Any]) -> T:
-    start, stop = ends[block.number : block.number + 2].tolist()
-    rows = _checked(block.rows, start, block.rows.shape, dtype)
-    with threadpool_limits(1, "blas"):
-        return work(slice(start, stop), rows)
 
 
 def _checked(rows: Any, start: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -101,21 +71,13 @@ def as_snapshots(snapshots: Any) -> Snapshots:
     Parameters
     ----------
     snapshots : array-like, Frames, path, or sequence of paths
-        An (N, ...) array of numbers, N >= 1: NumPy, memory-mapped, zarr or HDF5, of which some rows are loaded at a
-        time. A Dask array, or what `cvtimg.blocks.open_blocks` opens, is worked on by the Dask scheduler or cluster
-        that is current. A path names a folder of images of one size, an animation (GIF, APNG, WebP), a .npy file, which
+        An (N, ...) array of numbers, N >= 1: NumPy, memory-mapped, zarr, HDF5 or Dask, of which some rows are loaded at
+        a time. A path names a folder of images of one size, an animation (GIF, APNG, WebP), a .npy file, which
         is memory-mapped, or a .zarr array. A sequence of paths names the images themselves.
 
     Returns
     -------
     Snapshots
-
-    Raises
-    ------
-    TypeError, ValueError
-        If there are no snapshots, or they are not numbers.
-    OSError
-        If a file cannot be read.
 
     Examples
     --------
@@ -130,24 +92,7 @@ def as_snapshots(snapshots: Any) -> Snapshots:
         return _of_path(Path(snapshots))
     if isinstance(snapshots, Sequence) and snapshots and isinstance(snapshots[0], (str, os.PathLike)):
         return _of_images([Path(path) for path in snapshots])
-    if isinstance(snapshots, Blocks):
-        check_that("snapshots", snapshots.weights is None, "have no weights")
-        return _of_dask(snapshots.rows)
-    if type(snapshots).__module__.partition(".")[0] == "dask":
-        return _of_dask(snapshots)
     return _of_array(snapshots if hasattr(snapshots, "shape") else np.asarray(snapshots))
-
-
-def _of_dask(array: Any) -> Snapshots:
-    known = not any(math.isnan(side) for side in array.shape)
-    check_that("snapshots", known, "have a known shape: call compute_chunk_sizes() of the Dask array")
-    given = _of_array(array)
-    whole = array.rechunk(dict.fromkeys(range(1, array.ndim), -1)).reshape(given.n_snapshots, given.n_dims)
-    length = whole.chunks[0][0]
-    wanted = max(_LEAST_ROWS, _BLOCK_BYTES // (given.n_dims * given.dtype.itemsize))
-    if given.n_snapshots < wanted * whole.numblocks[0]:
-        whole = whole.rechunk({0: -(-wanted // length) * length})
-    return replace(given, in_dask=as_blocks(whole))
 
 
 def _of_array(array: Any) -> Snapshots:

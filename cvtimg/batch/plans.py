@@ -15,7 +15,7 @@ from typing import TypeAlias
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
 from cvtimg.files.finding import find_images, image_suffixes
-from cvtimg.files.remote import find_remote, is_remote, url_as_stored, url_of
+from cvtimg.files.remote import elsewhere, find_remote, is_remote, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
 #: suffix, or a function that returns the pattern for an input.
@@ -210,7 +210,8 @@ def _identity(path: Path) -> tuple[int, int] | str | None:
     """Return what is the same for all names of a file: device and inode, or the URL; None if there is no such file."""
     try:
         if is_remote(path):
-            return url_as_stored(path)
+            with elsewhere(path) as (files, place):  # the same for all ways to write a URL
+                return str(files.unstrip_protocol(place))
         status = path.stat()
     except OSError:  # its own task reports the error
         return None

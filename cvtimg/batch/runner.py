@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shutil
+import signal
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import time
 from typing import Any
 
@@ -17,11 +17,11 @@ from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.report import FILE_SUFFIXES, Report, progress, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
-from cvtimg.files.remote import check_is_new, exists, fetch, is_remote, send, url_of
+from cvtimg.files.remote import exists, is_remote, local_copy, local_path, url_of
 from cvtimg.files.whole import check_can_be_written, remove_leftovers, scratch_folder, whole_file
 
 #: Exit status of an interrupted run.
-INTERRUPTED = 130
+INTERRUPTED = 128 + signal.SIGINT
 #: Bytes of inputs below which starting workers takes longer than it saves: about 13 photographs of 768 x 512.
 _WORTH_WORKERS = 8 << 20
 #: Fixed cost of an input, in the same bytes.
@@ -137,11 +137,6 @@ def fold(
 ) -> tuple[Any, dict[Path, str]]:
     """Add up what `work` returns for each task, in pairs, as they complete; return the sum and why others failed."""
     attempt = partial(_count, work=work)
-    if running.dask:
-        from cvtimg.batch.on_dask import sum_on_dask
-
-        total, why = sum_on_dask(attempt, tasks, add, running.dask, running.jobs or n_threads())
-        return total, {tasks[place].source: text for place, text in why.items()}
     failed: dict[Path, str] = {}
 
     def results() -> Iterator[Any]:
@@ -194,7 +189,8 @@ def _failed(task: Task, error: Exception) -> Outcome:
     if isinstance(error, InputsFailedError):
         failed = [(task.wording(name), task.wording(reason(name, why))) for name, why in error.failed]
         return Outcome(None, tuple(failed))
-    return Outcome.failed(task, task.wording(reason(task.source if task.sources else task.name, error)))
+    text = task.wording(reason(task.source if task.sources else task.name, error))
+    return Outcome.failed(task, text.removeprefix(f"{task.name}: "))
 
 
 def _n_bytes(column: str, files: Sequence[Path]) -> Row:
@@ -209,27 +205,18 @@ def _is_done(task: Task) -> bool:
 @contextmanager
 def _copies(task: Task, running: Running) -> Iterator[Task]:
     """Give a task with files here for those elsewhere: copies of inputs, and outputs, sent when the block succeeds."""
-    read = [path for path in task.sources if path.suffix.lower() not in running.by_url]
-    remote = list(filter(is_remote, (*read, *task.outputs.values())))
-    if not remote:
+    fetched = [path for path in task.sources if is_remote(path) and path.suffix.lower() not in running.by_url]
+    sent = [path for path in task.outputs.values() if is_remote(path)]
+    if not fetched and not sent:
         yield task
         return
     overwrite = running.overwrite or running.in_place
-    with TemporaryDirectory(prefix="cvtimg-") as folder:
-        copies = {path: Path(folder, str(number), path.name) for number, path in enumerate(remote)}
-        for path, copy in copies.items():
-            copy.parent.mkdir()
-            if path in task.outputs.values() and not overwrite:
-                check_is_new(path)
-        for path in task.sources:
-            if path in copies:
-                fetch(path, copies[path])
+    with ExitStack() as stack:
+        copies = {path: stack.enter_context(local_path(path, overwrite=overwrite)) for path in sent}
+        copies |= {path: stack.enter_context(local_copy(path)) for path in fetched}
         shown = {**task.shown, **{copy: url_of(path) for path, copy in copies.items()}}
         sources = tuple(copies.get(path, path) for path in task.sources)
         yield Task(sources, {option: copies.get(path, path) for option, path in task.outputs.items()}, shown)
-        for path in task.outputs.values():
-            if path in copies and copies[path].exists():
-                send(copies[path], path, overwrite=overwrite)
 
 
 def _worked_aside(task: Task, work: Work, stopwatch: Stopwatch, running: Running) -> Row:
@@ -259,13 +246,13 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
     """Give the index and the outcome of each task as it completes; at the end of the block, what still works stops."""
     jobs = min(running.jobs or _jobs_worthwhile(tasks), len(tasks))
     if running.dask:
-        from cvtimg.batch.on_dask import on_dask
+        from cvtimg.batch.executors import on_dask
 
         results = on_dask(attempt, tasks, running.dask, running.jobs or n_threads())
     elif jobs > 1:
-        from cvtimg.batch.workers import in_workers
+        from cvtimg.batch.executors import in_processes
 
-        results = in_workers(attempt, tasks, jobs, max(1, n_threads() // jobs))
+        results = in_processes(attempt, tasks, jobs, max(1, n_threads() // jobs))
     else:
         yield enumerate(map(attempt, tasks))
         return

@@ -16,7 +16,7 @@ from cvtimg._shared.checks import check_choice, check_in_range, check_shape, che
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
-from cvtimg.files.remote import is_remote, open_remote, remote_folder, url_of
+from cvtimg.files.remote import elsewhere, is_remote, url_of
 from cvtimg.files.whole import StrPath
 
 __all__ = ["BLOCK_SUFFIXES", "open_blocks"]
@@ -79,7 +79,7 @@ def open_blocks(
     place = url_of(path)
     check_choice("missing", missing, _MISSING)
     kind = Path(place).suffix.lower()
-    if not kind and (remote_folder(place) if is_remote(place) else Path(place).is_dir()):
+    if not kind and _parquet_files(place) != [place]:
         kind = ".parquet"
     check_choice(f"{place}: suffix", kind, BLOCK_SUFFIXES)
     if kind == ".parquet":
@@ -167,7 +167,10 @@ def _fetch_rows(place: str, begin: int, end: int, *, start: int, width: int, dty
 
 
 def _opened(place: str) -> Any:
-    return open_remote(place) if is_remote(place) else Path(place).open("rb")
+    if not is_remote(place):
+        return Path(place).open("rb")
+    with elsewhere(place) as (files, name):
+        return files.open(name, "rb")
 
 
 def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, missing: str) -> Blocks:
@@ -219,7 +222,9 @@ def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
 
 def _parquet_files(place: str) -> list[str]:
     if is_remote(place):
-        return remote_folder(place, ".parquet") or [place]
+        with elsewhere(place) as (files, name):
+            found = sorted(str(one) for one in (files.find(name) if files.isdir(name) else []))
+            return [str(files.unstrip_protocol(one)) for one in found if one.endswith(".parquet")] or [place]
     path = Path(place)
     return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
 

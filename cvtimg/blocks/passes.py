@@ -74,33 +74,17 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
     # `add` takes values of consecutive blocks, or sums of them, in their order; both functions are picklable. What is
     # shared is sent to each worker once. Raises BlockError if a block fails, and ConnectionError if the cluster was
     # lost.
-    parts = _delayed(blocks)
-    lengths = blocks.lengths or (None,) * len(parts)
-    name = getattr(work, "__name__", "work")
-    return add_up(parts, _on_rows, add, work, lengths, blocks.n_dims, *shared, name=name)
-
-
-def add_up(
-    parts: Sequence[tuple[Any, ...]],
-    work: Callable[..., T],
-    add: Callable[[Sequence[T]], T],
-    *shared: Any,
-    name: str = "work",
-    scheduler: str | None = None,
-) -> T:
-    """Return the sum of ``work(number, *arrays, *shared)`` over the delayed arrays of each block; see `over_blocks`."""
     from dask.delayed import delayed
 
+    parts, name = _delayed(blocks), getattr(work, "__name__", "work")
     token = f"{_KEY}-{name}-{next(_passes)}"
-    common = delayed(shared, name=f"{token}-shared", traverse=False)
-    one, total = delayed(_attempted, pure=False), delayed(add, pure=False)
-    sums = [
-        one(work, number, list(arrays), common, dask_key_name=f"{token}-{number}")
-        for number, arrays in enumerate(parts)
-    ]
+    promised = blocks.lengths or (None,) * len(parts)
+    common = delayed((work, promised, blocks.n_dims, shared), name=f"{token}-shared", traverse=False)
+    one, total = delayed(_on_rows, pure=False), delayed(add, pure=False)
+    sums = [one(number, *arrays, common, dask_key_name=f"{token}-{number}") for number, arrays in enumerate(parts)]
     while len(sums) > 1:  # along a tree that depends only on their number
         sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
-    return _computed(sums[0], parts, scheduler)
+    return _computed(sums[0], parts)
 
 
 def map_rows(
@@ -159,38 +143,26 @@ def _delayed(blocks: Blocks) -> list[tuple[Any, Any]]:
     return list(zip(rows, weights, strict=True))
 
 
-def _attempted(work: Callable[..., T], number: int, arrays: Sequence[Any], shared: tuple[Any, ...]) -> T:
-    """Work on a block, in one thread, because Dask works on several blocks at a time."""
+def _on_rows(number: int, rows: Any, weights: Any, common: tuple[Any, ...]) -> Any:
+    """Work on rows of the promised length and width, in one thread: Dask works on several blocks at a time."""
+    work, promised, n_dims, shared = common
     try:
+        rows, length = np.asarray(rows), promised[number]
+        fits = rows.ndim == 2 and rows.shape[1] == n_dims and length in (None, len(rows))
+        check_shape("samples", rows.shape, fits, f"({'n' if length is None else length}, {n_dims})")
+        if weights is not None:
+            weights = np.asarray(weights)
+            check_shape("weights", weights.shape, weights.shape == rows.shape[:1], f"({len(rows)},), one for each row")
         with one_thread():
-            return work(number, *arrays, *shared)
+            return work(Block(number, rows, weights), *shared)
     except (ValueError, TypeError) as error:
         raise BlockError(number, one_line(error)) from error
 
 
-def _on_rows(
-    number: int,
-    rows: Any,
-    weights: Any,
-    work: Callable[..., T],
-    lengths: Sequence[int | None],
-    n_dims: int,
-    *shared: Any,
-) -> T:
-    """Work on rows that have the length and width that was promised."""
-    rows, length = np.asarray(rows), lengths[number]
-    fits = rows.ndim == 2 and rows.shape[1] == n_dims and length in (None, len(rows))
-    check_shape("samples", rows.shape, fits, f"({'n' if length is None else length}, {n_dims})")
-    if weights is not None:
-        weights = np.asarray(weights)
-        check_shape("weights", weights.shape, weights.shape == rows.shape[:1], f"({len(rows)},), one for each row")
-    return work(Block(number, rows, weights), *shared)
-
-
-def _computed(total: Any, parts: Sequence[tuple[Any, ...]], scheduler: str | None = None) -> Any:
-    """Compute a delayed value that is made of the delayed arrays of each block; by default by the current scheduler."""
+def _computed(total: Any, parts: Sequence[tuple[Any, ...]]) -> Any:
+    """Compute a delayed value that is made of the delayed arrays of each block."""
     try:
-        return _compute(total, scheduler=scheduler)[0]
+        return _compute(total)[0]
     except BlockError:
         raise
     except Exception as error:
@@ -224,8 +196,8 @@ def _length(part: Any) -> Any:
     return delayed(len, pure=False)(part)
 
 
-def _compute(*values: Any, scheduler: str | None = None) -> tuple[Any, ...]:
+def _compute(*values: Any) -> tuple[Any, ...]:
     import dask.base
 
     library: Any = dask.base
-    return library.compute(*values, scheduler=scheduler)
+    return library.compute(*values)

@@ -119,7 +119,7 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
 
 def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
-    from cvtimg.batch.on_dask import on_cluster_of_task
+    from cvtimg.batch.executors import on_cluster_of_task
     from cvtimg.blocks import open_blocks
     from cvtimg.tables.blocked import sample_rows, spread_of, standardized, write_block_labels
 

@@ -20,7 +20,6 @@ EXAMPLES = """\
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 24 --bounds bounds.csv --shuffle 1
   cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' --batches 2 -o runs.csv
-  cvtimg design -n 20 --axis water,0.2,1,component --axis oil,0,0.5,component --axis soap,0,0.1,component
   cvtimg design -n 50 -d 5 --criterion maximin -o runs.csv
   cvtimg design -n 30 -d 2 --feasible 'x1 + x2 < 1'
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy

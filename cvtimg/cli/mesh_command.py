@@ -36,9 +36,10 @@ def mesh(given: Given) -> int:
     Stacks of voxels are filled with tetrahedra (experimental), all labels or that of --label; they take -n or
     --edge-length, and -o .vtu, .msh, .inp, .vtk or .xdmf.
 
-    Names are groups in .msh, .vtu, .inp and .xdmf, whose borders are in NAME_borders.xdmf.
+    Names are groups in .msh, .vtu and .inp. Features of .geojson files that all have the property --name-by are regions
+    of these names, which share the vertices on their borders.
 
-    The suffix of -o picks the format; with --order 2 .vtu, .msh, or by meshio .inp, .xdmf and more. Without -o and
+    The suffix of -o picks the format; with --order 2 .vtu, .msh, or by meshio .inp and more. Without -o and
     --out-dir, one input gives NAME-mesh.vtu beside it.
     """
     output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
@@ -64,13 +65,11 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise ValueError("has polygons; --label is for images of labels")
     if given.keep_points and not is_polygon:
         raise ValueError("has pixels; --keep-points is for polygons")
-    region = read_region(task.source) if is_polygon else None
+    region = read_region(task.source, given.name_by) if is_polygon else None
     labels, is_mask = (None, False) if is_polygon else read_segments(task.source, given.label)
     if labels is not None and labels.ndim == 3:
         stopwatch.lap("read")
         return _fill(task, stopwatch, labels, is_mask, given)
-    if given.layers and labels is not None and not is_mask:
-        raise ValueError("has labels; --layers is for masks and polygons: choose a label by --label")
     sizes = None if given.size is None else read_size(given.size)
     stopwatch.lap("read")
     if labels is None:
@@ -86,8 +85,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--plot" in task.outputs:
         _plot(found, task.outputs["--plot"], given, y_down=not is_polygon)
     stopwatch.lap("write")
-    inside = slice(None) if found.layers is None else found.layers == 0
-    each = measure_triangles(found.points, found.triangles[inside])
+    each = measure_triangles(found.points, found.triangles)
     return {
         "n": len(found.points),
         "n_wanted": found.n_wanted,
@@ -99,7 +97,6 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
         **({} if found.pairs is None else {"pairs": len(found.pairs)}),
-        **({} if found.layers is None else {"in_layers": int((found.layers > 0).sum())}),
         **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
         **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),
         **(asdict(found.measures()) if given.measures else {}),
@@ -125,7 +122,7 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     flat = {"--size": given.size, "--plot": given.plot}
     flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
-    flat |= {"--layers": given.layers, "--periodic": given.periodic, "--name": given.name}
+    flat |= {"--periodic": given.periodic, "--name": given.name}
     if unfit := [option for option, value in flat.items() if value]:
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     found = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)

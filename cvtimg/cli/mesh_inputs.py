@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,11 @@ if TYPE_CHECKING:
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
 
 
-def read_region(path: Path) -> Any:
-    """Read polygons: GeoJSON, well-known text or binary, or a ring as a table with columns x and y."""
+def read_region(path: Path, name_by: str) -> Any:
+    """Read polygons: GeoJSON, well-known text or binary, or a ring as a table with columns x and y.
+
+    Features of GeoJSON with a property `name_by` are joined by its value, as a word.
+    """
     import numpy as np
 
     from cvtimg._shared.extras import optional
@@ -33,9 +37,26 @@ def read_region(path: Path) -> Any:
             lines = [line for line in text.splitlines() if line.strip()]
             has_names = any(letter.isalpha() for letter in lines[0].replace("e", ""))
             return np.loadtxt(lines[has_names:], delimiter=",", usecols=(0, 1), ndmin=2)
-        return json.loads(text)
+        return _parts(json.loads(text), name_by)
     except (ValueError, UnicodeDecodeError, IndexError, shapely.errors.ShapelyError) as error:
         raise ValueError(f"is not a {suffix} file of polygons: {error}") from error
+
+
+def _parts(shape: Any, name_by: str) -> Any:
+    """Return GeoJSON as it is, or, if all features have names, a dict of these and of polygons."""
+    from cvtimg.placement import PolygonRegion
+
+    features = shape.get("features", [shape]) if isinstance(shape, dict) else []
+    names = [(feature.get("properties") or {}).get(name_by) for feature in features]
+    if not names or None in names:
+        return shape
+    words = [re.sub(r"[^\w-]+", "_", str(name)) for name in names]
+    words = [word if word[:1].isalpha() else f"_{word}" for word in words]
+    return {
+        word: PolygonRegion({"type": "FeatureCollection", "features": [features[k] for k in own]})
+        for word in dict.fromkeys(words)
+        if (own := [k for k, other in enumerate(words) if other == word])
+    }
 
 
 def read_segments(path: Path, label: int | None) -> tuple[NDArray[Any], bool]:
@@ -99,4 +120,5 @@ def named(mesh: Mesh, names: list[tuple[str, list[float]]]) -> Mesh:
     }
     if len(regions) + len(borders) < len(names):
         raise ValueError("--name must have each name and each label once")
-    return mesh.named(regions=regions, borders=borders)
+    known = {tag: name for (of, tag), name in mesh.names.items() if of == 2}
+    return mesh.named(regions=known | regions, borders=borders)

@@ -23,8 +23,6 @@ COMMANDS = {
     "elbow": "Suggest how many colors or clusters images and tables need.",
     "design": "Place N points for experiments evenly in a box.",
     "basis": "Find N modes that nearly contain all frames of an animation or rows of an array.",
-    "keyframes": "Choose the N frames of an animation that represent the others.",
-    "frames": "Turn frames into animations and sprite sheets, and these into frames.",
     "info": "Show the size, format, bands, bit depth and number of distinct colors of images.",
 }
 _OPTIONS = {

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,33 +122,30 @@ def quantize(given: Given) -> int:
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
-    """Quantize an input, and write the outputs; the options are those of `quantize_file`."""
-    from cvtimg.quantization import UnfitOptionError, quantize_file
+    """Quantize an input, and write the outputs."""
+    from cvtimg.quantization import QuantizeOptions, Reading, UnfitOptionError, Writing, quantize_file
 
-    saved = task.outputs.get("--save-palette")
+    how, reading, writing = (_taken(options, record) for record in (QuantizeOptions, Reading, Writing))
+    engine: Any = {name: value for name, value in options.items() if name not in {**how, **reading, **writing}}
     try:
-        result = quantize_file(task.source, task.output, **options, save_palette=saved, on_stage=stopwatch.lap)
+        result = quantize_file(
+            task.source,
+            task.output,
+            QuantizeOptions(**how, engine=engine),
+            reading=Reading(**reading),
+            writing=Writing(**writing, save_palette=task.outputs.get("--save-palette")),
+            on_stage=stopwatch.lap,
+        )
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
         raise ValueError(error.reason.format(flag)) from error
-    is_one = result.kind in ("image", "tiles")
-    return {
-        "width": result.shape[1],
-        "height": result.shape[0],
-        "channels": result.palette.shape[1],
-        **({} if is_one else {result.kind: result.n_images}),
-        "left_out": result.n_left_out,
-        "distinct_colors": result.n_distinct,
-        **({"exact": result.exact} if result.kind == "tiles" else {}),
-        "k": result.n_colors,
-        **({} if result.kind == "tiles" else {"elbow": result.curve.elbows() if result.curve else None}),
-        "energy": result.energy,
-        "mse": result.mse,
-        "psnr": result.psnr if math.isfinite(result.psnr) else None,  # JSON has no infinity
-        **({"goal": "eyes", "quality": result.quality} if options["goal"] == "eyes" else {}),
-        "n_iter": max((one.n_iter for one in result.tessellations), default=0),
-        "converged": all(one.converged for one in result.tessellations),
-    }
+    return result.summary()
+
+
+def _taken(options: Mapping[str, Any], record: Any) -> dict[str, Any]:
+    """Return the options that a record has."""
+    names = {field.name for field in fields(record)}
+    return {name: value for name, value in options.items() if name in names}
 
 
 def _name(source: Path, *, given: Given) -> str:

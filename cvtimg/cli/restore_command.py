@@ -60,7 +60,7 @@ def restore(given: Given) -> int:
     Pages of a file are versions if their axis has no name, or is the one that --merge names. Other pages, such as the
     planes of a stack, are restored one by one into a stack, -o FILE.tif; channels are bands of their pages.
 
-    Each frame of an animation or a film (.mp4 and others, without their sound), and each page along T, is restored from
+    Each frame of an animation, and each page along T, is restored from
     --window of them around it, which are aligned; with -k, by itself.
     """
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
@@ -140,6 +140,8 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     results, notes = [result for result, _ in done], [note for _, noted in done for note in noted]
     if results[0].detail and not given.detail and not is_film:
         notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
+    if results[0].detail and not results[0].noisy:
+        notes.append(f"no noise found: {_in_8_bits(results[0])} levels of 8 bits; --noise S sets it")
     notes += [*_given_twice(given.versions), *_write(task.outputs, results, versions[0], stack, given)]
     stopwatch.lap("write")
     first = results[0]
@@ -175,16 +177,14 @@ def _finite(values: NDArray[np.float64]) -> list[float | None]:
 
 
 def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    """Restore the frames of an animation, or of a film, which is read and written frame by frame."""
-    from cvtimg.cli.frames_command import write_animation
-    from cvtimg.pictures import read_frames
-    from cvtimg.pictures.films import FILM_SUFFIXES, read_film, write_film
+    """Restore the frames of an animation."""
+    from cvtimg import quantize_frames
+    from cvtimg.pictures import read_frames, write_frames
     from cvtimg.pictures.formats.animated import FRAME_WRITERS
 
-    output, streamed = task.outputs["-o"], task.source.suffix.lower() in FILM_SUFFIXES
-    able = FILM_SUFFIXES if streamed else FRAME_WRITERS
-    if len(task.outputs) > 1 or given.mask or output.suffix.lower() not in able:
-        ways = f"-o FILE, where FILE ends in one of {', '.join(sorted(able))}, and no masks"
+    output = task.outputs["-o"]
+    if len(task.outputs) > 1 or given.mask or output.suffix.lower() not in FRAME_WRITERS:
+        ways = f"-o FILE, where FILE ends in one of {', '.join(FRAME_WRITERS)}, and no masks"
         raise ValueError(f"has several frames, which take {ways}")
     noise: list[float | None] = []
 
@@ -193,17 +193,15 @@ def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             noise.append(_finite(result.noise)[0])
             yield result.image
 
-    if streamed:
-        film = read_film(task.source)
-        write_film(output, restored(film.images, film.n_frames), film.rate, overwrite=given.overwrite)
-        stopwatch.lap("cluster")
+    frames = read_frames(task.source)
+    stopwatch.lap("read")
+    clean = replace(frames, images=tuple(restored(frames.images, len(frames.images))))
+    stopwatch.lap("cluster")
+    if output.suffix.lower() == ".gif":
+        quantize_frames(clean, 256).save(output, overwrite=given.overwrite)
     else:
-        frames = read_frames(task.source)
-        stopwatch.lap("read")
-        images = tuple(restored(frames.images, len(frames.images)))
-        stopwatch.lap("cluster")
-        write_animation(output, replace(frames, images=images), given.overwrite)
-        stopwatch.lap("write")
+        write_frames(output, clean, overwrite=given.overwrite)
+    stopwatch.lap("write")
     return {"frames": len(noise), "versions": _window(given), "noise": noise}
 
 
@@ -245,6 +243,14 @@ def _noise_like(result: Restoration) -> dict[str, Any]:
     variance = np.einsum("cc->c", shared[middle, middle])
     levels = np.sqrt(variance).tolist()
     return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors, **grows}
+
+
+def _in_8_bits(result: Restoration) -> str:
+    """Write the noise of each version in levels of 8 bits; ? where it is unknown."""
+    from cvtimg._shared.pixels import white_of
+
+    levels = result.noise * 255 / float(white_of(result.image.dtype))
+    return ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
 
 
 def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:

@@ -22,16 +22,16 @@ EXAMPLES = """\
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
   cvtimg segment nuclei.tif --objects --overlay outlines.png --table nuclei.csv
   cvtimg segment stack.tif --objects --volume -o labels.tif --table cells.csv
-  cvtimg segment cells.tif -k 2 --edge-weight auto --objects --min-size 30 --table cells.csv --coco cells.json
+  cvtimg segment cells.tif -k 2 --smallest-detail 2 --objects --min-size 30 --table cells.csv
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k auto --edges edges.png
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
-  cvtimg segment photo.jpg --hierarchy --overlay regions.png --cuts cuts.png --tree photo.npz
+  cvtimg segment photo.jpg --hierarchy --overlay regions.png --strengths edges.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Arguments of `segment` that do not need the whole image at a time.
-_IN_TILES = ("space", "edge_weight", "edge_radius", "effort", "rng")
+_IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort", "rng")
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 #: Columns where objects are counted: what was measured.
@@ -50,8 +50,11 @@ def segment(given: Given) -> int:
     image, and what was found is in the table that is printed. With --volume, objects are those of the volume, which
     needs the distance of planes: in the file, or by --pixel-size.
 
-    Pages of a stack are segmented separately, or together with --volume, which edge weights, averaging, superpixels and
-    hierarchies do not know; outputs in .tif are stacks, too.
+    Edges are few and short: details smaller than --smallest-detail are left out. --edge-weight 0 gives each pixel the
+    segment of the nearest color.
+
+    Pages of a stack are segmented separately, or together with --volume, which averaging, superpixels and hierarchies
+    do not know; outputs in .tif are stacks, too.
 
     Labels of TIFF files of over 2^26 pixels with -o FILE.tif, and of Zarr arrays, are computed in tiles.
     """
@@ -78,7 +81,8 @@ def segment(given: Given) -> int:
 
 def _settings(given: Given) -> list[str]:
     """Return the options that counting without -k does not take, by their names on the command line."""
-    usual = {"neck_depth": 0.5, "object_border": "segment", "edge_weight": 0, "averaging": "none", "volume_power": 0}
+    usual = {"neck_depth": 0.5, "object_border": "segment", "smallest_detail": 1, "edge_weight": "auto"}
+    usual |= {"averaging": "none", "volume_power": 0, "shading": False}
     return [f"--{name.replace('_', '-')}" for name, value in usual.items() if getattr(given, name) != value]
 
 
@@ -104,6 +108,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         nodata=given.nodata,
         volume=partial(_count_in_volume, given=given) if given.volume and given.objects else given.volume,
         track=given.track,
+        apart=given.edge_radius,
         on_pages=partial(check_room, task.outputs),
         on_stage=stopwatch.lap,
     )
@@ -123,11 +128,23 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **({"tracks": int(labels.max())} if given.track else {}),
         **(asdict(first.counting) if first.counting else {}),
         "edge_weight": first.edge_weight,
+        **_shape_of(labels),
         "energy": sum(result.energy for result in results),
         "n_iter": max(len(result.energies) - 1 for result in results),
         "converged": all(result.converged for result in results),
         **({"warning": _OF_PLANES} if given.objects and not in_volume and len(results) > 1 and "Z" in axes else {}),
     }
+
+
+def _shape_of(labels: NDArray[np.int32]) -> dict[str, int]:
+    """Count the connected regions of all pages, and the pixel sides that part them."""
+    import numpy as np
+
+    from cvtimg.labels.components import connected_pieces
+
+    regions = sum(int(connected_pieces(page).max()) for page in labels)
+    sides = sum(int(np.count_nonzero(np.diff(labels, axis=axis))) for axis in (1, 2))
+    return {"regions": regions, "edge_length": sides}
 
 
 def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> Segmentation:
@@ -212,6 +229,7 @@ def _needing_memory(given: Given) -> list[str]:
         "components",
         "min_size",
         "border_price",
+        "shading",
         "averaging",
         "objects",
         "edit",

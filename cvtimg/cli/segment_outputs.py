@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from cvtimg.segmentation import RegionHierarchy
     from cvtimg.segmentation.files import DividedFile
 
-#: Numbers of regions on a sheet of cuts.
-_SHOWN_CUTS = (5, 10, 20, 50)
-
 
 class Style(NamedTuple):
     """How edges and contours are drawn."""
@@ -236,12 +233,6 @@ def _write_contours(subjects: Sequence[Subject], path: Path, overwrite: bool) ->
     write_contours(path, [subject.drawing for subject in subjects], overwrite=overwrite)
 
 
-def _write_qupath(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
-    from cvtimg.labels import write_qupath
-
-    write_qupath(path, [subject.drawing for subject in subjects], overwrite=overwrite)
-
-
 def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
     import numpy as np
 
@@ -272,15 +263,6 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
     return tables
 
 
-def _write_coco(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
-    import numpy as np
-
-    from cvtimg.labels import write_coco
-
-    labels = np.stack([subject.labels for subject in subjects])
-    write_coco(path, labels if subjects[0].place else labels[0], subjects[0].source.name, overwrite=overwrite)
-
-
 def _tree_of(subject: Subject) -> RegionHierarchy:
     assert subject.hierarchy is not None  # the kinds of output that need a tree are refused without one
     return subject.hierarchy
@@ -288,23 +270,6 @@ def _tree_of(subject: Subject) -> RegionHierarchy:
 
 def _write_tree(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
     _tree_of(subjects[0]).save(path, overwrite=overwrite)
-
-
-def _write_cuts(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
-    """Write a sheet of cuts: their borders over the image, and the regions in their mean colors."""
-    import numpy as np
-
-    from cvtimg import write_image
-    from cvtimg.labels import region_means
-    from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges, shown_colors
-
-    tree, image, drawn, flat = _tree_of(subjects[0]), subjects[0].image, [], []
-    for number in sorted({min(max(n, tree.n_parts), tree.n_leaves) for n in _SHOWN_CUTS}):
-        labels = tree.cut(number)
-        colors = shown_colors(np.nan_to_num(region_means(labels, image)), image, labels, ignore=0)
-        drawn.append(Panel(draw_edges(image, labels, ignore=0), (f"{number} regions",)))
-        flat.append(Panel(colors[labels]))
-    write_image(path, contact_sheet([drawn, flat]), overwrite=overwrite)
 
 
 #: Kinds of output that are images, one of each page, and how these are drawn.
@@ -319,10 +284,7 @@ _DRAWN: dict[str, Callable[[Subject, Path], NDArray[Any]]] = {
 _WRITERS: dict[str, Callable[[Sequence[Subject], Path, bool], None]] = {
     "contours": _write_contours,
     "table": _write_table,
-    "coco": _write_coco,
-    "qupath": _write_qupath,
     "tree": _write_tree,
-    "cuts": _write_cuts,
 }
 #: Kinds that hold a single page.
-_OF_ONE = ("tree", "strengths", "cuts")
+_OF_ONE = ("tree", "strengths")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from importlib.util import find_spec
 from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg._shared.extras import needs
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import plan_alone, run_plan
 from cvtimg.options.record import Given
@@ -57,14 +55,7 @@ def sphere(given: Given) -> int:
     ]
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
     pictures += [given.width] if isinstance(given.width, Path) else []
-    parts = None
-    if given.parts is not None:
-        if find_spec("pymetis") is None:
-            raise WrongUsageError(f"--parts needs {needs('pymetis', 'globe')}")
-        parts = given.output.with_name(f"{given.output.name}.part.{given.parts}")
-    outputs = {"-o": given.output, "--parts": parts, "--plot": given.plot, "--histograms": given.histograms}
-    if given.output.name.endswith("nod2d.out"):  # FESOM reads the two together
-        outputs["elem2d.out"] = given.output.with_name(given.output.name.replace("nod2d.out", "elem2d.out"))
+    outputs = {"-o": given.output, "--plot": given.plot, "--histograms": given.histograms}
     plan = plan_alone(outputs, also_read=pictures)
     return run_plan(plan, _sphere, COLUMNS, given)
 
@@ -142,11 +133,7 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     part = cut_out(found, given)
     whole = part or found
     stopwatch.lap("place")
-    if "--parts" in task.outputs:
-        whole.save_parts(task.outputs["--parts"], given.parts, overwrite=given.overwrite)
     whole.save(task.outputs["-o"], radius=given.radius, attributes=attributes, overwrite=given.overwrite)
-    if "elem2d.out" in task.outputs:
-        whole.save(task.outputs["elem2d.out"], overwrite=given.overwrite)
     kept = np.ones(len(found.points), bool) if part is None else part.kept
     if "--plot" in task.outputs:
         _plot(found, kept, task.outputs["--plot"], given, image)

@@ -23,8 +23,8 @@ def stipple(given: Given) -> int:
     Drawings are light; with --tones true, they are as bright as the image from afar, scaled by --max-ink. Transparent
     pixels are paper, and no dot lies in white.
 
-    The suffix of -o picks the format: .svg in millimeters with a layer for each pen, .png and other images, .csv, .npy
-    or .npz. Without -o and --out-dir, one input gives NAME-stippled.svg beside it; with --out-dir each gives NAME.svg.
+    The suffix of -o picks the format: .svg in millimeters with a layer for each pen, .png and other images, or .csv.
+    Without -o and --out-dir, one input gives NAME-stippled.svg beside it; with --out-dir each gives NAME.svg.
     """
     if given.radius_range and not 0 < given.radius_range[0] <= given.radius_range[1]:
         raise WrongUsageError("--radius-range: A and B must be > 0, the least first")

@@ -27,9 +27,7 @@ def surface(given: Given) -> int:
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """
     output = given.output or ("{}.vtu" if given.out_dir else "{}-points.vtu")
-    plan = plan_each(
-        given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir, also_read=[given.features]
-    )
+    plan = plan_each(given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
     return run_plan(plan, _surface, COLUMNS, given)
 
 
@@ -37,7 +35,7 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.surfaces import read_features, read_surface, read_vertex_density
+    from cvtimg.surfaces import read_surface, read_vertex_density
 
     shape = read_surface(task.source)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
@@ -47,8 +45,7 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "keep_border": not given.free_border,
         "tolerance": given.tolerance,
     }
-    edges = None if given.features is None else read_features(given.features)
-    found = cvtimg.surface_points(shape, given.number, density=weight, features=edges, effort=given.effort, **features)
+    found = cvtimg.surface_points(shape, given.number, density=weight, effort=given.effort, **features)
     stopwatch.lap("place")
     found.save(task.output, overwrite=given.overwrite)
     if "--plot" in task.outputs:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.pixels import array_of, says_alpha, with_mark
-from cvtimg.blocks.images import PixelBlocks
+from cvtimg._shared.pixels import array_of, says_alpha
 from cvtimg.colors.places import widen_samples, without_idle_alpha
 from cvtimg.colors.samples import NO_PIXELS, TABLE_BYTES, ColorSamples, CountTable, color_samples, merge_samples
 from cvtimg.colors.spaces import to_depth
@@ -20,16 +18,7 @@ from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import read_image
 
-__all__ = [
-    "MOST_COLORS",
-    "Count",
-    "Counter",
-    "add_counts",
-    "add_samples",
-    "count_blocks",
-    "count_picture",
-    "in_fixed_order",
-]
+__all__ = ["MOST_COLORS", "Count", "Counter", "add_counts", "add_samples", "count_picture", "in_fixed_order"]
 
 #: Beyond this many distinct colors neighbors are merged: the engine needs about 200 bytes for each.
 MOST_COLORS = 1 << 22
@@ -99,16 +88,6 @@ class Counter:
         """Return the colors of all strips."""
         self._close()
         return self._count
-
-
-def count_blocks(blocks: PixelBlocks, alpha: bool = False) -> Count:
-    """Return the distinct colors of an image in blocks, in a fixed order; some pixel must count."""
-    count = blocks.total(partial(_count_pixels, alpha=alpha), add_counts)
-    return count._replace(samples=in_fixed_order(count.of_some("is finite and not nodata")))
-
-
-def _count_pixels(pixels: NDArray[Any], *, alpha: bool) -> Count:
-    return Count.of(count_picture(with_mark(pixels[None], alpha))) if len(pixels) else Count()
 
 
 def count_picture(

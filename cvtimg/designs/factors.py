@@ -32,8 +32,6 @@ class Factor:
         have each equally often, but for one. Others are categories, which have no order.
     unit : str
         For the header of a table.
-    is_component : bool
-        Whether it is a part of a mixture: components add up to 1.
 
     Examples
     --------
@@ -47,7 +45,6 @@ class Factor:
     high: float = 1.0
     levels: tuple[str, ...] = ()
     unit: str = ""
-    is_component: bool = False
 
     @classmethod
     def parse(cls, text: str) -> Factor:
@@ -62,7 +59,7 @@ class Factor:
         if len(values) == 1 and "|" in values[0]:
             return _factor({"name": name, "levels": values[0]})
         if len(values) not in (2, 3) or not all(map(_is_number, values[:2])):
-            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, that with ,integer or ,component, or NAME,A|B|C")
+            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, that with ,integer, or NAME,A|B|C")
         return _factor(dict(zip(("name", "low", "high", "kind"), (name, *values), strict=False)))
 
     @property
@@ -110,7 +107,7 @@ def _is_number(text: str) -> bool:
 def read_factors(path: StrPath) -> list[Factor]:
     r"""Read the factors of a design: a line for each, after a line of names of columns.
 
-    Columns are name, low and high, and may be kind (continuous, integer or component), levels (values with | between
+    Columns are name, low and high, and may be kind (continuous or integer), levels (values with | between
     them, instead of low and high) and unit.
 
     Parameters
@@ -180,10 +177,10 @@ def _factor(fields: Mapping[str, str]) -> Factor:
     if not name:
         raise ValueError("must have a name in each line")
     kind = fields.get("kind") or "continuous"
-    if kind in ("continuous", "component"):
-        return Factor(name, low, high, unit=unit, is_component=kind == "component")
+    if kind == "continuous":
+        return Factor(name, low, high, unit=unit)
     if kind != "integer" or low % 1 or high % 1 or high - low >= _MOST_LEVELS:
-        raise ValueError(f"{name} of kind {kind} must be continuous, a component, or integer between whole numbers")
+        raise ValueError(f"{name} of kind {kind} must be continuous, or integer between whole numbers")
     return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
 
 

@@ -47,11 +47,6 @@ def split_evenly(
     (n,) integer array
         The group of each point, in 0..n_groups - 1.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
-
     Notes
     -----
     Two points change places where that lowers the sum of the centered L2 discrepancies of the groups, as in sliced

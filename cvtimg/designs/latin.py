@@ -33,11 +33,6 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     -------
     (n, d) float64 array
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
-
     See Also
     --------
     cvtimg.design

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,9 +33,6 @@ from cvtimg.designs.regions import Region
 from cvtimg.designs.swaps import CRITERIA
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
-
-if TYPE_CHECKING:
-    from scipy.optimize import LinearConstraint
 
 _Floats = NDArray[np.float64]
 CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
@@ -149,7 +146,6 @@ def design(
     latin: bool | None = None,
     density: Callable[[_Floats], ArrayLike] | None = None,
     feasible: Callable[[_Floats], ArrayLike] | None = None,
-    constraints: LinearConstraint | None = None,
     existing: ArrayLike | None = None,
     criterion: CriterionName = "cvt",
     batches: int | None = None,
@@ -164,21 +160,18 @@ def design(
         How many, at most 65536.
     bounds : int, (d, 2) array or sequence of Factor
         Number of dimensions of a unit cube, at most 64, or least and greatest value along each axis; or factors, which
-        may have levels, and may be components of a mixture, which add up to 1.
+        may have levels.
     periodic : bool
         Join opposite walls, so that points need not keep away from walls.
     latin : bool, optional
         Give each of n slices along each axis one point, and still be nearly a tessellation: projections on each axis
         are then even as well. With `feasible`, slices have equal shares of the feasible region, and as many as can
-        have one point; at most 1024 points. That is the default, except with `density` or linear constraints, with
-        which it cannot be.
+        have one point; at most 1024 points. That is the default, except with `density`, with which it cannot be.
     density : callable, optional
         From (m, d) points in the units of the bounds to (m,) weights >= 0: points are denser where it is greater.
         Functions are given the numbers that are levels, and no categories.
     feasible : callable, optional
         From (m, d) points to (m,) booleans: where points may lie.
-    constraints : scipy.optimize.LinearConstraint, optional
-        Limits of sums of the coordinates, also such as ``LinearConstraint([[1, 1, 1]], 1, 1)``; no levels.
     existing : (L, d) array, optional
         Points that are there already, as in `Design.points`: new ones keep away from them.
     criterion : {"cvt", "maximin", "projection", "discrepancy"}
@@ -195,11 +188,6 @@ def design(
     Returns
     -------
     Design
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
 
     See Also
     --------
@@ -233,7 +221,7 @@ def design(
     factors = _checked_factors(bounds)
     is_axis = np.array([not factor.is_category for factor in factors])
     check_that("bounds", is_axis.any(), "have an axis that is no category")
-    region = Region([factor for factor in factors if not factor.is_category], constraints, feasible, density)
+    region = Region([factor for factor in factors if not factor.is_category], feasible, density)
     given = _checked_existing(existing, factors)
     old, n_all = given[:, is_axis], n_points + len(given)
     _check_together(region, latin, periodic, criterion, n_all)

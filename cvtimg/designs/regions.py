@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_density, check_returned, check_shape, check_that
+from cvtimg._shared.checks import check_density, check_returned
 from cvtimg.designs.cells import sobol_samples
 from cvtimg.designs.factors import Factor
-from cvtimg.designs.polytopes import Polytope
 
 _Floats = NDArray[np.float64]
 
@@ -24,25 +23,20 @@ _ENOUGH = 0.1
 class Region:
     """The part of the unit cube where points may lie, and how densely."""
 
-    def __init__(self, axes: list[Factor], constraints: Any, feasible: Any, density: Any) -> None:
+    def __init__(self, axes: list[Factor], feasible: Any, density: Any) -> None:
         self.axes = axes
         self._low, self._high = (np.array([getattr(axis, end) for axis in axes]) for end in ("low", "high"))
-        self._limits = self._linear(constraints)
         self._feasible, self._density = feasible, density
-        limits = {"density": density, "feasible": feasible, "constraints": self._limits}
+        limits = {"density": density, "feasible": feasible}
         self.given = [name for name, limit in limits.items() if limit is not None]
         self.is_box = not self.given
-        self.may_be_latin = density is None and (self._limits is None or not self._limits.is_equal.any())
+        self.may_be_latin = density is None
 
     def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
         """Draw samples (m, d), of about so many, and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
-        if self._limits is not None:
-            samples = self._limits.samples(n, rng).astype(np.float32)
-            samples = samples if self._feasible is None else samples[self._is_feasible(samples)]
-        else:
-            samples = sobol_samples(n, len(self.axes), rng)
-            samples = samples if self._feasible is None else _feasible_samples(samples, self._is_feasible, rng)
+        samples = sobol_samples(n, len(self.axes), rng)
+        samples = samples if self._feasible is None else _feasible_samples(samples, self._is_feasible, rng)
         if self._density is None or not len(samples):
             return samples, None
         weights = self._called("density", self._density, samples).astype(np.float64)
@@ -53,13 +47,10 @@ class Region:
 
     def allows(self, places: _Floats) -> NDArray[np.bool_]:
         """Tell which of (m, d) places are in the region."""
-        is_allowed = np.ones(len(places), bool) if self._limits is None else self._limits.contains(places)
-        return is_allowed if self._feasible is None else is_allowed & self._is_feasible(places)
+        return np.ones(len(places), bool) if self._feasible is None else self._is_feasible(places)
 
     def mended(self, places: _Floats, *, samples: NDArray[np.float32]) -> _Floats:
         """Move centers of mass (n, d) that are not in the region into it."""
-        if self._limits is not None:
-            places = self._limits.onto_planes(places)
         outside = np.zeros(len(places), bool) if self._feasible is None else ~self._is_feasible(places)
         if outside.any():
             from scipy.spatial import cKDTree
@@ -77,28 +68,6 @@ class Region:
         values = np.asarray(function(np.stack(columns, axis=1)))
         check_returned(name, values, len(places))
         return values
-
-    def _linear(self, constraints: Any) -> Polytope | None:
-        """Return linear constraints in the unit cube, with that of mixtures."""
-        parts = np.array([axis.is_component for axis in self.axes], np.float64)
-        rows, low, high = [parts[None]], np.ones(1), np.ones(1)
-        if not parts.any():
-            rows, low, high = [np.empty((0, len(parts)))], np.empty(0), np.empty(0)
-        if constraints is not None:
-            given = np.atleast_2d(np.asarray(constraints.A, np.float64))
-            check_shape("constraints.A", given.shape, given.shape[1] == len(parts), f"(k, {len(parts)})")
-            rows.append(given)
-            low, high = (
-                np.append(ends, np.broadcast_to(new, len(given)))
-                for ends, new in ((low, constraints.lb), (high, constraints.ub))
-            )
-        every = np.concatenate(rows)
-        if not len(every):
-            return None
-        has_levels = [bool(axis.levels) for axis in self.axes]
-        check_that("constraints", not every[:, has_levels].any(), "be on axes without levels")
-        start = every @ self._low
-        return Polytope(every * (self._high - self._low), low - start, high - start)
 
 
 def _feasible_samples(

@@ -45,7 +45,7 @@ cdef const nearest_functions *search = NULL
 def _choose_level():
     """Use the processor's best level, or the lower one that CVTIMG_SIMD names; that there is, if only one is compiled."""
     global search
-    wanted = os.environ.get("CVTIMG_SIMD", "avx512")
+    wanted = os.environ.get("CVTIMG_SIMD") or "avx512"
     if wanted not in SIMD_LEVELS:
         raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
     cdef int most = SIMD_LEVELS.index(wanted), level
@@ -140,42 +140,58 @@ def accumulate(
 
 
 def move_often(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
-    const double[::1] density,      # IN (n_tiles * LANES,)
-    double[:, ::1] generators,      # INOUT (K, D): moved to the means of their cells, once less than there are energies
-    double[:, ::1] sums,            # OUT (K, D + 1): density times (point, 1) of the last cells
-    float[:, ::1] single,           # OUT (K, D): the generators
-    float[::1] half_norms,          # OUT (K,): |generator|^2 / 2
-    int32_t[::1] labels,            # OUT (n_tiles * LANES,): the last cells
-    double[::1] energies,           # OUT (n_moves + 1,): before each move and at the end, less the points' spread
+    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
+    const double[::1] density,        # IN (n_tiles * LANES,)
+    Py_ssize_t n_locked,              # IN: the first generators of each set stay
+    double[:, :, ::1] generators,     # INOUT (n_sets, K, D): moved to the means of their cells, once less than energies
+    double[:, :, ::1] sums,           # OUT (n_sets, K, D + 1): density times (point, 1) of the last cells
+    float[:, ::1] single,             # OUT (K, D): the generators of the last set
+    float[::1] half_norms,            # OUT (K,): |generator|^2 / 2
+    int32_t[:, ::1] labels,           # OUT (n_sets, n_tiles * LANES): the last cells
+    double[:, ::1] energies,          # OUT (n_sets, n_moves + 1): before each move and at the end, less the points' spread
 ):
-    """Make so many moves of Lloyd's method; a generator whose cell is empty stays. For points that are few."""
-    cdef Py_ssize_t n_tiles = tiles.shape[0], n_energies = energies.shape[0], n, t, k, d
-    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    """Make so many moves of Lloyd's method in each set; a generator of an empty cell stays. For points that are few."""
+    cdef Py_ssize_t n_sets = generators.shape[0], n_energies = energies.shape[1], n_tiles = tiles.shape[0]
+    cdef Py_ssize_t s, n, t, k, d
+    cdef int dims = tiles.shape[1], n_generators = generators.shape[1]
     cdef double norm, cross, total
     with nogil:
-        for n in range(n_energies):
-            for k in range(n_generators):
-                if n > 0 and sums[k, dims] > 0:
+        for s in range(n_sets):
+            for n in range(n_energies):
+                for k in range(n_generators):
+                    if n > 0 and k >= n_locked and sums[s, k, dims] > 0:
+                        for d in range(dims):
+                            generators[s, k, d] = sums[s, k, d] / sums[s, k, dims]
+                    norm = 0
                     for d in range(dims):
-                        generators[k, d] = sums[k, d] / sums[k, dims]
-                norm = 0
-                for d in range(dims):
-                    single[k, d] = <float>generators[k, d]
-                    norm = norm + <double>single[k, d] * single[k, d]
-                half_norms[k] = <float>(0.5 * norm)
-            sums[:, :] = 0
-            for t in range(n_tiles):
-                search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
-                search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
-            total = 0
-            for k in range(n_generators):
-                norm = cross = 0
-                for d in range(dims):
-                    norm = norm + generators[k, d] * generators[k, d]
-                    cross = cross + generators[k, d] * sums[k, d]
-                total = total + sums[k, dims] * norm - 2 * cross
-            energies[n] = total
+                        single[k, d] = <float>generators[s, k, d]
+                        norm = norm + <double>single[k, d] * single[k, d]
+                    half_norms[k] = <float>(0.5 * norm)
+                sums[s, :, :] = 0
+                for t in range(n_tiles):
+                    search.one(
+                        &tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[s, t * LANES])
+                    search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[s, t * LANES], &sums[s, 0, 0])
+                total = 0
+                for k in range(n_generators):
+                    norm = cross = 0
+                    for d in range(dims):
+                        norm = norm + generators[s, k, d] * generators[s, k, d]
+                        cross = cross + generators[s, k, d] * sums[s, k, d]
+                    total = total + sums[s, k, dims] * norm - 2 * cross
+                energies[s, n] = total
+
+
+cdef inline double squared_distance(
+    const float *point, const double *generator, Py_ssize_t dims
+) noexcept nogil:
+    """Return that of a point, whose coordinates in a tile are LANES apart, to a generator."""
+    cdef double total = 0, step
+    cdef Py_ssize_t d
+    for d in range(dims):
+        step = point[d * LANES] - generator[d]
+        total = total + step * step
+    return total
 
 
 def measure(
@@ -185,18 +201,30 @@ def measure(
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
     double[::1] energies,           # INOUT (K,): += density times squared distance to the own generator
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i
     cdef int32_t label
-    cdef double total, step
     with nogil:
         for t in range(n_tiles):
             for i in range(LANES):
                 label = labels[t * LANES + i]
-                total = 0
-                for d in range(dims):
-                    step = tiles[t, d, i] - generators[label, d]
-                    total = total + step * step
-                energies[label] += density[t * LANES + i] * total
+                energies[label] += density[t * LANES + i] * squared_distance(
+                    &tiles[t, 0, i], &generators[label, 0], dims)
+
+
+def distances_to_own(
+    const float[:, :, ::1] tiles,        # IN (n_tiles, D, LANES)
+    const double[:, :, ::1] generators,  # IN (n_sets, K, D)
+    const int32_t[:, ::1] labels,        # IN (n_sets, n_tiles * LANES)
+    double[:, ::1] distances,            # OUT (n_sets, n_tiles * LANES): squared, to the own generator of each set
+):
+    cdef Py_ssize_t n_sets = generators.shape[0], n_tiles = tiles.shape[0], dims = tiles.shape[1], s, t, i
+    cdef int32_t label
+    with nogil:
+        for s in range(n_sets):
+            for t in range(n_tiles):
+                for i in range(LANES):
+                    label = labels[s, t * LANES + i]
+                    distances[s, t * LANES + i] = squared_distance(&tiles[t, 0, i], &generators[s, label, 0], dims)
 
 
 def transfer(

@@ -8,6 +8,7 @@ between: upwards by dividing, downwards by removing. All of this uses fewer poin
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -97,8 +98,8 @@ def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions)
 def _alone(
     points: Points, n_generators: int, method: Method, conditions: Conditions, effort: SearchEffort
 ) -> Iteration:
-    none = np.empty((0, points.n_dims))
-    start = search(points, none, n_generators, "split", method.iterate, effort, conditions)
+    none, once = np.empty((0, points.n_dims)), replace(effort, evolution=None)  # which is for a single number
+    start = search(points, none, n_generators, "split", method, once, conditions)
     return method(points, start, conditions.until(effort.stopping))
 
 

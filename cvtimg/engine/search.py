@@ -1,7 +1,8 @@
-"""Searches over fewer points for a low energy, before the descent on all points.
+"""Searches for a low energy before the last descent on all points.
 
 The energy has many local minima. Fewer points show where the low ones are at a fraction of the cost, so most of the
-search happens there.
+search happens there. Tables of few rows are searched as they are, by evolution: it finds lower minima, for a time that
+only few rows are worth.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
-from cvtimg.engine.methods import Conditions, Iterate, Iteration, Stopping
+from cvtimg.engine.evolution import Evolution, evolve
+from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import breathe
 from cvtimg.engine.points import Points, coarsen, thin
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
@@ -31,18 +33,21 @@ class SearchEffort:
         Largest and smallest breath in such a search, as fractions of the generators; (0, 0) for no breathing.
     stopping : Stopping
         When the descent on all samples stops.
+    evolution : Evolution or None
+        How much to evolve where the rows of a table are few.
     """
 
     n_starts: int
     breaths: tuple[float, float]
     stopping: Stopping
+    evolution: Evolution | None = None
 
 
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300)),
-    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000)),
+    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(4, 8, 24)),
+    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(10, 16, 200)),
 }
 
 #: From so many rows for each that is searched, a pass over all takes longer than the best search.
@@ -69,26 +74,34 @@ def search(
     fixed: NDArray[np.float64],
     n_generators: int,
     init: str,
-    descend: Iterate,
+    method: Method,
     effort: SearchEffort,
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
-    n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
     some = fewer_points(points, max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS), conditions.rng)
+    evolution = effort.evolution if some is points and n_generators > len(fixed) else None
+    n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
+    if evolution is not None:
+        n_starts = 1
+    n_parts = n_starts + (evolution is not None)
     ends: list[Iteration] = []
     while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
         # A deterministic seeding is of use only once.
         seeding = SEEDINGS["random" if ends else init]
         try:
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            with part(len(ends) / n_starts, (len(ends) + 1) / n_starts):
-                ends.append(breathe(some, initial, descend, conditions.until(_SEARCHING), effort.breaths))
+            with part(len(ends) / n_parts, (len(ends) + 1) / n_parts):
+                ends.append(breathe(some, initial, method.iterate, conditions.until(_SEARCHING), effort.breaths))
         except TooFewSamplesError:
             if some is points:
                 raise
             some, ends = points, []  # fewer points may lack rare samples
-    return min(ends, key=lambda end: end.energies[-1]).generators
+    best = min(ends, key=lambda end: end.energies[-1]).generators
+    if evolution is None:
+        return best
+    with part(n_starts / n_parts, 1):
+        return evolve(points, best, method, conditions, evolution)
 
 
 def _agree(ends: list[Iteration]) -> bool:

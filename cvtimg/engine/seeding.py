@@ -53,7 +53,8 @@ class _Cells:
         # The moments hold only the lower triangle, and only that is read.
         covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
         variances, axes = np.linalg.eigh(covariances, UPLO="L")
-        return axes[:, :, -1], np.maximum(variances[:, -1], 0)
+        # Without the last bits of LAPACK, which differ by processor: no point may change sides with them.
+        return np.rint(axes[:, :, -1] * 2.0**24) / 2.0**24, np.maximum(variances[:, -1], 0)
 
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -132,7 +133,7 @@ def divide_worst(
     worst = np.argsort(cell_energies(points, generators, labels))[-1:]
     lower, upper = halves(points, labels, worst, len(generators))
     members = np.flatnonzero((labels == worst) & (points.density > 0))
-    above = (points.rows(members) - (lower + upper) / 2) @ (upper - lower)[0] > 0
+    above = np.einsum("nd,kd->n", points.rows(members) - (lower + upper) / 2, upper - lower) > 0
     divided = labels.copy()
     divided[members[above]] = len(generators)
     masses, sums = cell_moments(points, divided, len(generators) + 1)

@@ -6,7 +6,7 @@ the energy, the sum of density times squared distance to the nearest generator, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -134,7 +134,9 @@ def tessellate(
         minima, and then moves until a pass lowers the energy by at most 1e-4 of it: 1 to 3 times the time of "fast" up
         to K = 256, and 8 times at K = 4096. "best" searches up to 12 times (4 from K = 128 on), until three
         searches end alike, breathes longer, and moves until 1e-6: on photographs 2 to 10 times the time of "balanced",
-        for an energy a few tenths of a percent lower.
+        for an energy a few tenths of a percent lower. Tables of fewer than 32,768 rows, or 100 K if that is more, are
+        searched as they are: "balanced" and "best" cross tessellations with each other there, which takes
+        milliseconds to seconds.
     volume_power : float
         Power p >= 0 in the weighted energy, the sum over the cells of (mass of the cell / total mass)^p times the
         energy of the cell. With 0 all cells count the same; with 1 or 2 a heavy cell counts more, so that rare colors
@@ -186,6 +188,8 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
+    if isinstance(samples, WeightedSamples):
+        settings = replace(settings, evolution=None)
     power = check_non_negative("volume_power", volume_power)
     asked = _Asked(n_generators, method, init, settings, power, locked, np.random.default_rng(rng), callback)
     if is_blocked(samples):
@@ -245,8 +249,8 @@ class _Descent:
         check_choice("init", asked.init, SEEDINGS)
         if self.method.exact_in_one_dimension:
             return np.zeros((asked.n_generators, points.n_dims))  # only their number matters
-        descend, n_generators = self.method.iterate, asked.n_generators
-        return search(points, self.fixed, n_generators, asked.init, descend, effort, self.conditions)
+        n_generators = asked.n_generators
+        return search(points, self.fixed, n_generators, asked.init, self.method, effort, self.conditions)
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:

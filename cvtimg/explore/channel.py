@@ -11,11 +11,9 @@ import asyncio
 import ctypes
 import json
 import logging
-import shlex
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from threading import Lock, Thread
 from typing import Any, Generic, TypeVar
 
@@ -27,7 +25,7 @@ from cvtimg._shared.progress import watched
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, safe_name
+from cvtimg.explore.outcomes import Outcome
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import TABS
 from cvtimg.explore.tabs.base import Request, Tab
@@ -272,10 +270,6 @@ def _opened(store: Store, asked: dict[str, Any]) -> Picture:
 def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:
     """Return what the page shows for each file of a result."""
     recipe, outputs = tab.recipe(request), tab.outputs(request)
-    animation = None if tab.for_frames or request.opened is None else request.opened.whole_file
-    if animation and not animation.header.has_pages:
-        before = shlex.join(["cvtimg", "frames", safe_name(animation.name), "--out-dir", animation.folder])
-        recipe = replace(recipe, before="\n".join(filter(None, [before, recipe.before])))
     return [
         {**recipe.shown(outputs[0] if one.read else one, request.stem), "key": one.key, "label": one.label}
         | ({"file": one.pattern.format(request.stem)} if one.read else {})

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import threading
-import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import energy_curve, read_image, write_image
+from cvtimg import energy_curve, read_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.explore.outcomes import own_prefix, quoted, safe_name
+from cvtimg.explore.outcomes import quoted, safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
-from cvtimg.pictures.frames import ANIMATED, frame_name
+from cvtimg.pictures.frames import ANIMATED
 from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.pages import one_page
 from cvtimg.pictures.showing import natural_limits, shown
@@ -55,14 +52,14 @@ def most_pixels() -> int:
 class Picture:
     """A picture that is open on the page: its key in requests, its name in commands, its file and its array.
 
-    An animation, or a file of pages, has `frames`, and shows the first of them. A page, counted from 1, is a picture of
-    the same file, a frame one of its own file.
+    An animation, or a file of pages, has `frames`, and shows the first of them. A frame or page, counted from 1, is a
+    picture of the same file.
     """
 
     def __init__(self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0) -> None:
         self.key, self.name, self.path = key, name, path
         self.whole_file, self.page = whole, page  # of which it is a frame or a page
-        header = replace(whole.header, frames=1) if whole and page else image_info(path)
+        header = replace(whole.header, frames=1) if whole else image_info(path)
         self.header: ImageInfo = header
         n_pixels, most = header.width * header.height * header.frames, most_pixels()
         if n_pixels > most:
@@ -74,8 +71,11 @@ class Picture:
             self.frames = read_pages(path).joined()
         elif header.frames > 1 and header.format in ANIMATED:
             self.frames = read_frames(path)
-        if whole and page and isinstance(whole.frames, Pages):
+        if whole and isinstance(whole.frames, Pages):
             self.array = one_page(whole.frames, page)
+        elif whole and whole.frames:
+            self.array = whole.frames.images[page - 1]
+            self.header = replace(header, has_alpha=self.array.shape[2:] == (4,))
         else:
             self.array = self.frames.images[0] if self.frames else read_image(path)
         self.n_bytes = path.stat().st_size
@@ -88,7 +88,7 @@ class Picture:
     @property
     def noun(self) -> str:
         """What its images are called."""
-        return "Page" if self.header.has_pages or self.page else "Frame"
+        return "Page" if (self.whole_file or self).header.has_pages else "Frame"
 
     @property
     def has_channels(self) -> bool:
@@ -106,35 +106,15 @@ class Picture:
         """The expression by which Python reads it."""
         return f"cvtimg.read_image({quoted(self.name)}{f', page={self.page}' if self.page else ''})"
 
-    @property
-    def folder(self) -> str:
-        """Name of the folder to which commands write the frames of an animation."""
-        return f"{self.stem}-frames"
-
     def frame(self, number: int) -> Picture:
-        """Return a frame, as `cvtimg frames` writes it, or a page; of other pictures the picture itself."""
+        """Return a frame or a page; of other pictures the picture itself."""
         if self.frames is None:
             return self
-        images = self.frames.images
-        if not 0 <= number < len(images):
+        if not 0 <= number < len(self.frames.images):
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
-        key, file = f"{self.key}/{number}", frame_name(number, len(images))
-
-        def made() -> Picture:
-            if isinstance(self.frames, Pages):
-                return Picture(key, self.name, self.path, whole=self, page=number + 1)
-            path = self._written / file
-            write_image(path, images[number], overwrite=True)
-            return Picture(key, f"{self.folder}/{file}", path, whole=self)
-
-        found: Picture = self.kept(("frame", number), made)
+        key, page = f"{self.key}/{number}", number + 1
+        found: Picture = self.kept(("frame", number), lambda: Picture(key, self.name, self.path, whole=self, page=page))
         return found
-
-    @cached_property
-    def _written(self) -> Path:
-        folder = tempfile.mkdtemp(prefix=own_prefix())
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)  # with the picture, or at the end
-        return Path(folder)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -143,8 +123,8 @@ class Picture:
 
     @property
     def stem(self) -> str:
-        """Name of the file without folder and suffix, with the number of the page."""
-        return Path(self.name).stem + (f"-page-{self.page}" if self.page else "")
+        """Name of the file without folder and suffix, with the number of the frame or page."""
+        return Path(self.name).stem + (f"-{self.noun.lower()}-{self.page}" if self.page else "")
 
     @cached_property
     def has_alpha(self) -> bool:

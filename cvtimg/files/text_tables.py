@@ -47,13 +47,6 @@ def write_csv(path: StrPath, names: Iterable[str], rows: Iterable[Iterable[Any]]
         As in `csv_text`.
     overwrite : bool
         Replace an existing file.
-
-    Raises
-    ------
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written.
     """
     text = csv_text(names, rows)
     # A column may hold file names that are not valid text.

@@ -71,6 +71,24 @@ def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
     return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
 
 
+class EdgeTable:
+    """Finds edges, given as (E, 2) of n points, by their ends, in either direction."""
+
+    def __init__(self, edges: NDArray[np.integer[Any]], n: int) -> None:
+        self._n = n
+        keys = edge_keys(edges, n)
+        order = np.argsort(keys, kind="stable")
+        # The last key is none's: what is wanted after all others ends there.
+        self._keys = np.append(keys[order], np.iinfo(np.int64).max)
+        self._order = np.append(order, -1)
+
+    def find(self, pairs: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
+        """Return which edge (P,) has each of (P, 2) pairs of ends, the first of equal ones; -1 for none."""
+        wanted = edge_keys(pairs, self._n)
+        at = np.searchsorted(self._keys, wanted)
+        return np.where(self._keys[at] == wanted, self._order[at], -1)
+
+
 def edges_around(triangles: NDArray[np.integer[Any]]) -> NDArray[Any]:
     """Return the three edges (3 T, 2) of each triangle, as it goes around."""
     return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

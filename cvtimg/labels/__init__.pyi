@@ -8,7 +8,6 @@ from .edges import find_edges as find_edges
 from .figures import mean_picture as mean_picture
 from .figures import region_means as region_means
 from .figures import region_table as region_table
-from .figures import run_lengths as run_lengths
 from .figures import volume_table as volume_table
 from .files import label_colors as label_colors
 from .files import read_labels as read_labels
@@ -17,8 +16,6 @@ from .files import write_table as write_table
 from .formats import CONTOUR_FORMATS as CONTOUR_FORMATS
 from .formats import Drawing as Drawing
 from .formats import write_contours as write_contours
-from .formats.coco import write_coco as write_coco
 from .formats.geojson import write_geojson as write_geojson
-from .formats.qupath import write_qupath as write_qupath
 from .formats.svg import write_svg as write_svg
 from .tracking import track_labels as track_labels

@@ -280,39 +280,3 @@ def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> d
     numeric = all(column.dtype.kind in "biuf" for column in columns.values())
     check_that(f"properties: {name!r}", numeric, "have a number per region in skimage.measure.regionprops")
     return columns
-
-
-def run_lengths(labels: ArrayLike) -> dict[int, list[int]]:
-    """Encode each region as the lengths of its runs, absent and present in turn, down the columns of the image.
-
-    Parameters
-    ----------
-    labels : (H, W) integer array
-        Region of each pixel; 0 for none.
-
-    Returns
-    -------
-    dict of int to list of int
-        Lengths of the runs by label, in order, without label 0. The first run is of absence, and the lengths sum to
-        H W: the uncompressed run-length encoding of COCO.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.labels.figures import run_lengths
-    >>> run_lengths(np.array([[1, 1, 2], [1, 2, 2]]))
-    {1: [0, 3, 3], 2: [3, 3]}
-    """
-    down = check_labels("labels", labels).ravel(order="F")
-    starts = np.flatnonzero(np.append(True, down[1:] != down[:-1]))
-    stops = np.append(starts[1:], len(down))
-    order = np.argsort(down[starts], kind="stable")
-    order = order[down[starts[order]] > 0]
-    runs = np.stack([starts[order], stops[order]], axis=1)
-    of_label = down[runs[:, 0]]
-    cuts = np.flatnonzero(of_label[1:] != of_label[:-1]) + 1
-    found = {}
-    for label, ends in zip(of_label[np.append(0, cuts)] if len(runs) else [], np.split(runs, cuts), strict=False):
-        counts = np.diff(ends.ravel(), prepend=0, append=len(down))
-        found[int(label)] = (counts if counts[-1] else counts[:-1]).tolist()
-    return found

@@ -114,13 +114,15 @@ class HuangMetric:
         absolute = self._absolute(as_region(region).draw(_SAMPLES))
         largest = float(np.abs(absolute).max())
         check_that("hessian", 0 < largest < np.inf, "be finite and not 0 everywhere")
-        low, high = 1e-9 * largest, 1e3 * largest
-        for _ in range(60):
-            self._alpha = (low * high) ** 0.5
-            if float((_determinants(self._regular(absolute)) ** (1 / 3)).mean()) > _HUANG_GOAL:
-                low = self._alpha
-            else:
-                high = self._alpha
+
+        def excess(power: float) -> float:
+            regular = absolute / (np.exp(power) * largest) + np.array([1.0, 0.0, 1.0])
+            return float((_determinants(regular) ** (1 / 3)).mean()) - _HUANG_GOAL
+
+        from scipy.optimize import bisect
+
+        low, high = np.log([1e-9, 1e3])
+        self._alpha = largest * float(np.exp(low if excess(low) < 0 else bisect(excess, low, high)))
 
     def __call__(self, points: Points) -> NDArray[np.float64]:
         """Return metrics (M, 2, 2) at (M, 2) points, but for a factor."""

@@ -26,7 +26,6 @@ class Areas:
 
     pieces: Index  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
     wanted: NDArray[np.float64]  # (P,): their areas; the first is not used
-    still: Points  # (S, 2): ends of lines that must stay where they are
 
     @classmethod
     def of(cls, lines: list[Points], pieces: Index) -> Areas:
@@ -36,16 +35,16 @@ class Areas:
         inner = number[1:] == number[:-1]
         edges = np.stack([np.flatnonzero(inner), np.flatnonzero(inner) + 1], axis=1)
         wanted = _enclosed(points, edges, pieces[number[:-1][inner]], int(pieces.max()) + 1)
-        return cls(pieces, wanted, np.empty((0, 2)))
+        return cls(pieces, wanted)
 
-    def cut(self, own: Index, still: Points) -> Areas:
-        """Return the areas of lines that were cut: each part is of line `own`, and some points stay."""
-        return replace(self, pieces=self.pieces[own], still=still)
+    def of_parts(self, own: Index) -> Areas:
+        """Return the areas of lines that were cut: each part is of line `own`."""
+        return replace(self, pieces=self.pieces[own])
 
-    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Index, ends: Index, rim: Index) -> Points:
+    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Index, ends: Index, still: Index) -> Points:
         """Move vertices (N, 2) of edges (E, 2) on lines (E,) so that pieces have their areas, by the least squares.
 
-        Ends of lines, which are corners or junctions, hardly move; those on the rim stay.
+        Ends of lines, which are corners or junctions, hardly move; those that are still stay.
         """
         from scipy.sparse import coo_array, eye_array
         from scipy.sparse.linalg import spsolve
@@ -53,9 +52,7 @@ class Areas:
         both, n_pieces, n = self.pieces[of_line], len(self.wanted), len(points)
         freedom = np.ones(n)
         freedom[ends] = _ENDS
-        if len(self.still):
-            freedom[np.isin(points.view(np.complex128)[:, 0], self.still.view(np.complex128)[:, 0])] = 0
-        freedom[rim] = 0
+        freedom[still] = 0
         rows = np.concatenate([both.T.ravel()] * 4)
         columns = np.concatenate([np.tile(2 * edges[:, end] + axis, 2) for end in (0, 1) for axis in (0, 1)])
         signs = np.tile(np.repeat([0.5, -0.5], len(edges)), 4)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg.meshes.outlines import Outline, cross, turns_of
+from cvtimg.meshes.outlines import Outline, cross
 from cvtimg.meshes.triangulation import FIXED, FREE, PlaneTriangulation
 
 Points = NDArray[np.float64]
@@ -19,8 +19,6 @@ Index = NDArray[np.intp]
 _NOTHING, _MOST = 1e-9, 1.0
 #: Rounds of Newton's method: each leaves about the square of what was missing.
 _ROUNDS = 6
-#: Where a closed line turns by more, in degrees, at its start, that is a corner.
-_CORNER = 10.0
 
 
 class Curves:
@@ -30,11 +28,9 @@ class Curves:
     ----------
     outline : Outline
         Of polygons.
-    still : (S, 2) array
-        Points that must not move, beside corners.
     """
 
-    def __init__(self, outline: Outline, still: Points) -> None:
+    def __init__(self, outline: Outline) -> None:
         lengths = np.array([len(line) for line in outline.lines])
         self._sides, self._middle = outline.sides, outline.bounds.mean(axis=0)
         self._places = np.concatenate(outline.lines) - self._middle
@@ -45,10 +41,6 @@ class Curves:
         inner = np.diff(self._of_line) == 0
         self._parts, self._tree = np.flatnonzero(inner), outline.segments()
         self._swept = np.append(0, np.cumsum(inner * cross(self._places[:-1], self._places[1:]) / 2))
-        first, last = (np.array([line[at] for line in outline.lines]) for at in (0, -1))
-        turns = turns_of(self._places[self._stops - 1], self._places[self._starts], self._places[self._starts + 1])
-        is_corner = (first != last).any(axis=1) | (turns > _CORNER)
-        self._still = np.concatenate([first[is_corner], last[is_corner], still])
 
     def keep_areas(self, mesh: PlaneTriangulation) -> None:
         """Move vertices along their normals by the area that edges cut off on both sides, so that none is lost.
@@ -79,7 +71,7 @@ class Curves:
         points, half_edges = mesh.points, mesh.half_edges_on_borders()
         edges = mesh.edges[half_edges]
         on_border = np.unique(edges)
-        moving = on_border[~np.isin(points[on_border].view(np.complex128)[:, 0], self._still.view(np.complex128)[:, 0])]
+        moving = on_border[~mesh.corners[on_border]]
         may_move = np.zeros(len(points), bool)
         may_move[moving] = True
         part = self._parts[self._tree.nearest(optional("shapely", "mesh").points(points[moving]))]

@@ -1,14 +1,14 @@
-"""Mesh files: VTU, XDMF, OBJ with groups and PLY are written here, others by meshio.
+"""Mesh files: VTU with names and OBJ with groups are written here, others by meshio.
 
 Names of regions and of borders are physical groups in MSH, arrays of 0 and 1 in VTU, sets of elements and of nodes in
-INP, and tags in XDMF, whose borders are a file of their own, for FEniCS.
+INP.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +29,12 @@ _MESHIO: dict[str, dict[str, Any]] = {
     ".med": {},
     ".mesh": {},
     ".off": {},
+    ".ply": {},
     ".vtk": {},
+    ".xdmf": {"data_format": "XML"},
 }
 #: Those that have no triangles with six nodes.
 _STRAIGHT = (".obj", ".ply", ".stl", ".mesh", ".off")
-#: XDMF's names of cells, and of the sides of those of the plane.
-_XDMF = {
-    "triangle": "Triangle",
-    "tetra": "Tetrahedron",
-    "triangle6": "Triangle_6",
-    "line": "Polyline",
-    "line3": "Edge_3",
-}
 #: Names that formats have for other things.
 TAKEN = ("border", "connectivity", "offsets", "points", "quality", "tag", "types")
 #: Cells, and what is on their sides: VTK's number and meshio's name.
@@ -80,13 +74,9 @@ def suffixes(kind: str = "triangle") -> tuple[str, ...]:
 def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple[str, ...] | None = None) -> None:
     """Write a mesh in the format that the suffix picks."""
     suffix = check_choice("suffix", Path(path).suffix.lower(), allowed or suffixes())
-    contents = {path: MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)}
-    if suffix == ".xdmf" and mesh.side_tags is not None:
-        borders = replace(mesh, cells=mesh.sides, tags=mesh.side_tags)
-        contents[f"{str(path)[: -len(suffix)]}_borders{suffix}"] = _xdmf(borders, _CELLS[mesh.kind][1])
-    with ExitStack() as files:  # both or none
-        for each, content in contents.items():
-            files.enter_context(whole_file(each, overwrite=overwrite)).write(content)
+    content = MESH_FORMATS[suffix](mesh) if suffix in MESH_FORMATS else _by_meshio(mesh, path, suffix)
+    with whole_file(path, overwrite=overwrite) as file:
+        file.write(content)
 
 
 def _vtu(mesh: MeshContent) -> bytes:
@@ -114,43 +104,8 @@ def _obj(mesh: MeshContent) -> bytes:
     return "".join(parts).encode()
 
 
-def _ply(mesh: MeshContent) -> bytes:
-    """Stanford's format, binary, with double precision; without tags, which not all readers skip."""
-    head = [
-        "ply\nformat binary_little_endian 1.0\ncomment cvtimg",
-        f"element vertex {len(mesh.points)}",
-        *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(mesh.cells)}",
-        "property list uchar int vertex_indices\nend_header\n",
-    ]
-    faces = np.empty(len(mesh.cells), [("n", "u1"), ("corners", "<i4", 3)])
-    faces["n"], faces["corners"] = 3, mesh.cells
-    return "\n".join(head).encode() + mesh.places.astype("<f8").tobytes() + faces.tobytes()
-
-
-def _xdmf(mesh: MeshContent, kind: str = "") -> bytes:
-    """XDMF with numbers as text, in as many coordinates as there are, as FEniCS takes it."""
-
-    def item(rows: NDArray[Any], number: str, form: str) -> str:
-        shape = " ".join(map(str, rows.shape))
-        text = rows_of(" ".join([form] * (rows.size // len(rows))) + "\n", rows)
-        return f'<DataItem {number} Format="XML" Dimensions="{shape}">\n{text}</DataItem>'
-
-    of_places, of_indices = ('DataType="Float" Precision="8"', "%.17g"), ('DataType="Int" Precision="4"', "%d")
-    lines = [
-        '<?xml version="1.0"?>',
-        '<Xdmf Version="3.0"><Domain><Grid Name="Grid" GridType="Uniform">',
-        f'<Geometry GeometryType="{"XYZ"[: mesh.points.shape[1]]}">{item(mesh.points, *of_places)}</Geometry>',
-        f'<Topology TopologyType="{_XDMF[kind or mesh.kind]}" NumberOfElements="{len(mesh.cells)}" '
-        f'NodesPerElement="{mesh.cells.shape[1]}">{item(mesh.cells, *of_indices)}</Topology>',
-        f'<Attribute Name="tag" AttributeType="Scalar" Center="Cell">{item(mesh.tags, *of_indices)}</Attribute>',
-        "</Grid></Domain></Xdmf>\n",
-    ]
-    return "\n".join(lines).encode()
-
-
 #: The registry of formats: suffix to the function that makes the content.
-MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj": _obj, ".ply": _ply, ".xdmf": _xdmf}
+MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj": _obj}
 
 
 def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
@@ -185,8 +140,15 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         sets = {"cell_sets": regions, "point_sets": nodes}
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
-        meshio.Mesh(mesh.places, cells, cell_data=data, field_data=names, **sets).write(part, **_MESHIO[suffix])
+        # FEniCS takes what has three coordinates for a surface.
+        places = mesh.points if suffix == ".xdmf" else mesh.places
+        try:
+            meshio.Mesh(places, cells, cell_data=data, field_data=names, **sets).write(part, **_MESHIO[suffix])
+        except ModuleNotFoundError as error:
+            raise ImportError(f"{path}: {suffix} needs {error.name}: pip install {error.name}") from error
         content = part.read_bytes()
+    if suffix == ".ply":  # without the time, so that the same mesh has the same bytes
+        return re.sub(rb"Created by meshio[^\n]*", b"cvtimg", content, count=1)
     if suffix == ".inp":  # of the plane, where meshio has rigid elements and shells
         content = content.replace(b"TYPE=R3D3\n", b"TYPE=CPS3\n", 1).replace(b"TYPE=STRI65\n", b"TYPE=CPS6\n", 1)
     return content

@@ -84,11 +84,6 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     -------
     MeshMeasures
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
-
     Examples
     --------
     >>> from cvtimg.meshes import measure_mesh

@@ -6,6 +6,8 @@ J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh gener
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,25 +19,30 @@ from cvtimg.meshes.triangulation import FREE, Borders, PlaneTriangulation
 
 Points = NDArray[np.float64]
 
-#: Triangles with a smaller angle, in degrees, are mended.
-_SMALL = 30.0
-#: Edges at corners of borders with less than this are not split, for that never ends.
-_TIP = 15.0
-#: Rounds without a gain before it is given up.
-_PATIENCE = 6
-#: In each round, vertices move so often, and triangles are smoothed so often by this power of their cost.
-_MOVES, _SMOOTHING, _POWER = 6, 10, 8
-#: Vertices are taken away where new ones are nearer than this part of the new edges, then where edges are short.
-_NEAR = 0.7
+
+@dataclass(frozen=True, slots=True)
+class Mending:
+    """How small angles are mended."""
+
+    rounds: int
+    small: float = 30.0  # triangles with a smaller angle, in degrees, are mended
+    tip: float = 15.0  # edges at corners of borders with less than this are not split, for that never ends
+    patience: int = 6  # rounds without a gain before it is given up
+    moves: int = 6  # in each round, vertices move so often,
+    smoothings: int = 10  # and triangles are smoothed so often
+    power: int = 8  # by this power of their cost
+    near: float = (
+        0.7  # vertices go where new ones are nearer than this part of the new edges, then where edges are short
+    )
 
 
 def mend(
     mesh: PlaneTriangulation,
     field: Field,
     grade: float,
+    how: Mending,
     *,
     shortest: float,
-    rounds: int,
     keep_number: bool,
     whole: NDArray[np.int32],
 ) -> PlaneTriangulation:
@@ -44,38 +51,38 @@ def mend(
     New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay; edges between
     vertices `whole` stay whole. Sizes grow by `grade` from there.
     """
-    best, least, since = mesh, _badness(mesh), 0
-    for _ in each(range(rounds)):
+    best, least, since = mesh, _badness(mesh, how.small), 0
+    for _ in each(range(how.rounds)):
         ends = mesh.border_edges()
-        split, added, radii = _refined(mesh, ends, shortest, whole)
+        split, added, radii = _refined(mesh, how, ends, shortest, whole)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)
         places = np.concatenate([(a + b) / 2, added])
         sizes = np.concatenate([np.linalg.norm(b - a, axis=1) / 2, radii])
-        if not len(places) or since == _PATIENCE:
+        if not len(places) or since == how.patience:
             break
-        inner = _thinned(mesh, field, places, sizes) if keep_number else mesh.points[mesh.fixed == FREE]
+        inner = _thinned(mesh, field, places, how.near * sizes) if keep_number else mesh.points[mesh.fixed == FREE]
         if inner is None:
             break
         mesh = PlaneTriangulation.constrained(_with_middles(mesh, split), np.concatenate([inner, added]))
         field = field.lowered(places, sizes, grade)
-        relax(mesh, field.metric, isotropic=True, most=_MOVES, tolerance=0.0)
-        for _ in range(_SMOOTHING):
-            mesh.smooth(field.metric(mesh.points), _POWER)
+        relax(mesh, field.metric, isotropic=True, most=how.moves, tolerance=0.0)
+        for _ in range(how.smoothings):
+            mesh.smooth(field.metric(mesh.points), how.power)
             mesh.flip(None)
-        badness, since = _badness(mesh), since + 1
+        badness, since = _badness(mesh, how.small), since + 1
         if badness < least:
             best, least, since = mesh, badness, 0
     return best
 
 
-def _badness(mesh: PlaneTriangulation) -> float:
+def _badness(mesh: PlaneTriangulation, small: float) -> float:
     """Sum the degrees by which least angles are too small."""
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
-    return float(np.maximum(_SMALL - angles, 0).sum())
+    return float(np.maximum(small - angles, 0).sum())
 
 
 def _refined(
-    mesh: PlaneTriangulation, ends: NDArray[np.int32], shortest: float, whole: NDArray[np.int32]
+    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, whole: NDArray[np.int32]
 ) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
@@ -85,7 +92,7 @@ def _refined(
 
     a, b = mesh.points[ends].transpose(1, 0, 2)
     middles, halves = (a + b) / 2, np.linalg.norm(b - a, axis=1) / 2
-    bad, centers, radii, tips = _bad(mesh)
+    bad, centers, radii, tips = _bad(mesh, how)
     may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1) & ~np.isin(ends, whole).all(axis=1)
     near = cKDTree(middles).query_ball_point(centers, halves.max())
     found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
@@ -105,15 +112,17 @@ def _refined(
     return split, centers[added], radii[added]
 
 
-def _bad(mesh: PlaneTriangulation) -> tuple[NDArray[np.intp], Points, NDArray[np.float64], NDArray[np.int32]]:
+def _bad(
+    mesh: PlaneTriangulation, how: Mending
+) -> tuple[NDArray[np.intp], Points, NDArray[np.float64], NDArray[np.int32]]:
     """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)
     shortest, each = sides.argmin(axis=1), np.arange(len(sides))
     is_corner = (mesh.borders[each, shortest - 1] > 0) & (mesh.borders[each, shortest - 2] > 0)
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
-    tips = mesh.triangles[each, shortest - 1][is_corner & (angles < _TIP)]
-    bad = np.flatnonzero((angles < _SMALL) & ~is_corner)
+    tips = mesh.triangles[each, shortest - 1][is_corner & (angles < how.tip)]
+    bad = np.flatnonzero((angles < how.small) & ~is_corner)
     bad = bad[np.argsort(angles[bad], kind="stable")]
     (bx, by), (cx, cy) = (b[bad] - a[bad]).T, (c[bad] - a[bad]).T
     bb, cc = bx * bx + by * by, cx * cx + cy * cy
@@ -121,8 +130,11 @@ def _bad(mesh: PlaneTriangulation) -> tuple[NDArray[np.intp], Points, NDArray[np
     return bad, a[bad] + steps, np.linalg.norm(steps, axis=1), tips
 
 
-def _thinned(mesh: PlaneTriangulation, field: Field, places: Points, sizes: NDArray[np.float64]) -> Points | None:
-    """Return the vertices inside but for as many as there are new places; None if there are not so many apart."""
+def _thinned(mesh: PlaneTriangulation, field: Field, places: Points, near: NDArray[np.float64]) -> Points | None:
+    """Return the vertices inside but for as many as there are new places; None if there are not so many apart.
+
+    Those nearer to new places than `near` (M,) go first.
+    """
     from scipy.spatial import cKDTree
 
     n, free = len(mesh.points), mesh.fixed == FREE
@@ -133,7 +145,7 @@ def _thinned(mesh: PlaneTriangulation, field: Field, places: Points, sizes: NDAr
     shortest = np.full(n, np.inf)
     np.minimum.at(shortest, start, lengths)
     gaps, new = cKDTree(places).query(mesh.points)
-    shortest[gaps < _NEAR * sizes[new]] = 0
+    shortest[gaps < near[new]] = 0
     # No two of them are neighbors: each has shorter edges than all around.
     rank = np.full(n, n)
     rank[np.argsort(np.where(free, shortest, np.inf), kind="stable")] = np.arange(n)
@@ -157,6 +169,6 @@ def _with_middles(mesh: PlaneTriangulation, split: NDArray[np.bool_]) -> Borders
     points = np.concatenate([mesh.points[kept], mesh.points[mesh.edges[edges[split]]].mean(axis=1)])
     middle = np.arange(kept.sum(), len(points), dtype=np.int32)
     halves = [[a[~split], b[~split]], [a[split], middle], [middle, b[split]]]
-    return Borders(
-        points, np.concatenate(halves, axis=1).T, np.concatenate([sides[~split], sides[split], sides[split]])
-    )
+    corners = np.append(mesh.corners[kept], np.zeros(len(middle), bool))
+    edges_of_both = np.concatenate(halves, axis=1).T
+    return Borders(points, edges_of_both, np.concatenate([sides[~split], sides[split], sides[split]]), corners)

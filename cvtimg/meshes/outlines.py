@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_in_range, check_that
+from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
-from cvtimg.meshes.periodic import Twins
-from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
 
-#: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; the second angle is enough
-#: between two sides longer than a part of the diameter, for these are no samples of a curve.
-_POLYGON_CORNER, _LONG_CORNER, _LONG = 30.0, 10.0, 0.1
 #: Contours of labels are jagged by their pixels: there it must turn by more, from so many pixels before to after it.
 _CONTOUR_CORNER, _REACH = 55.0, 4
 #: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
@@ -30,8 +25,10 @@ _CONTOUR_CORNER, _REACH = 55.0, 4
 _PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
 #: How far points may move in these passes, in pixels; to move farther takes more passes.
 _TOLERANCE = 0.7
+#: Where a closed line turns by more, in degrees, at its start, that is a corner.
+_CLOSED_CORNER = 10.0
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
-_ON_LINE = 1e-9
+ON_LINE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,13 +38,37 @@ class Outline:
     # From corner to corner, or closed, if the last point is the first; lines meet at their ends only.
     lines: tuple[Points, ...]
     sides: NDArray[np.int32]  # (M, 2): labels of both sides of each line, as in `Borders`
+    nodes: Points  # (V, 2): where lines start and stop
+    ends: NDArray[np.intp]  # (M, 2): the nodes where each does
     bounds: Points  # (2, 2): least and greatest coordinates
     mask: NDArray[np.bool_] | None  # (H, W): the pixels inside, if coordinates are in pixels of an image
     contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
     polygons: Any = None  # What it is the outline of, if that is polygons of shapely
-    twins: Twins | None = None  # Lines that are copies of others
-    on_lines: bool = False  # Whether vertices stay on the lines, since elements bend with these
+    still: tuple[int, ...] = ()  # Nodes that were asked for, and stay even where areas are kept
+
+    @classmethod
+    def of(cls, lines: Sequence[Points], *about: Any, **more: Any) -> Outline:
+        """Make an outline of lines, whose ends at the same place are one node, and what else there is."""
+        sides, *others = about
+        nodes, ends = np.unique([line[at] for at in (0, -1) for line in lines], axis=0, return_inverse=True)
+        return cls(tuple(lines), sides, nodes, ends.reshape(2, -1).T, *others, **more)
+
+    @property
+    def is_closed(self) -> NDArray[np.bool_]:
+        """Tell which lines (M,) end where they start."""
+        return np.asarray(self.ends[:, 0] == self.ends[:, 1])
+
+    @property
+    def corners(self) -> NDArray[np.bool_]:
+        """Tell which nodes (V,) are corners: the ends of lines that are open, or turn where they start."""
+        found = np.zeros(len(self.nodes), bool)
+        found[list(self.still)] = True
+        found[self.ends[~self.is_closed]] = True
+        found |= np.bincount(self.ends.ravel(), minlength=len(found)) > 2
+        starts = np.array([line[[-2, 0, 1]] for line in self.lines])
+        found[self.ends[turns_of(*starts.transpose(1, 0, 2)) > _CLOSED_CORNER, 0]] = True
+        return found
 
     @property
     def diameter(self) -> float:
@@ -84,20 +105,6 @@ class Outline:
         return shapely.STRtree(shapely.linestrings(np.concatenate(parts)))
 
 
-def outline_of(region: Region, *, tolerance: float, min_size: float, keep_points: bool) -> Outline:
-    """Return the outline of a region: contours of masks may move by a tolerance, polygons lose details.
-
-    All points that polygons have then are corners, if they are to be kept.
-    """
-    check_that(repr(region), region.n_dims == 2, "be in the plane")
-    if isinstance(region, PictureRegion):
-        check_that("keep_points", not keep_points, "be False: contours of masks have no points to keep")
-        return label_outline(region.mask.astype(np.int32), None, tolerance)
-    if isinstance(region, Box) and any(region.periodic):
-        raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
-    return _polygon_outline(PolygonRegion(region.outline()), 0 if isinstance(region, Box) else min_size, keep_points)
-
-
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
     """Return the borders of segments; pixels of label 0 are outside."""
     mask = labels > 0
@@ -118,8 +125,8 @@ def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Ou
         return mask[at[:, 1], at[:, 0]]
 
     bounds = np.array([[0.0, 0.0], [mask.shape[1], mask.shape[0]]])
-    kept = areas.cut(np.array(own), areas.still) if tolerance else None
-    return Outline(tuple(lines), found.sides[own], bounds, mask, contains, kept)
+    kept = areas.of_parts(np.array(own)) if tolerance else None
+    return Outline.of(lines, found.sides[own], bounds, mask, contains, kept)
 
 
 def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> NDArray[np.intp]:
@@ -130,43 +137,6 @@ def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> NDArra
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     sides = [np.floor(first + (along + side * across) / 2).astype(np.intp) + 1 for side in (1, -1)]
     return np.stack([padded[at[:, 1], at[:, 0]] for at in sides], axis=1).astype(np.intp)
-
-
-def _polygon_outline(region: PolygonRegion, min_size: float, keep_points: bool) -> Outline:
-    shapely = optional("shapely", "mesh")
-
-    geometry = region.geometry
-    if min_size > 0:
-        geometry = shapely.simplify(geometry, min_size / 2)
-        check_in_range("min_size", min_size, geometry.area > 0, "less: nothing of the region is left")
-    bounds = np.array(geometry.bounds).reshape(2, 2)
-    apart = _ON_LINE * float(np.hypot(*(bounds[1] - bounds[0])))
-    places, own = shapely.get_coordinates(
-        shapely.get_rings(shapely.orient_polygons(shapely.get_parts(geometry))), return_index=True
-    )
-    found = shapely.get_coordinates
-    rings = [found(ring) for ring in shapely.remove_repeated_points(shapely.linestrings(places, indices=own), apart)]
-    rings = [ring if np.linalg.norm(ring[-2] - ring[0]) > apart else np.delete(ring, -2, axis=0) for ring in rings]
-    rings = [ring for ring in rings if len(ring) > 3]
-    check_that("region", len(rings) > 0, "be wider than 1e-9 of its diameter")
-    cuts = [np.arange(len(ring) - 1) if keep_points else _polygon_corners(ring, rings) for ring in rings]
-    lines = [line for ring, cut in zip(rings, cuts, strict=True) for line in _split(ring, cut)]
-    sides = np.tile(np.array([1, 0], np.int32), (len(lines), 1))
-    return Outline(tuple(lines), sides, bounds, None, region.contains, polygons=geometry)
-
-
-def _polygon_corners(ring: Points, rings: Sequence[Points]) -> NDArray[np.intp]:
-    """Find the points of a ring where it turns, or which other rings have, too."""
-    turns = turns_of(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0))
-    sides = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-    shorter = np.minimum(sides, np.roll(sides, 1))
-    is_long = shorter > _LONG * float(np.hypot(*np.ptp(ring, axis=0)))
-    corner = turns > np.where(is_long, _LONG_CORNER, _POLYGON_CORNER)
-    others = [other for other in rings if other is not ring]
-    if others:
-        shared = np.concatenate(others).view(np.complex128)[:, 0]
-        corner |= np.isin(np.ascontiguousarray(ring[:-1]).view(np.complex128)[:, 0], shared)
-    return np.flatnonzero(corner)
 
 
 def _cut_contour(line: Points, tolerance: float) -> list[Points]:
@@ -186,7 +156,7 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
         gaps = np.abs(np.array(corners, np.intp) - at[index])
         if not len(gaps) or np.minimum(gaps, n - gaps if is_closed else gaps).min() >= reach:
             corners.append(int(at[index]))
-    return _split(dense, np.sort(np.array(corners, np.intp)))
+    return split_line(dense, np.sort(np.array(corners, np.intp)))
 
 
 def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
@@ -240,9 +210,9 @@ def _smoothed(line: Points, tolerance: float) -> Points:
     return line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
 
 
-def _split(line: Points, cuts: NDArray[np.intp]) -> list[Points]:
+def split_line(line: NDArray[Any], cuts: NDArray[np.intp]) -> list[NDArray[Any]]:
     """Cut a line at some of its points; a closed one that is cut nowhere stays closed."""
-    if not (line[0] == line[-1]).all():
+    if (line[0] != line[-1]).any():
         ends = [0, *cuts[cuts > 0].tolist(), len(line) - 1]
         return [line[start : stop + 1] for start, stop in pairwise(ends)]
     if not len(cuts):
@@ -260,7 +230,7 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
 
     shapely = optional("shapely", "mesh")
 
-    pairs = cKDTree(points).query_pairs(_ON_LINE * outline.diameter, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(ON_LINE * outline.diameter, output_type="ndarray")
     for a, b in pairs[(points[pairs[:, 0]] != points[pairs[:, 1]]).any(axis=1)].tolist():
         raise ValueError(f"fixed has points {a} and {b}, nearer to each other than 1e-9 of the region's diameter")
     alone = []
@@ -269,16 +239,18 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         place = shapely.Point(point)
         gaps = shapely.distance([shapely.LineString(line) for line in lines], place)
         nearest = int(gaps.argmin())
-        if gaps[nearest] > _ON_LINE * outline.diameter:
+        if gaps[nearest] > ON_LINE * outline.diameter:
             check_that(f"fixed has {point.tolist()} and", outline.contains(point[None])[0], "be in the region")
             alone.append(point)
             continue
         parts = _cut_at(lines[nearest], point)
         lines[nearest : nearest + 1] = parts
         own[nearest : nearest + 1] = [own[nearest]] * len(parts)
-    areas = None if outline.areas is None else outline.areas.cut(np.array(own), points)
-    cut = replace(outline, lines=tuple(lines), sides=outline.sides[own], areas=areas)
-    return cut, np.array(alone).reshape(-1, 2)
+    areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
+    cut = Outline.of(lines, outline.sides[own], outline.bounds, outline.mask, outline.contains, areas, outline.polygons)
+    gaps = cKDTree(points).query(cut.nodes)[0]
+    still = np.flatnonzero(gaps <= ON_LINE * outline.diameter).tolist()
+    return replace(cut, still=tuple(still)), np.array(alone).reshape(-1, 2)
 
 
 def _cut_at(line: Points, point: Points) -> list[Points]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
-from cvtimg.halfedges import edge_keys, edges_around, measure_triangles
+from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import Outline, cross
 
@@ -66,33 +66,26 @@ class QuadraticTriangles(ReadOnly):
 
 
 def quadratic(
-    points: Points,
-    triangles: Indices,
-    edges: Indices,
-    outline: Outline,
-    pairs: Indices | None = None,
-    below: Indices | None = None,
+    points: Points, triangles: Indices, edges: Indices, outline: Outline, pairs: Indices | None = None
 ) -> QuadraticTriangles:
     """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly.
 
-    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends; layers bend as the border does, by
-    the vertices (N,) below theirs.
+    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends.
     """
     n = len(points)
     half_edges = edges_around(triangles)
-    keys, first, own = np.unique(edge_keys(half_edges, n), return_index=True, return_inverse=True)
-    number = (n + np.searchsorted(keys, edge_keys(edges, n))).astype(np.int32)
+    each_once, own, _ = unique_edges(half_edges)
+    border = EdgeTable(edges, n).find(each_once)
+    number = n + EdgeTable(each_once, n).find(edges).astype(np.int32)
     all_six = np.concatenate([triangles, (n + own.reshape(-1, 3)).astype(np.int32)], axis=1)
     with_middles = np.concatenate([edges, number[:, None]], axis=1)
     ways = _Ways.of(outline, points[edges])
-    below = np.arange(n, dtype=np.int32) if below is None else np.where(below < 0, np.arange(n), below)
-    bent = _Bent(all_six, half_edges[first], _places_of(keys, edge_keys(below[half_edges[first]], n), number - n))
-    places = _moved(points, _snapped(points, triangles, edges, ways), below)
+    bent = _Bent(all_six, each_once, border)
+    places = _snapped(points, triangles, edges, ways)
     bends = np.where(ways.found[:, None], ways.middles - places[edges].mean(axis=1), 0)
     straight = ~ways.found | bent.straighten(places, bends)
     for _ in range(_ROUNDS if outline.areas is not None else 0):
         there, bends_there = _with_areas(places, bends, edges, outline, ways, straight)
-        there = _moved(places, there, below)
         folded = bent.straighten(there, bends_there)
         if (_jacobians(bent.nodes(there, bends_there), all_six) <= 0).any():  # so narrow are triangles there
             break
@@ -133,19 +126,6 @@ class _Bent:
                 return straight
             bends[new] = 0
             straight |= new
-
-
-def _places_of(keys: NDArray[np.int64], wanted: NDArray[np.int64], number: Indices) -> NDArray[np.intp]:
-    """Find which border edge, the numbers of which are given, each wanted one is; -1 for none."""
-    own = np.full(len(keys), -1, np.intp)
-    own[number] = np.arange(len(number))
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[at] == wanted, own[at], -1)
-
-
-def _moved(before: Points, after: Points, below: Indices) -> Points:
-    """Move vertices of layers as far as those below them on the border."""
-    return np.asarray(after + np.where((below != np.arange(len(below)))[:, None], (after - before)[below], 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,7 +197,8 @@ def _with_areas(
     nodes = np.concatenate([places, (places[a] + places[b]) / 2 + 4 / 3 * bends])
     halves = np.stack([np.concatenate([a, middle]), np.concatenate([middle, b])], axis=1)
     on_rim = straight | (outline.sides[ways.line] == OUTSIDE).any(axis=1)
-    still = np.concatenate([edges[on_rim].ravel(), middle[on_rim]])
+    asked = np.isin(outline.ends[ways.line], outline.still) & ways.last
+    still = np.concatenate([edges[on_rim].ravel(), middle[on_rim], edges[asked]])
     kept = outline.areas.kept(nodes, halves, np.tile(ways.line, 2), np.unique(edges[ways.last]), still)
     return kept[: len(places)], 3 / 4 * (kept[middle] - (kept[a] + kept[b]) / 2)
 
@@ -226,18 +207,15 @@ def _with_middles(points: Points, edges: Indices, pairs: Indices) -> tuple[Indic
     """Return pairs of vertices with those of the nodes between them, and the steps from each second to the first."""
     found, steps = [pairs], points[pairs[:, 0]] - points[pairs[:, 1]]
     moves, n = [steps], len(points)
-    keys = edge_keys(edges[:, :2], n)
-    order = np.argsort(keys)
+    table = EdgeTable(edges[:, :2], n)
     for axis in (0, 1):
         along = steps[:, axis] != 0
         other = np.full(n, -1, np.int32)
         other[pairs[along, 0]] = pairs[along, 1]
         copies = edges[(other[edges[:, :2]] >= 0).all(axis=1)]
-        wanted = edge_keys(other[copies[:, :2]], n)
-        at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
-        right = keys[at] == wanted
-        found.append(np.stack([copies[right, 2], edges[at[right], 2]], axis=1))
-        moves.append(np.tile(steps[along][:1], (int(right.sum()), 1)))
+        at = table.find(other[copies[:, :2]])
+        found.append(np.stack([copies[at >= 0, 2], edges[at[at >= 0], 2]], axis=1))
+        moves.append(np.tile(steps[along][:1], (int((at >= 0).sum()), 1)))
     return np.concatenate(found), np.concatenate(moves)
 
 

@@ -45,10 +45,6 @@ class Mesh(ReadOnly):
         Names of (1, tag) of edges and of (2, tag) of triangles, as `named` gives them.
     quadratic : QuadraticTriangles or None
         The triangles with six nodes, if ``order=2`` was asked for.
-    layers : (T,) int32 array or None
-        The number of the boundary layer that each triangle is in, from 1 at the border, or 0; None if there are none.
-    below : (N,) int32 array or None
-        The vertex on the border that each vertex of layers is over; -1 for others.
     pairs : (P, 2) int32 array or None
         Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
     """
@@ -63,8 +59,6 @@ class Mesh(ReadOnly):
     edge_tags: NDArray[np.int32] | None = None
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
-    layers: NDArray[np.int32] | None = None
-    below: NDArray[np.int32] | None = None
     pairs: NDArray[np.int32] | None = None
 
     @property
@@ -98,7 +92,7 @@ class Mesh(ReadOnly):
         regions: Mapping[int, str] | None = None,
         borders: Mapping[str, Callable[[NDArray[np.float64]], ArrayLike]] | None = None,
     ) -> Mesh:
-        """Name regions and parts of the borders, for files that solvers read: .msh, .vtu, .inp and .xdmf (see `save`).
+        """Name regions and parts of the borders, for files that solvers read: .msh, .vtu and .inp (see `save`).
 
         Parameters
         ----------
@@ -147,19 +141,12 @@ class Mesh(ReadOnly):
         ----------
         path : str or path-like
             .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
-            (a group for each tag), .ply or .stl; other formats need meshio. With six nodes, .vtu, .msh or what meshio
-            writes them to, such as .inp and .xdmf. Names of `named` are those of physical groups in .msh; in .vtu, of
-            arrays that are 1 in their triangles, or in lines that follow these; in .inp (Abaqus), of ELSET for regions
-            and NSET for borders. In .xdmf, ``tag`` has the numbers in `names`; borders are in NAME_borders.xdmf.
+            (a group for each tag), or by meshio .ply, .stl and others. With six nodes, .vtu, .msh or what meshio writes
+            them to, such as .inp. Names of `named` are those of physical groups in .msh; in .vtu, of arrays that are 1
+            in their triangles, or in lines that follow these; in .inp (Abaqus), of ELSET for regions and NSET for
+            borders.
         overwrite : bool
             Replace an existing file.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is unknown.
-        OSError
-            If the file cannot be written.
         """
         six = self.quadratic
         points, cells, sides = (

@@ -12,7 +12,6 @@ from cvtimg._shared.extras import needs
 from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import lengths_of
-from cvtimg.meshes.periodic import Pairs
 from cvtimg.meshes.sliding import Tracks
 
 Points = NDArray[np.float64]
@@ -33,8 +32,9 @@ class Borders:
     # (E, 2): labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is
     # positive, and where it is negative. Labels <= 0 are outside.
     sides: Triangles
+    corners: NDArray[np.bool_]  # (B,): points that stay where the others move to keep areas
+    of_line: NDArray[np.intp] | None = None  # (E,): the line of the outline that each edge is on
     tracks: Tracks | None = None  # Along which some of the points may slide
-    pairs: Pairs | None = None  # Points that are copies of others
 
 
 class PlaneTriangulation(HalfEdges):
@@ -44,6 +44,8 @@ class PlaneTriangulation(HalfEdges):
     ----------
     fixed : (N,) uint8 array
         `FREE`, `FIXED` or `SLIDES`.
+    corners : (N,) bool array
+        Those of the borders.
     tracks : Tracks or None
         Of the vertices that slide.
     tags : (T,) int32 array
@@ -57,6 +59,7 @@ class PlaneTriangulation(HalfEdges):
     def __init__(self, points: Points, fixed: NDArray[np.bool_], triangles: Triangles, edges: Triangles) -> None:
         super().__init__(points, triangles)
         self.fixed = fixed.astype(np.uint8)
+        self.corners = np.zeros(len(points), bool)
         self.tracks: Tracks | None = None
         self.tags = np.ones(len(triangles), np.int32)
         self._mark(edges)
@@ -70,6 +73,7 @@ class PlaneTriangulation(HalfEdges):
         # In the order of the inner points, which is along a curve: neighbors are near in memory.
         triangles = triangles[np.argsort(triangles.max(axis=1))]
         mesh = cls(points, fixed, triangles, borders.edges)
+        mesh.corners[: len(borders.points)] = borders.corners
         if borders.tracks is not None:
             mesh.tracks = borders.tracks
             mesh.fixed[mesh.tracks.vertices] = SLIDES
@@ -194,6 +198,7 @@ class PlaneTriangulation(HalfEdges):
         if self.tracks is not None:
             self.tracks = self.tracks.kept(used[self.tracks.vertices], number)
         self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
+        self.corners = self.corners[used]
         self.triangles = number[self.triangles[kept]]
         self.twins = find_twins(self.triangles, len(self.points))
         self._mark(number[edges[used[edges].all(axis=1)]])

@@ -30,21 +30,19 @@ _MODULES = {
     "cluster": "sample_options",
     "elbow": "sample_options",
     "design": "sample_options",
-    "basis": "film_options",
-    "keyframes": "film_options",
-    "frames": "film_options",
+    "basis": "basis_options",
     "explore": "common",
 }
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
 PANELS = {
     "What to get": "",
-    "Details": "averaging kernel radius edge_weight edge_radius components min_size border_price background neck_depth "
-    "object_border threshold compactness edit",
+    "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
+    "border_price background neck_depth object_border threshold compactness edit",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette palette_per_frame",
-    "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table coco qupath "
-    "masks tree strengths cuts generators save_palette csv sheet plot histograms view over edge_mode line_color "
+    "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table "
+    "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
     "line_width subpixel simplify properties width marks pen_width order cells outline scale measures keep_metadata "
-    "optimize overwrite as_json quiet report data sheet_columns",
+    "optimize overwrite as_json quiet report",
     "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "settings volume_power passes seed method init",

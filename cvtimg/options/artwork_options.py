@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
@@ -20,15 +19,6 @@ def _length(text: str | float) -> float:
         return float(Real(above=0).parse(plain.removesuffix(unit)) * _PER_MM[unit])
     except ValueError as error:
         raise ValueError(f"{plain!r} must be a length > 0 such as 200mm, 20cm or 8in") from error
-
-
-def _layers(text: str) -> Any:
-    if text == "cmyk":
-        return text
-    try:
-        return Whole(1, 64).parse(text)
-    except ValueError as error:
-        raise ValueError(f"{text!r} must be cmyk or a number of colors in 1..64") from error
 
 
 def _dots() -> Sequence[str]:
@@ -63,8 +53,8 @@ STIPPLE = (
     common.OUT_DIR,
     passed(
         "dots",
-        Choice(("equal", "equal-mass", "sized"), {"equal-mass": "equal ink", "sized": "by tone"}),
-        "One size; one size and exactly the same ink for each dot; or each as large as its ink.",
+        Choice(("equal", "sized"), {"equal": "one size", "sized": "by tone"}),
+        "One size, or each as large as its ink.",
         default="equal",
     ).on_page("Sizes"),
     passed(
@@ -82,9 +72,8 @@ STIPPLE = (
     ),
     passed(
         "layers",
-        Text(_layers),
-        "Draw in color: process colors, or K colors of the image.",
-        metavar="cmyk|K",
+        Choice(("cmyk",)),
+        "Draw in color, with a layer for each of the pens cyan, magenta, yellow and black.",
         excludes=("invert",),
     ),
     passed(
@@ -103,8 +92,8 @@ STIPPLE = (
     ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", least=1, most=10_000),
     Option(
         "marks",
-        Choice(("disks", "circles", "points", "lines"), {"disks": "filled disks", "lines": "short lines"}),
-        "What a dot is in .svg: a filled disk, its outline, or a tiny loop or line that a pen dots.",
+        Choice(("disks", "circles", "points"), {"disks": "filled disks"}),
+        "What a dot is in .svg: a filled disk, its outline, or a tiny loop that a pen dots.",
         default="disks",
     ).on_page("Marks"),
     Option(

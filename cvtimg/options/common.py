@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from string import hexdigits
 from typing import Any, get_args
@@ -47,6 +48,16 @@ def n_bytes(text: str | int) -> int:
         if 1 <= (size := int(float(match[1]) * unit)) < 1 << 62:
             return size
     raise ValueError(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60K or 1.5M")
+
+
+def quality(text: str | float | Sequence[float]) -> float | tuple[float, float]:
+    """Parse a quality such as 80, or a range such as 60-80."""
+    parts = str(text).split("-") if isinstance(text, str | float | int) else list(text)
+    with suppress(ValueError):
+        ends = [float(part) for part in parts]
+        if len(ends) in (1, 2) and 0 <= ends[0] <= ends[-1] <= 100:
+            return (ends[0], ends[1]) if len(ends) == 2 else ends[0]
+    raise ValueError(f"{str(text)!r} must be a number in 0..100, or a range such as 60-80")
 
 
 def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:

@@ -24,15 +24,6 @@ def _radius(text: Any) -> float:
         raise ValueError(f"{error}, or {', '.join(_RADII)}") from None
 
 
-def _layers(text: Any) -> tuple[int, float, float]:
-    """Parse the number of boundary layers, the height of the first, and their growth."""
-    try:
-        number, first, growth = str(text).split(",")
-        return Whole(1, 1000).parse(number), Real(above=0).parse(first), Real(above=0).parse(growth)
-    except ValueError:
-        raise ValueError(f"{text!r} must be a number of layers, the height of the first > 0 and a growth > 0") from None
-
-
 def _name(text: Any) -> tuple[str, list[float]]:
     """Return a name and what it is for: the number of a label, or the four of a box."""
     name, _, numbers = str(text).partition("=")
@@ -79,12 +70,6 @@ MESH = (
         Choice(("x", "y", "xy")),
         "Pair vertices on borders that are copies: on the left and right (x), or at the least and the greatest y.",
     ),
-    passed(
-        "layers",
-        Text(_layers),
-        "Boundary layers of masks and polygons: their number, the height of the first, the growth of the next.",
-        metavar="N,H,GROWTH",
-    ),
     Option(
         "name",
         Text(_name),
@@ -92,6 +77,7 @@ MESH = (
         metavar="NAME=LABEL|NAME=X0,Y0,X1,Y1",
         many=True,
     ),
+    Option("name_by", Text(), "Property of GeoJSON features that names regions.", metavar="PROPERTY", default="name"),
     common.output("Mesh file: .vtu, .msh, .obj, .ply, .stl, or by meshio.", common.meshes),
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),
@@ -121,12 +107,6 @@ SURFACE = (
         "Keep edges where faces meet at more than this angle from flat, in degrees; 180 keeps none.",
         metavar="DEGREES",
         default=40.0,
-    ),
-    file(
-        "features",
-        "Keep these edges, too: the lines and the borders of groups in an .obj file, or .csv with six coordinates in "
-        "each row.",
-        excludes=("free_border",),
     ),
     switch("free_border", "Let points of open surfaces stay half a cell from the border, and keep no edges."),
     Option(
@@ -164,11 +144,7 @@ SPHERE = (
         metavar="KM|FILE",
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, least=60, most=5000, default=480, unit="km", suffix="km"),
-    common.output(
-        "Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, nod2d.out (FESOM; elem2d.out goes beside it), .vtu, "
-        ".geojson or .csv.",
-        required=True,
-    ),
+    common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
     Option(
         "refine",
@@ -215,7 +191,6 @@ SPHERE = (
         metavar="LON,LAT,RADIUS|WEST,SOUTH,EAST,NORTH|FILE",
     ),
     Option("layers", Whole(0, 1000), "Layers of cells around --region.", default=7, needs=("region",)),
-    Option("parts", Whole(2, 1 << 20), "Divide cells among N processes by METIS: write OUTPUT.part.N, too."),
     Option(
         "radius",
         Text(_radius),

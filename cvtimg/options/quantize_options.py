@@ -14,7 +14,7 @@ from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
 #: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
 DEFAULT_COLORS, MAIN_COLORS = 16, 6
 #: Short names of ways to dither, which other programs have, too.
-_SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg", "bayer": "bayer-8"}
+_SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg"}
 #: Bits per channel that the page offers.
 _MACHINES = {
     "any": "shows any color",
@@ -68,9 +68,9 @@ QUANTIZE = (
     ),
     passed(
         "quality",
-        Real(0, 100),
-        "Write the smallest file that looks at least this good, 0 to 100 by SSIMULACRA2: 80 is hard to tell from the "
-        "image, 70 is good.",
+        Text(common.quality),
+        "Write the smallest file that looks this good, 0 to 100 by SSIMULACRA2: 80 is hard to tell from the image, 70 "
+        "is good. If the colors do not reach it, write the best; of a range such as 60-80, nothing below 60.",
         metavar="Q",
         excludes=("number=auto", "psnr"),
     ),
@@ -85,7 +85,7 @@ QUANTIZE = (
     passed(
         "dither",
         Choice(("none", *get_args(DitherName)), aliases=_SHORT),
-        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise, bayer-2, -4, -8 or -16; "
+        "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise or bayer; "
         "or compact, for a small file.",
         metavar="NAME",
         default="none",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import get_args
@@ -23,18 +22,15 @@ def _weights(text: str) -> list[float]:
     raise ValueError(f"{text!r} must be numbers > 0 with commas between them")
 
 
-def _outputs() -> Sequence[str]:
-    from cvtimg.pictures.films import FILM_SUFFIXES
-
-    return [*common.pictures(), *sorted(FILM_SUFFIXES)]
-
-
 RESTORE = (
     common.inputs(
         "Versions of one image, of one size unless aligned: files, folders or patterns.", "VERSION...", name="versions"
     ),
     common.output(
-        "Write the restored image, or film; - for standard output.", _outputs, standard=".png", required=True
+        "Write the restored image, or animation; - for standard output.",
+        common.pictures,
+        standard=".png",
+        required=True,
     ),
     Option(
         "number",
@@ -55,7 +51,7 @@ RESTORE = (
     Option(
         "window",
         Whole(1, 31),
-        "Of an animation, a film or pages along T: number of frames from which each is restored, those around it.",
+        "Of an animation or pages along T: number of frames from which each is restored, those around it.",
         default=5,
     ),
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(

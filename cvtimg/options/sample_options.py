@@ -98,16 +98,15 @@ DESIGN = (
     ),
     file(
         "bounds",
-        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer, component), levels "
+        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
     ),
     Option(
         "axis",
         Text(_factor),
-        "An axis in place of --bounds: a range, whole numbers, a component of a mixture (all add up to 1), or levels "
-        "with | between them; once for each.",
-        metavar="NAME,LOW,HIGH[,integer|,component]|NAME,A|B|C",
+        "An axis in place of --bounds: a range, whole numbers, or levels with | between them; once for each.",
+        metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
         many=True,
     ),
     file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),

@@ -28,16 +28,10 @@ KINDS = {
     "overlay": _PICTURES,
     "contours": tuple(CONTOUR_FORMATS),
     "table": (".csv", ".parquet"),
-    "coco": (".json",),
-    "qupath": (".geojson",),
     "masks": (".png", ".tif", ".tiff"),
 }
 #: Kinds of output that need --hierarchy.
-HIERARCHY_KINDS = {
-    "tree": (".npz",),
-    "strengths": (".png", ".tif", ".tiff", ".npy"),
-    "cuts": (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg"),
-}
+HIERARCHY_KINDS = {"tree": (".npz",), "strengths": (".png", ".tif", ".tiff", ".npy")}
 #: Segments by color are neither regions nor superpixels; nor can these be those of a volume.
 _OTHER_WAYS = ("superpixels", "hierarchy")
 _BY_COLOR = (*_OTHER_WAYS, "volume")
@@ -71,8 +65,6 @@ SEGMENT = (
         KINDS["contours"],
     ),
     file("table", "Write the area, place and mean color of each segment, .csv or .parquet.", KINDS["table"]),
-    file("coco", "Write the segments as COCO annotations, .json.", KINDS["coco"]),
-    file("qupath", "Write the segments as objects of QuPath, in pixels, .geojson.", KINDS["qupath"]),
     file("masks", "Write labels as gray levels of 16 bits, as Cellpose does, .png or .tif.", KINDS["masks"]),
     Option(
         "edge_mode",
@@ -95,6 +87,12 @@ SEGMENT = (
         help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.",
         default=None,
     ).on_page("Color space", default="rgb"),
+    switch(
+        "shading",
+        "Take out uneven light first, such as the shade on a page of text.",
+        excludes=_BY_COLOR,
+        keyword="shading",
+    ).on_page("even light"),
     replace(common.AVERAGING, excludes=_BY_COLOR),
     Option(
         "kernel",
@@ -107,16 +105,26 @@ SEGMENT = (
         "Radius", slider=(1, 20), unit="px", most=1000
     ),
     passed(
+        "smallest_detail",
+        Real(0),
+        "Radius of the smallest detail that counts: edges cost so much that smaller ones vanish.",
+        metavar="PIXELS",
+        default=1,
+        excludes=_OTHER_WAYS,
+    ).on_page(
+        "Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), step=0.25, unit="px", most=1000
+    ),
+    passed(
         "edge_weight",
         Real(0, auto=True),
-        "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
+        "Penalty for each pair of nearby pixels in different segments; auto follows --smallest-detail and the noise.",
         metavar="L|auto",
-        default=0,
-        excludes=_BY_COLOR,
+        default="auto",
+        excludes=_OTHER_WAYS,
     ).on_page(
         "Edge weight",
-        "Penalty for each pair of nearby pixels in different segments: smoother ones. Auto follows the noise.",
-        slider=(0, 100),
+        "Penalty for each pair of nearby pixels in different segments. Auto follows the smallest detail and the noise.",
+        slider=(0, 2000),
         step=0.5,
         most=10**6,
     ),
@@ -206,12 +214,6 @@ SEGMENT = (
         HIERARCHY_KINDS["strengths"],
         needs=("hierarchy",),
     ),
-    file(
-        "cuts",
-        "With --hierarchy: write a sheet of cuts into 5, 10, 20 and 50 regions.",
-        HIERARCHY_KINDS["cuts"],
-        needs=("hierarchy",),
-    ),
     switch(
         "superpixels",
         "Divide into about N connected superpixels of similar size.",
@@ -219,11 +221,12 @@ SEGMENT = (
     ).on_page("superpixels"),
     Option(
         "compactness",
-        Real(0),
-        "Compactness of --superpixels; larger values: rounder.",
-        metavar="C",
+        Real(0, auto=True),
+        "Compactness of --superpixels; larger values: rounder. Auto follows the contrast within cells.",
+        metavar="C|auto",
+        default="auto",
         needs=("superpixels",),
-    ).on_page("Compactness", slider=(0, 100), step=0.5, most=10**6, default=10.0),
+    ).on_page("Compactness", slider=(0, 500), step=0.5, most=10**6),
     Option(
         "edit",
         Text(_edit),

@@ -1,4 +1,4 @@
-"""Files of settings: the options of a command as JSON, such as ``{"colors": 16, "dither": "bayer-8"}``.
+"""Files of settings: the options of a command as JSON, such as ``{"colors": 16, "dither": "bayer"}``.
 
 The page writes them, and every command reads them as the words that they stand for, before those of the command line.
 """

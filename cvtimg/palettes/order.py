@@ -35,11 +35,6 @@ def color_order(
     (K,) integer array
         Indices of the colors in their order.
 
-    Raises
-    ------
-    ValueError
-        If `by` is not one of these.
-
     Examples
     --------
     >>> import numpy as np

@@ -15,10 +15,8 @@ from .pages import Pages as Pages
 from .pages import count_pages as count_pages
 from .pages import read_pages as read_pages
 from .pages import write_pages as write_pages
-from .sheets import cut_sheet as cut_sheet
-from .sheets import read_sheet as read_sheet
-from .sheets import sprite_sheet as sprite_sheet
-from .sheets import write_sheet as write_sheet
+from .stacks import Stack as Stack
+from .stacks import open_stack as open_stack
 from .tiles import Bands as Bands
 from .tiles import Form as Form
 from .tiles import open_bands as open_bands

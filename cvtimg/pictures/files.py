@@ -50,7 +50,7 @@ def read_image(
         type and number of bands, FITS (with ``cvtimg[fits]``), or a .npy array (H, W) or (H, W, C). Only the first
         frame of an animation is read. Use `read_frames` for animations and `read_pages` for multi-page files.
     page : int, optional
-        Page to read, from 1, of a file of several pages or planes.
+        Page to read, from 1, of a file of several pages, planes or frames.
     channel_axis : int, optional
         Axis of the bands in a .npy array of three axes. By default the last; an array whose first axis is at most a
         quarter as long as both others, such as (3, 480, 640), is refused unless this says which.
@@ -119,11 +119,6 @@ def read_indices(source: Source) -> NDArray[Any]:
     -------
     (H, W) or (H, W, C) array
 
-    Raises
-    ------
-    OSError
-        As `read_image` does.
-
     See Also
     --------
     read_image, cvtimg.read_palette
@@ -149,11 +144,6 @@ def image_info(source: Source) -> ImageInfo:
     Returns
     -------
     ImageInfo
-
-    Raises
-    ------
-    OSError
-        As `read_image` does, for errors that the header reveals.
 
     See Also
     --------
@@ -190,11 +180,6 @@ def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
     Metadata
         Color profile, pixels per inch, EXIF without orientation, and the georeferencing of a GeoTIFF. For a TIFF whose
         bands are not colors, only the georeferencing.
-
-    Raises
-    ------
-    OSError
-        As `read_image` does, for errors that the header reveals.
 
     See Also
     --------

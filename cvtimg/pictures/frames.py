@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from os import PathLike
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,13 +17,12 @@ from PIL import ImageFile
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.films import FILM_SUFFIXES, read_film
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.opening import check_size, named, open_picture, orientation, reading
+from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading, selected
 
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")
@@ -60,11 +59,9 @@ class Frames:
 
 
 def is_animated(path: StrPath) -> bool:
-    """Return whether a file has several frames. Pages of a document do not count as frames."""
-    if _is_film(path):
-        return True
+    """Return whether a file has several frames, of which none is chosen. Pages of a document are no frames."""
     with reading(path) as file, _opened(file) as image:
-        return image is not None
+        return image is not None and selected().page is None
 
 
 def read_frames(path: StrPath) -> Frames:
@@ -73,18 +70,12 @@ def read_frames(path: StrPath) -> Frames:
     Parameters
     ----------
     path : str or path-like
-        GIF, APNG or WebP, or a short film (.mp4, .mov, .mkv, .avi, .webm; with ``cvtimg[films]``); any other image is
-        read as one frame.
+        GIF, APNG or WebP; any other image is read as one frame.
 
     Returns
     -------
     Frames
         With uint8 images. The default image of an APNG is omitted if it is not part of the animation.
-
-    Raises
-    ------
-    OSError
-        As `read_image` does.
 
     See Also
     --------
@@ -101,28 +92,17 @@ def read_frames(path: StrPath) -> Frames:
     >>> again.durations, int(again.images[1].max())
     ((40.0, 60.0), 9)
     """
-    if _is_film(path):
-        return _all_of(path)
     with reading(path) as file:
-        with _opened(file) as image:
-            if image is not None:
-                return _decode_frames(image)
+        if (frames := decode_frames(file)) is not None:
+            return frames
         file.seek(0)
         return Frames((decode(file).view(np.ndarray),), (0.0,), 1)
 
 
-def _is_film(path: StrPath) -> bool:
-    return isinstance(path, (str, PathLike)) and Path(path).suffix.lower() in FILM_SUFFIXES
-
-
-def _all_of(path: StrPath) -> Frames:
-    """Read all frames of a film."""
-    film, images = read_film(path), []
-    with named(path):
-        for image in film.images:
-            images.append(image)
-            check_size(image[..., 0].size * len(images))
-    return Frames(tuple(images), (float(1000 / film.rate),) * len(images), 1)
+def decode_frames(file: BinaryIO) -> Frames | None:
+    """Read all frames of an open animation; None for files of one image or of pages."""
+    with _opened(file) as image:
+        return None if image is None else _decode_frames(image)
 
 
 @contextmanager
@@ -180,15 +160,28 @@ def write_frames(
     starts within half a unit of its exact time. Longer durations are cut to the maximum of the format: 655 s in a
     .gif, 4.6 h in a .webp and 18 h in a .png.
     """
-    write = FRAME_WRITERS[check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)]
-    cels = _cels(frames.images, palettes, indexed_png=Path(path).suffix.lower() == ".png")
+    suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)
+    cels = _cels(frames.images, palettes, indexed_png=suffix == ".png")
     with whole_file(path, overwrite=overwrite) as file:
         try:
-            write(file, cels, frames.durations, frames.plays, metadata or Metadata())
+            FRAME_WRITERS[suffix](file, cels, frames.durations, frames.plays, metadata or Metadata())
         except ValueError:
             raise
         except Exception as error:  # encoders raise OSError, SystemError and others
             raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+
+
+def encode_frames(
+    suffix: str,
+    frames: Frames,
+    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None = None,
+    metadata: Metadata | None = None,
+) -> bytes:
+    """Encode an animation as the bytes of the file that `write_frames` would write."""
+    buffer = BytesIO()
+    cels = _cels(frames.images, palettes, indexed_png=suffix == ".png")
+    FRAME_WRITERS[suffix](buffer, cels, frames.durations, frames.plays, metadata or Metadata())
+    return buffer.getvalue()
 
 
 def _decode_frames(image: ImageFile.ImageFile) -> Frames:
@@ -209,11 +202,6 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
         images.append(upright(np.asarray(whole)[: size[1], : size[0]], turn))
         durations.append(float(image.info.get("duration", 0)))
     return Frames(tuple(alike(images)), tuple(durations), int(plays))
-
-
-def frame_name(number: int, n_frames: int) -> str:
-    """Return the name of the file of a frame, counted from 0; names are in the order of frames."""
-    return f"frame-{number:0{len(str(n_frames - 1))}}.png"
 
 
 def alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:

@@ -19,7 +19,7 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_planes, named_planes
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, named_planes
 from cvtimg.pictures.formats.axes import Stack, StoredStack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
@@ -50,6 +50,7 @@ from cvtimg.pictures.formats.tiff import (
     tiff_tags,
 )
 from cvtimg.pictures.formats.tiff import count_pages as _count
+from cvtimg.pictures.frames import decode_frames
 
 if TYPE_CHECKING:
     import tifffile
@@ -303,10 +304,7 @@ def _decode(file: BinaryIO) -> Pages:
 def _decode_all(file: BinaryIO) -> Pages:
     """Read all pages."""
     file.seek(0)
-    magic = file.read(len(FITS_MAGIC))
-    if magic == FITS_MAGIC:
-        planes = decode_planes(file)
-        return Pages(tuple(np.ascontiguousarray(plane) for plane in planes))
+    magic = file.read(len(NPY_MAGIC))
     if magic.startswith(NPY_MAGIC) and (axes := selected().axes):
         file.seek(0)
         values = as_samples(named_planes(np.load(file, allow_pickle=False), axes))
@@ -359,7 +357,9 @@ def _kind_of(tiff: tifffile.TiffFile) -> str:
 
 
 def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:
-    """Decode one page, from 1, of a file that may have several; None for the only one that is chosen."""
+    """Decode one page, from 1, of a file that may have several, or one frame; None for the only one that is chosen."""
+    if page is not None and (frames := decode_frames(file)) is not None:
+        return one_page(Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,)), page)
     return one_page(_decode(file), page)
 
 

@@ -49,9 +49,6 @@ _MOST_AT_ONCE = 1 << 28
 #: Bytes of tiles that are decoded or encoded in parallel.
 _AT_ONCE = 1 << 24
 _TILE = 256
-#: Gray (0 is black), RGB, and YCbCr in JPEG, which is decoded to RGB.
-_GRAY, _RGB, _YCBCR, _JPEG = 1, 2, 6, 7
-_ORIENTATION = 274
 #: Images with more bytes before compression are written as BigTIFF.
 _BIG = 1 << 31
 _CHUNK = 1024
@@ -206,13 +203,14 @@ def _open_tiff(path: StrPath) -> Bands:
 
 def _check_page(page: Any) -> None:
     """Reject pages that cannot be read in tiles."""
-    plain = page.photometric in (_GRAY, _RGB) or (page.photometric, page.compression) == (_YCBCR, _JPEG)
+    color, coding = page.photometric.name, page.compression.name
+    plain = color in ("MINISBLACK", "RGB") or (color, coding) == ("YCBCR", "JPEG")  # which is decoded to RGB
     problem = ""
     if not plain or str(page.dtype) not in SAMPLES or page.bitspersample % 8 or page.fillorder != 1:
         problem = f"its samples are {page.photometric.name}, {page.bitspersample} bits"
     elif page.samplesperpixel > 1 and page.planarconfig != 1:
         problem = "its bands lie one after the other"
-    elif page.tags.valueof(_ORIENTATION, 1) != 1:
+    elif page.tags.valueof("Orientation", 1) != 1:
         problem = "it lies on its side"
     elif not _is_plain(page) and math.prod(page.chunks) * page.dtype.itemsize > _MOST_AT_ONCE:
         problem = "it is one piece"
@@ -269,7 +267,7 @@ def _pieces(page: Any) -> Iterator[Any]:
     """Decode tiles or strips in parallel, fewer at a time than tifffile, which would read 256 MB before decoding."""
     n_pieces = math.prod(page.chunked)
     at_once = max(n_threads(), _AT_ONCE // (math.prod(page.chunks) * page.dtype.itemsize))
-    of_jpeg = {"jpegtables": page.jpegtables, "jpegheader": page.jpegheader} if page.compression == _JPEG else {}
+    of_jpeg = {"jpegtables": page.jpegtables, "jpegheader": page.jpegheader} if page.compression.name == "JPEG" else {}
     with ThreadPoolExecutor(n_threads()) as pool:
         for first in range(0, n_pieces, at_once):
             some = range(first, min(first + at_once, n_pieces))

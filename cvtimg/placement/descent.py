@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,8 @@ from cvtimg.placement.moments import CellMoments, Moments
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[Points, Points], Points]
 
-#: Steps that are remembered: in the plane energies hardly change from 4 to 12, and 3 need more moves.
-_MEMORY = 4
+#: Steps that are remembered.
+_MEMORY = 5
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: How far an over-relaxed move goes beyond the center of mass.
@@ -34,22 +35,18 @@ _RELAXATION = 1.8
 _LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
 
 
-def dot(a: Points, b: Points) -> float:
-    """Return the sum of the products of two (K, D) arrays."""
-    # Not NumPy's product: the threads of a BLAS change bits, and spin while they wait.
-    return float(np.einsum("kd,kd", a, b))
+#: Sums the products of two (K, D) arrays. The threads of a BLAS would change bits, and spin while they wait.
+dot: Callable[[Points, Points], float] = partial(np.einsum, "kd,kd")
 
 
 class StepMemory:
     """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
 
-    Vectors may be any arrays, such as coefficients of vectors that lie elsewhere, with a product to match. Figures
-    hardly change from 5 to 10 steps.
+    On surfaces figures hardly change from 5 to 10 steps; in the plane from 4 to 12, and 3 need more moves.
     """
 
-    def __init__(self, n_steps: int = 7, product: Callable[[Points, Points], float] = dot) -> None:
-        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=n_steps)
-        self._product = product
+    def __init__(self) -> None:
+        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=_MEMORY)
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -58,14 +55,10 @@ class StepMemory:
         """Forget all steps."""
         self._pairs.clear()
 
-    def forget(self) -> None:
-        """Forget the oldest step."""
-        self._pairs.popleft()
-
     def learn(self, step: Points, change: Points) -> bool:
         """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
-        product = self._product(step, change)
-        is_convex = product > 1e-12 * (self._product(step, step) * self._product(change, change)) ** 0.5
+        product = dot(step, change)
+        is_convex = product > 1e-12 * (dot(step, step) * dot(change, change)) ** 0.5
         if is_convex:
             self._pairs.append((step, change, product))
         return is_convex
@@ -74,17 +67,17 @@ class StepMemory:
         """Multiply a gradient by the inverse Hessian, which starts as `start` times about `scale`."""
         rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
         for step, change, product in reversed(self._pairs):
-            part = self._product(step, rest) / product
+            part = dot(step, rest) / product
             rest -= np.multiply(change, part, out=buffer)
             parts.append(part)
         rest = start(rest)
         if self._pairs:
             _, change, product = self._pairs[-1]
-            found = product / self._product(start(change), change)
+            found = product / dot(start(change), change)
             scale = min(max(found, _LEAST_SCALE * scale), _LARGEST_SCALE * scale)
         rest *= scale
         for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
-            rest += np.multiply(step, part - self._product(change, rest) / product, out=buffer)
+            rest += np.multiply(step, part - dot(change, rest) / product, out=buffer)
         return rest
 
 
@@ -231,7 +224,7 @@ class _QuasiNewton:
     def __init__(self, moments: CellMoments, terms: Terms) -> None:
         self._moments = moments
         self._terms = terms
-        self._memory = StepMemory(_MEMORY)
+        self._memory = StepMemory()
         self._last: tuple[_State, Points] | None = None
         self._next: _State | None = None
 

@@ -149,11 +149,6 @@ def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike |
     -------
     Moments
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
-
     See Also
     --------
     pixel_labels, place_in_picture

@@ -95,11 +95,6 @@ def place_in_picture(
     Placement
         Points (x, y) in pixels; those that are not fixed in about the order of a Hilbert curve.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     See Also
     --------
     cvtimg.place_generators, cvtimg.stipple, pixel_moments, pixel_labels

@@ -93,11 +93,6 @@ def place_generators(
     -------
     Placement
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     See Also
     --------
     cvtimg.placement.place_in_picture, cvtimg.placement.place_by_draws, cvtimg.tessellate, cvtimg.support_radii

@@ -155,7 +155,7 @@ def draw_supports(
     suffix : {".png", ".svg"}
         Format of the file.
     lines : sequence of (k, 2) arrays, optional
-        Boundaries and slits to show.
+        Boundaries to show.
     """
     with figure_file(6.0, 6.0, suffix) as (figure, content):
         from matplotlib.collections import PatchCollection

@@ -1,12 +1,10 @@
-from .animations import QuantizedFrames as QuantizedFrames
-from .animations import quantize_frames as quantize_frames
-from .blocks import QuantizedBlocks as QuantizedBlocks
 from .dithering import DITHERS as DITHERS
-from .files import QuantizedFile as QuantizedFile
+from .driver import QuantizeOptions as QuantizeOptions
+from .files import Reading as Reading
 from .files import UnfitOptionError as UnfitOptionError
+from .files import Writing as Writing
 from .files import quantize_file as quantize_file
 from .images import quantize as quantize
-from .images import quantize_to_size as quantize_to_size
 from .palette_search import EngineOptions as EngineOptions
 from .palette_search import Palette as Palette
 from .palette_search import find_palette as find_palette
@@ -14,3 +12,5 @@ from .palette_search import main_palette as main_palette
 from .palette_search import shared_palette as shared_palette
 from .remapping import Quantized as Quantized
 from .remapping import map_to_palette as map_to_palette
+from .series import QuantizedSeries as QuantizedSeries
+from .series import quantize_frames as quantize_frames

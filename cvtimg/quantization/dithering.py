@@ -80,10 +80,9 @@ def _blocks_per_side(n_entries: int, n_dims: int) -> int:
 
 # --- methods
 
-#: Strength for palettes that were made for the image: most of the grain comes from the last tenth.
+#: Strength for palettes that were made for the image: most of the grain comes from the last tenth. Up to this strength
+#: errors are limited to the usual step between entries.
 STRENGTH = 0.9
-#: Up to this strength errors are limited to the usual step between entries.
-_CAUTIOUS = 0.9
 #: At strength 1 errors are limited to this many times the widest gap; colors that the palette can mix stay below.
 _WIDEST_GAPS = 3
 #: Distances between entries are measured with at most about this many comparisons.
@@ -136,8 +135,8 @@ def dither(
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
     (colors, entries), _ = _to_kernels(places, palette)
     step = longest = _usual_step(entries)
-    if strength > _CAUTIOUS:
-        caution = (1 - strength) / (1 - _CAUTIOUS)
+    if strength > STRENGTH:
+        caution = (1 - strength) / (1 - STRENGTH)
         longest = max(step, caution * step + (1 - caution) * _WIDEST_GAPS * _widest_gap(entries))
     grid = nearest_grid(colors, entries, allowed, step, longest)
     clean = np.zeros(inverse.shape, bool) if inside is None else ~inside
@@ -236,11 +235,11 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
 
 
 @cache
-def bayer_mask(side: int) -> NDArray[np.uint8]:
-    """Return the (side, side) Bayer matrix; the side is a power of two up to 16."""
+def bayer_mask() -> NDArray[np.uint8]:
+    """Return the Bayer matrix of 8 x 8 turns: smaller ones show bands, and a larger one a coarser pattern."""
     # B. E. Bayer, IEEE International Conference on Communications 1 (1973) 26.11-26.15.
     mask = np.zeros((1, 1), np.int64)
-    while len(mask) < side:
+    while len(mask) < 8:
         mask = np.block([[4 * mask, 4 * mask + 2], [4 * mask + 3, 4 * mask + 1]])
     return mask.astype(np.uint8)
 
@@ -257,7 +256,7 @@ DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
     "floyd-steinberg": _floyd_steinberg,
     "edge-aware": _edge_aware,
     "blue-noise": partial(_ordered, mask=blue_noise_mask),
-    **{f"bayer-{side}": partial(_ordered, mask=partial(bayer_mask, side)) for side in (2, 4, 8, 16)},
+    "bayer": partial(_ordered, mask=bayer_mask),
 }
 
 

@@ -3,41 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeVar, Unpack, cast
+from typing import Any, Literal, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_alpha, check_count, check_keywords, refuse
+from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
-from cvtimg._shared.pixels import array_of, is_known
-from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
+from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.looks.similarity import VisualQuality
-from cvtimg.pictures.frames import Frames
-from cvtimg.quantization.animations import Film, QuantizedFrames
-from cvtimg.quantization.blocks import BlockSource
-from cvtimg.quantization.driver import (
-    QuantizeOptions,
-    Search,
-    for_eyes,
-    nearest_quality,
-    palettes_of,
-    quantized,
-    toward,
-)
-from cvtimg.quantization.looks import DEAREST, PRICES
+from cvtimg.pictures.formats.encoding import as_stored, encode_image
+from cvtimg.quantization.driver import QuantizeOptions, quantized
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
-R = TypeVar("R", Quantized, QuantizedFrames)
-
-#: By so much a file grows, roughly, when the number of colors doubles.
-_BYTES_A_PIXEL = 0.05
+__all__ = ["PictureSource", "quantize"]
 
 
 def quantize(
@@ -46,19 +31,18 @@ def quantize(
     *,
     alpha: bool | None = None,
     mask: ArrayLike | None = None,
-    nodata: float | None = None,
     space: SpaceName = "rgb",
     palette: ArrayLike | None = None,
     ramp: bool = False,
-    palette_hint: ArrayLike | None = None,
     locked: ArrayLike | None = None,
     color_bits: int | Sequence[int] | None = None,
     psnr: float | None = None,
+    max_bytes: int | None = None,
     dither: DitherName | None = None,
     dither_strength: float | None = None,
     weights: ArrayLike | None = None,
     goal: GoalName = "error",
-    quality: float | None = None,
+    quality: float | tuple[float, float] | None = None,
     **engine: Unpack[EngineOptions],
 ) -> Quantized:
     """Find the palette that represents an image with the least error, and give each pixel its nearest color.
@@ -70,13 +54,12 @@ def quantize(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type and byte order; white is the largest integer of the type, or 1 for floats.
-        Also masked arrays, and objects with ``__array__`` or the DLPack protocol. A Dask array or an
-        `xarray.DataArray`, of any dimensions, is quantized block by block, and never loaded: see Notes.
+        Also masked arrays, and objects with ``__array__`` or the DLPack protocol.
     n_colors : int or "auto", optional
         Size of the palette, in 1..65536. This includes the locked colors and, if there are fully transparent pixels,
         the transparent color. "auto" uses the elbow of the energy curve, which the result then contains (see
-        `EnergyCurve.elbow`), or as many more as keep the main colors of an image in color. With `psnr` it may be
-        omitted, and is the maximum size.
+        `EnergyCurve.elbow`), or as many more as keep the main colors of an image in color. With `psnr` or `max_bytes`
+        it may be omitted, and is the maximum size.
     alpha : bool, optional
         Whether the last channel is alpha. Then colors count as far as they are visible, opaque pixels stay opaque, and
         fully transparent pixels stay so. By default that of a Pillow image with alpha, and of an array that
@@ -85,8 +68,6 @@ def quantize(
     mask : (H, W) array, optional
         Pixels to quantize, where it is not 0. The others, and pixels that are not finite or masked in a masked array,
         have no influence, keep their value in the result, and become transparent in indexed files.
-    nodata : float, optional
-        Pixels with this value in all bands do not count either; by default what the attributes of a `DataArray` say.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured and means taken. All but "rgb" need gray or RGB, with or without
         alpha.
@@ -97,9 +78,6 @@ def quantize(
         Let the colors of `palette`, from dark to light, stand for as many tones of the image, those that represent its
         lightness best: all of them are used, however dark or colored the image is. For the tone ramps of consoles.
         An image that has no other colors stays as it is.
-    palette_hint : (K, C) array, optional
-        The palette of an indexed file, from `read_palette`. If it has at most `n_colors` colors and the image no
-        others, it is kept, so that indices keep their meaning; otherwise it plays no part.
     locked : (L, C) array, optional
         Colors that the palette must contain, in the units of the image.
     color_bits : int or three ints, optional
@@ -107,7 +85,11 @@ def quantize(
         colors that it can show; see `find_palette`.
     psnr : float, optional
         Use the fewest colors that reach this quality in dB.
-    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16", "compact"}
+    max_bytes : int, optional
+        Use the most colors, up to `n_colors` or 256, whose .png (.npy, if no .png holds the samples) has at most this
+        size. With ``goal="eyes"`` the colors stay, as far as bits can be saved in other ways; `quality` is then the
+        most that is aimed at.
+    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer", "compact"}
         Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color. "edge-aware"
         keeps text, drawings and flat areas clean. "compact" mixes so that the file is small: where errors are hidden,
         indices repeat earlier ones.
@@ -119,9 +101,10 @@ def quantize(
     goal : {"error", "eyes"}
         "error" means the least squared error. "eyes" means a small file that looks the same: 256 colors by
         default, found in Oklab, and ``dither="compact"``.
-    quality : float, optional
+    quality : float or (float, float), optional
         The smallest file whose `cvtimg.visual_quality` is at least this, in 0..100: 80 is hard to tell from the
-        original, 70 is good. It implies ``goal="eyes"``; see Notes.
+        original, 70 is good. Where the colors do not reach it, the best that they reach, with a warning; of a range,
+        the upper end is wanted, and less than the lower end is an error. It implies ``goal="eyes"``; see Notes.
     method, init, effort, volume_power, rng, callback
         As in `tessellate`. Pixels are mapped to their nearest color, whatever the `volume_power`. With `psnr` or
         "auto", `callback` is called in each of several searches; an exception that it raises ends them all.
@@ -129,24 +112,19 @@ def quantize(
     Returns
     -------
     Quantized
-        `QuantizedBlocks` for an image in blocks.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is invalid, or `psnr` is not reached; the message names it, its value and what is allowed.
+    ValueError
+        Also if `psnr`, `max_bytes` or the lower end of `quality` cannot be reached.
 
     See Also
     --------
     find_palette, map_to_palette : Its two steps.
-    quantize_file, quantize_frames, quantize_to_size : Files of any kind, animations, and files of at most a size.
+    quantize_file, quantize_frames : Files of any kind, and animations.
 
     Notes
     -----
-    Images in blocks take `n_colors` (a number) or `palette`, `alpha`, `nodata`, `space`, `locked` and the options of
-    the engine; with any other option they are loaded. The result has the same palette as in memory, and pixels that are
-    computed when they are needed.
-
     The quality follows from the price of bits in "compact", and once that would show as streaks, which the measure does
     not see, from fewer colors.
 
@@ -163,124 +141,19 @@ def quantize(
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, palette, locked, color_bits, ramp, space, dither, dither_strength, engine, goal, quality
-    ).aimed()
+        n_colors, psnr, max_bytes, palette, locked, color_bits, ramp, space, dither, dither_strength, goal, quality,
+        engine=engine,
+    ).aimed()  # fmt: skip
     how.check(weights=weights)
-    needs_all = ramp or n_colors == "auto" or any(one is not None for one in (mask, psnr, dither, weights))
-    if is_image_in_blocks(image) and not needs_all:
-        return cast(Quantized, quantized(BlockSource(PixelBlocks.of(image, nodata), bool(alpha)), how))
-    return quantized_picture(PictureSource(image, alpha, mask, nodata, weights), how, palette_hint)
-
-
-def quantized_picture(source: PictureSource, how: QuantizeOptions, hint: ArrayLike | None = None) -> Quantized:
-    """Quantize an image in memory, which may have had a palette; see `quantize`."""
-    kept = None
-    if hint is not None and isinstance(how.n_colors, int) and how.locked is None and how.color_bits is None:
-        kept = source.kept(np.asarray(hint), how.n_colors, how)
-    if kept is not None:
-        return replace(kept, quality=source.quality(kept)) if how.goal == "eyes" else kept
-    if how.n_colors == "auto":
-        at_elbow, curve = source.elbow(how)
-        return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
-    return for_eyes(source, how) if how.goal == "eyes" else quantized(source, how)
-
-
-def quantize_to_size(
-    image: Any,
-    max_bytes: int,
-    size: Callable[[Any], int],
-    n_colors: int = 256,
-    *,
-    alpha: bool | None = None,
-    mask: ArrayLike | None = None,
-    space: SpaceName = "rgb",
-    locked: ArrayLike | None = None,
-    color_bits: int | Sequence[int] | None = None,
-    dither: DitherName | None = None,
-    dither_strength: float | None = None,
-    weights: ArrayLike | None = None,
-    **engine: Unpack[EngineOptions],
-) -> Quantized:
-    """Find the most colors whose file has at most this many bytes.
-
-    Parameters
-    ----------
-    image : (H, W) or (H, W, C) array, Pillow image, or Frames
-        As in `quantize` or, for an animation, in `quantize_frames`.
-    max_bytes : int
-        Largest size, >= 1.
-    size : callable
-        Returns the number of bytes that a file of the result would have.
-    n_colors : int
-        Maximum number of colors; by default as many as an indexed file holds.
-    alpha, mask, space, locked, color_bits, dither, dither_strength, weights
-        As in `quantize`.
-    method, init, effort, volume_power, rng, callback
-        As in `quantize`.
-
-    Returns
-    -------
-    Quantized
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or no palette is small enough; the message names it.
-
-    Warns
-    -----
-    UserWarning
-        If only a single color fits, which leaves nothing to see.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.quantization import quantize_to_size
-    >>> image = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    >>> result = quantize_to_size(image, 400, lambda result: result.indices.nbytes + 3 * len(result.palette))
-    >>> len(result.palette)
-    48
-    """
-    check_keywords(quantize_to_size, engine, EngineOptions.__annotations__)
-    check_count("max_bytes", max_bytes, 1 << 62, "the size of a file")
-    how = QuantizeOptions(
-        locked=locked, space=space, dither=dither, dither_strength=dither_strength, engine=engine, color_bits=color_bits
-    )
-    if isinstance(image, Frames):
-        masks: Any = mask
-        return to_size(Film(image, False, alpha, masks), how, max_bytes, size, n_colors)
-    return to_size(PictureSource(image, alpha, mask, None, weights), how, max_bytes, size, n_colors)
-
-
-def to_size(source: Any, how: QuantizeOptions, max_bytes: int, size: Callable[[Any], int], n_colors: int) -> Any:
-    """Find the most colors whose file is small enough, see `quantize_to_size`; for eyes the best image that fits."""
-    how = replace(how, n_colors=n_colors)
-    if how.quality is not None:
-        result = nearest_quality(source, how)
-        if size(result) <= max_bytes:
-            return result
-    if how.dither == "compact":
-        dearest = replace(how, price=DEAREST)
-        fitting, _ = toward(source, dearest, DEAREST, PRICES[0], lambda result: size(result) <= max_bytes)
-        if size(fitting) <= max_bytes:
-            return replace(fitting, quality=source.quality(fitting)) if how.goal == "eyes" else fitting
-        how = dearest
-    results = Search(source, how, size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, n_colors)
-    if False not in results:
-        fewest = results[True]
-        n_colors = max(len(colors) for colors in palettes_of(fewest))
-        refuse("max_bytes", max_bytes, f"at least {size(fewest)}, for the fewest colors, {n_colors}")
-    found: Any = results[False]
-    if found.n_distinct > 1 and all(len(colors) == 1 for colors in palettes_of(found)):
-        warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=3)
-    return replace(found, quality=source.quality(found)) if how.goal == "eyes" else found
+    result: Quantized = quantized(PictureSource(image, alpha, mask, weights), how)
+    return result
 
 
 class PictureSource:
     """An image in memory: the `Source` of `quantize`."""
 
     def __init__(
-        self, image: Any, alpha: bool | None, mask: ArrayLike | None, nodata: float | None, weights: ArrayLike | None
+        self, image: Any, alpha: bool | None, mask: ArrayLike | None, weights: ArrayLike | None, suffix: str = ""
     ) -> None:
         array = array_of(image)
         n_channels = array.shape[2] if array.ndim == 3 else 1
@@ -291,9 +164,6 @@ class PictureSource:
                 UserWarning,
                 stacklevel=3,
             )
-        if nodata is not None:
-            known = is_known(array.reshape(*array.shape[:2], -1), nodata)
-            mask = known if mask is None else known & (np.asarray(mask) != 0)
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
         self.image = seen
@@ -303,11 +173,18 @@ class PictureSource:
         self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
         self._measure: VisualQuality | None = None
+        in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
+        self._suffix = suffix or (".png" if in_png else ".npy")
 
     def quality(self, result: Quantized) -> float:
         """Return the visual quality of a result."""
         self._measure = self._measure or VisualQuality(self.image)
         return self._measure(result.image)
+
+    def size(self, result: Quantized) -> int:
+        """Return the bytes of its file."""
+        pixels, palette = result.content
+        return len(encode_image(self._suffix, as_stored(pixels, self._suffix)[0], palette=palette))
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""
@@ -317,13 +194,21 @@ class PictureSource:
         n_colors = keeping_main_colors(self.counted[0], curve, n_colors, how.space)
         return max(n_colors, fixed_colors(self._samples, how.locked)[2]), curve
 
-    def kept(self, palette: np.ndarray[Any, Any], n_colors: int, how: QuantizeOptions) -> Quantized | None:
+    def kept(self, palette: NDArray[Any], how: QuantizeOptions) -> Quantized | None:
         """Return the image in its own palette, if that is small enough and has all its colors."""
+        if not isinstance(how.n_colors, int) or how.locked is not None or how.color_bits is not None:
+            return None
         n_channels = self._shape[2] if len(self._shape) == 3 else 1
-        if len(palette) > n_colors or palette.dtype != self._samples.colors.dtype or palette.shape[1:] != (n_channels,):
+        if (
+            len(palette) > how.n_colors
+            or palette.dtype != self._samples.colors.dtype
+            or palette.shape[1:] != (n_channels,)
+        ):
             return None
         result = self.mapped([Palette(palette, None)], how)
-        return None if result.energy or len(result.palette) > len(palette) else result
+        if result.energy or len(result.palette) > len(palette):
+            return None
+        return replace(result, quality=self.quality(result)) if how.goal == "eyes" else result
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""

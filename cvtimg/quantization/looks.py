@@ -18,7 +18,7 @@ _MASKING, _WINDOW = 3.0, 3.0
 #: Factors of the coordinates of Oklab: lightness becomes levels like those of 8 bits, and the opponent ones, which are
 #: doubled in `colors`, count once.
 _LIGHTNESS, _HUE = 255.0, 127.5
-#: Largest palette: an index is a byte of the file.
+#: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
 MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}

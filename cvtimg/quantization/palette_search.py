@@ -15,8 +15,7 @@ from cvtimg._shared.iteration import Callback, Stopping, iterate
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg.blocks.images import PixelBlocks, is_image_in_blocks
-from cvtimg.colors.counting import add_samples, count_blocks, count_picture, in_fixed_order
+from cvtimg.colors.counting import add_samples, count_picture, in_fixed_order
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -107,8 +106,7 @@ def find_palette(
     Parameters
     ----------
     samples : ColorSamples, or (H, W) or (H, W, C) array
-        An image, also one in blocks as in `quantize`, its samples from `color_samples`, or from `merge_samples` for one
-        palette of several images or frames.
+        An image, its samples from `color_samples`, or from `merge_samples` for one palette of several images or frames.
     n_colors : int
         Size of the palette, in 1..65536. This includes the locked colors and, if a sample is fully transparent, the
         transparent color.
@@ -126,11 +124,6 @@ def find_palette(
     Returns
     -------
     Palette
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed.
 
     See Also
     --------
@@ -154,9 +147,7 @@ def find_palette(
     [11, 201]
     """
     check_keywords(find_palette, engine, EngineOptions.__annotations__)
-    if is_image_in_blocks(samples):
-        samples = count_blocks(PixelBlocks.of(samples)).of_some()
-    elif not isinstance(samples, ColorSamples):
+    if not isinstance(samples, ColorSamples):
         samples = color_samples(samples)
     if color_bits is not None:
         return _hardware_palette(samples, n_colors, space, locked, check_color_bits(color_bits), engine)
@@ -373,8 +364,6 @@ def shared_palette(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed.
     OSError
         If an image cannot be read.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +32,20 @@ MAX_COLORS = 1 << 16
 _FULL = (2, 4, 16, 256)
 
 
+class Storing(NamedTuple):
+    """How pages and tiles hold their pixels: indices; or colors, with those that do not count clear; or colors."""
+
+    indexed: bool
+    clears: bool
+
+    @classmethod
+    def of(cls, palette: NDArray[Any], *, left_out: bool, keeps_nodata: bool, indexed: bool) -> Storing:
+        """Return how a type holds a palette; where pixels are left out they stay nodata, or become clear in 8 bits."""
+        eight_bit = palette.dtype == np.uint8 and palette.shape[1] in (1, 3)
+        fits = eight_bit and palette.shape[1] == 3 and len(palette) <= 256
+        return cls(indexed and fits and not left_out, left_out and eight_bit and not keeps_nodata)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantized(ReadOnly, Fidelity):
     """An image in few colors.
@@ -42,7 +57,7 @@ class Quantized(ReadOnly, Fidelity):
         have fewer colors than requested, because images with few colors keep all of them, and generators that round to
         the same color are merged.
     indices : (H, W) uint8 array, or uint16 if K > 256
-        Index of the color of each pixel; 0 for pixels that do not count.
+        Index of the color of each pixel; 0 for pixels that do not count. None for an image that was written in tiles.
     shape : tuple of int
         Shape of the image: (H, W) or (H, W, C).
     energy : float
@@ -63,10 +78,15 @@ class Quantized(ReadOnly, Fidelity):
         Values of the pixels that do not count, which `image` keeps.
     quality : float or None
         The `cvtimg.visual_quality` of the image, where it was asked for.
+    n_left_out : int
+        Number of pixels that do not count.
+    exact : bool
+        Whether the palette was found from all distinct colors. In tiles, beyond 2^22 colors, neighbors are merged, and
+        `n_distinct` is the largest number held at a time; the energy is exact all the same.
     """
 
     palette: NDArray[Any]
-    indices: NDArray[Any]
+    indices: Any
     shape: tuple[int, ...]
     energy: float
     tessellation: Tessellation | None
@@ -76,6 +96,8 @@ class Quantized(ReadOnly, Fidelity):
     inside: NDArray[np.bool_] | None = None
     outside: NDArray[Any] | None = None
     quality: float | None = None
+    n_left_out: int = 0
+    exact: bool = True
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""
@@ -115,8 +137,18 @@ class Quantized(ReadOnly, Fidelity):
     @property
     def n_values(self) -> int:
         """Number of samples that count: pixels times channels without alpha."""
-        n_pixels = self.indices.size if self.inside is None else int(np.count_nonzero(self.inside))
-        return n_pixels * (self.palette.shape[1] - self.alpha)
+        return (math.prod(self.shape[:2]) - self.n_left_out) * (self.palette.shape[1] - self.alpha)
+
+    def stored(self, storing: Storing) -> NDArray[Any]:
+        """Return the pixels as pages and tiles hold them."""
+        if storing.indexed:
+            found: NDArray[Any] = self.indices
+            return found
+        if not storing.clears:
+            return self.image
+        inside = np.ones(self.indices.shape, np.bool_) if self.inside is None else self.inside
+        colors = np.broadcast_to(self.palette, (len(self.palette), 3))[self.indices]
+        return np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2)
 
     @property
     def content(self) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:
@@ -168,7 +200,7 @@ def map_to_palette(
         Pixels to map, where it is not 0; the others keep their value.
     space : {"rgb", "linear", "lab", "oklab"}
         Where distances are measured.
-    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer-2", "bayer-4", "bayer-8", "bayer-16"}, optional
+    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer"}, optional
         Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color.
     dither_strength : float
         Fraction of the error that is handed on, in 0..1: less gives less grain, 1 keeps the mean best.
@@ -182,11 +214,6 @@ def map_to_palette(
     -----
     UserWarning
         If a transparent color was put into the palette.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed.
 
     See Also
     --------
@@ -262,6 +289,7 @@ def map_samples(
         n_distinct=samples.n_colors,
         alpha=samples.alpha,
         inside=samples.inside,
+        n_left_out=0 if samples.inside is None else int(np.count_nonzero(~samples.inside)),
     )
 
 

@@ -122,6 +122,8 @@ def denoise_versions(
     from scipy.ndimage import gaussian_filter
     from threadpoolctl import threadpool_limits
 
+    if not evidence.is_noisy and (evidence.versions.coverage > 0).all():
+        return _unchanged(evidence)
     n_generators = n_generators or min(_AUTO_KINDS, evidence.versions.coverage.size)
     versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
@@ -156,6 +158,16 @@ def denoise_versions(
     rows = estimate.reshape(labels.size, -1)
     colors, _ = masked_means(rows, np.ones_like(rows), labels.ravel(), np.zeros((n_generators, rows.shape[1])))
     return Found(labels, generators, masses, colors, (done.energy,), kept.coverage, image=estimate)
+
+
+def _unchanged(evidence: Evidence) -> Found:
+    """Return the mean of versions without noise, as one kind of patches."""
+    versions = evidence.versions
+    image, _ = fuse(versions, evidence.trust)
+    labels = np.ones(image.shape[:2], np.int32)
+    generators, masses = measured(versions, evidence.trust, labels, 1)
+    colors = image.mean(axis=(0, 1), dtype=np.float64)[None]
+    return Found(labels, generators, masses, colors, (0.0,), versions.coverage, image=image)
 
 
 def _with_low_frequencies(image: Floats, noisy: Noisy, axes: Axes, kinds: Kinds, n_halvings: int) -> Floats:

@@ -141,6 +141,7 @@ class Evidence:
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
     unit: float  # noise, in levels, for noise of one where versions are bent
+    is_noisy: bool  # whether any version has noise that can be seen, or that was given
 
     def variances(self, data: Versions, gain: float = 1.0) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
@@ -171,13 +172,17 @@ def prepare(
     if align and not channels:
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
-    bend, unit = None if white else bend_of(given, in_place=align is None), 1.0
+    noise_by_band = noise_of_bands(given, alike=not channels)
+    noise, bend, unit = mean_noise(noise_by_band), None, 1.0
+    is_seen = noise > given.unseen  # False where it is unknown
+    if not white and is_seen.all():
+        bend = bend_of(given, in_place=align is None)
     if bend:
         unit = bend.unit(given.bands(0))
         given, placed = (replace(one, bend=bend) for one in (given, placed))
+        noise_by_band = noise_of_bands(given, alike=not channels)
+        noise = mean_noise(noise_by_band)
     shared = None if white else shared_noise(given, in_place=align is None)
-    noise_by_band = noise_of_bands(given, alike=not channels)
-    noise = mean_noise(noise_by_band)
     if not white and (align or given.n_versions == 1):  # what versions in place differ by has it already
         shared = _with_rounding(shared, given, noise, unit)
     if level is not None:
@@ -185,6 +190,9 @@ def prepare(
     elif shared:
         usual = np.sqrt(np.nanmean(noise**2)) if np.isfinite(noise).any() else 1.0
         noise = np.sqrt(shared.variance) * (noise / usual if usual else np.ones_like(noise))
+    if shared:  # the level of white noise tells little of its bands
+        noise_by_band = [np.sqrt(np.diag(shared.bands))] * given.n_versions
+    is_noisy = bool(is_seen.any()) or shared is not None or level is not None
     trust = trust_in(given, weights, noise)
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
@@ -193,7 +201,7 @@ def prepare(
         versions = HIDDEN[hidden](fitting, usual, moved=bool(align))
         suspicion = (Suspicion.of(placed, versions, usual) or None) if hidden == "outliers" else None
     known = (alignment, apart, noise, noise_by_band, trust, shared, suspicion)
-    return Evidence(given, placed, versions, *known, channels, bool(align), unit)
+    return Evidence(given, placed, versions, *known, channels, bool(align), unit, is_noisy)
 
 
 def _with_rounding(

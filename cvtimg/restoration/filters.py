@@ -210,6 +210,7 @@ class _Filters:
                 diagonal = np.einsum("gii->gi", covariances)
                 diagonal += np.maximum(_RIDGE * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
                 _patches.make_filters(padded, variances, matrices, start, stop)
+                _pass_singular(matrices[here])
                 if factor is not None:
                     _unwhiten(matrices[here, :, :size], factor)
 
@@ -237,6 +238,12 @@ class _Filters:
 
         in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         return patches
+
+
+def _pass_singular(filters: Floats) -> None:
+    """Let everything pass where noise is so far below what is shown that float32 cannot invert a covariance."""
+    singular = ~np.isfinite(filters.sum(axis=(1, 2)))
+    filters[singular] = np.eye(*filters.shape[1:], dtype=np.float32)
 
 
 def _whitened(covariances: Floats, factor: _Doubles) -> _Doubles:
@@ -269,9 +276,11 @@ def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles, siz
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
     size = noise.shape[1]
-    np.einsum("gii->gi", covariances)[:, :size] += variances[:, None] - noise
+    diagonal = np.einsum("gii->gi", covariances)[:, :size]
+    diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
     bends = _BENT * variances * (1 + _UNEVENLY * np.sqrt(size / sizes))
     filters = np.empty_like(covariances[:, :size])
     for _ in range(_BENDS):
         _patches.make_filters(covariances.copy(), bends, filters, 0, len(filters))
+        _pass_singular(filters)
         covariances[:, :size] -= bends[:, None, None].astype(np.float32) * filters

@@ -11,20 +11,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg.restoration.quiet import levels_of, looks_at
 from cvtimg.restoration.versions import Floats, Versions
-from cvtimg.segmentation.noise import BLOCK, block_covariances, lower_variance, quiet_covariance, scattered_noise
+from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
 _Doubles = NDArray[np.float64]
 _Bools = NDArray[np.bool_]
 
 #: Fewer blocks, or pixels, tell nothing.
-_ENOUGH_BLOCKS, _ENOUGH_PIXELS = 16, 64
+_ENOUGH_PIXELS = 64
 #: Values nearer to an end than this many standard deviations have lost noise by clipping.
 _FROM_ENDS = 1.25
 #: Side of the windows whose mean tells how far values are from an end.
 _AROUND = 5
 #: About this many pixels of a version are measured, in strips of so many rows.
-_MEASURED, _STRIP = 1 << 22, 16 * BLOCK
+_MEASURED, _STRIP = 1 << 22, 256
 #: About this many pixels of two versions are compared.
 _SAMPLED = 1 << 20
 #: Versions whose difference has less than this part of the variance of their noise are copies of one noisy image.
@@ -50,14 +51,16 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
 
 def _alone(versions: Versions) -> list[_Doubles]:
     """(C,) noise in each band, of each version by itself; all measured in one way, so that they compare."""
+    found = [np.full(np.count_nonzero(versions.version_of == s), np.nan) for s in range(versions.n_versions)]
+    numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
+    for number in numbers:
+        found[number] = levels_of(next(iter(looks_at(versions.only(number), in_place=False))))
+    if not any(np.isnan(found[number]).any() for number in numbers):
+        return found
+    # Where pixels are missing one by one, or most are cut off, no patch is whole.
     rows, white = _strips(*versions.known.shape[:2]), versions.white
     known = np.moveaxis(versions.known[rows], 2, 0)
-    scattered = [_off_the_ends(scattered_noise, versions.bands(s, rows), seen, white) for s, seen in enumerate(known)]
-    quiet = [_off_the_ends(_quiet_noise, versions.bands(s, rows), seen, white) for s, seen in enumerate(known)]
-    if any(np.isnan(sigmas).any() and seen.any() for sigmas, seen in zip(quiet, known, strict=True)):
-        return scattered
-    # Single outliers are everywhere, in quiet blocks too.
-    return [np.fmin(one, other) for one, other in zip(quiet, scattered, strict=True)]
+    return [_off_the_ends(versions.bands(s, rows), seen, white) for s, seen in enumerate(known)]
 
 
 def _strips(height: int, width: int) -> slice | NDArray[np.intp]:
@@ -69,11 +72,11 @@ def _strips(height: int, width: int) -> slice | NDArray[np.intp]:
     return np.asarray(np.add.outer(firsts, np.arange(_STRIP)).ravel())
 
 
-def _off_the_ends(measure, values: Floats, known: _Bools, white: float | None) -> _Doubles:  # type: ignore[no-untyped-def]
+def _off_the_ends(values: Floats, known: _Bools, white: float | None) -> _Doubles:
     """(C,) noise in each band, measured where clipping took none of it away, if there is enough of that."""
     from scipy.ndimage import uniform_filter
 
-    found: _Doubles = measure(values, known)
+    found: _Doubles = scattered_noise(values, known)
     if white is None:
         return found
     share = uniform_filter(known.astype(np.float32), _AROUND)
@@ -81,17 +84,9 @@ def _off_the_ends(measure, values: Floats, known: _Bools, white: float | None) -
         if not np.isnan(sigma):
             mean = uniform_filter(values[:, :, band], _AROUND) / np.maximum(share, 1e-3)
             inside = known & (mean >= _FROM_ENDS * sigma) & (mean <= white - _FROM_ENDS * sigma)
-            again = float(measure(values[:, :, band : band + 1], inside)[0])
+            again = float(scattered_noise(values[:, :, band : band + 1], inside)[0])
             found[band] = sigma if np.isnan(again) else again
     return found
-
-
-def _quiet_noise(values: Floats, known: _Bools) -> _Doubles:
-    """(C,) noise of the quieter of blocks without holes; NaN if there are few."""
-    covariances = block_covariances(values, known)
-    if len(covariances) < _ENOUGH_BLOCKS:
-        return np.full(values.shape[2], np.nan)
-    return np.sqrt(np.diag(quiet_covariance(covariances, BLOCK**2)))
 
 
 def _by_differences(versions: Versions, alone: _Doubles) -> _Doubles:

@@ -58,15 +58,17 @@ class Axes:
 
     def along(self, image: Floats) -> Floats:
         """(H, W, C) image, by axes."""
-        return image if self.matrix is None else image @ self.matrix.astype(np.float32)
+        return image if self.matrix is None else product(image, self.matrix.astype(np.float32))
 
     def back(self, image: Floats) -> Floats:
         """(H, W, C) image, by bands again."""
-        return image if self.matrix is None else image @ np.linalg.inv(self.matrix).astype(np.float32)
+        return image if self.matrix is None else product(image, np.linalg.inv(self.matrix).astype(np.float32))
 
     def looks(self, image: Floats) -> Floats:
         """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
-        return image @ _OPPONENT if self.matrix is None and image.shape[2] == 3 else image[:, :, self.slices[0]]
+        if self.matrix is None and image.shape[2] == 3:
+            return product(image, _OPPONENT)
+        return image[:, :, self.slices[0]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,13 +88,13 @@ class Kinds:
         sample = patches[np.unravel_index(drawn, patches.shape[:2])].reshape(len(drawn), -1)
         mean = sample.mean(axis=0)
         sample = sample - mean
-        _, axes = np.linalg.eigh((sample.T @ sample).astype(np.float64))
+        _, axes = np.linalg.eigh(product(sample.T, sample).astype(np.float64))
         basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
-        points = sample @ basis
+        points = product(sample, basis)
         try:
             found = tessellate(points, n_generators, effort="fast", rng=rng)
-        except TooFewSamplesError:  # of flat colors; to count them first would take time
-            found = tessellate(points, len(np.unique(points, axis=0)), effort="fast", rng=rng)
+        except TooFewSamplesError as error:  # of flat colors; to count them first would take time
+            found = tessellate(points, error.n_distinct, effort="fast", rng=rng)
         return cls(mean, basis, found.generators)
 
     def features(self, bordered: Floats) -> Floats:
@@ -103,9 +105,8 @@ class Kinds:
         step = max(1, _CHUNK // width)
         for top in range(0, height, step):
             rows = slice(top, top + step)
-            found[rows] = (patches[rows].reshape(-1, len(self.mean)) - self.mean).reshape(
-                -1, width, len(self.mean)
-            ) @ self.basis
+            apart = patches[rows].reshape(-1, len(self.mean)) - self.mean
+            found[rows] = product(apart, self.basis).reshape(-1, width, self.basis.shape[1])
         return found.reshape(height * width, -1)
 
     def label(self, features: Floats) -> tuple[NDArray[np.int32], Floats]:
@@ -158,6 +159,13 @@ def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> 
 
         in_parts(halve, len(large), work=float((stops - starts).sum()) * features.shape[1] ** 2 / 8)
         bounds = np.insert(bounds, large + 1, cuts)
+
+
+def product(image: Floats, matrix: Floats) -> Floats:
+    """Multiply by a matrix, without warnings."""
+    # NumPy's BLAS for 64-bit ARM computes in lanes that hold no numbers, and raises their flags of division by zero.
+    with np.errstate(all="ignore"):
+        return image @ matrix
 
 
 def with_border(image: Floats) -> Floats:

@@ -47,6 +47,9 @@ class Restoration(ReadOnly):
     noise_lines : (C, 2) float64 array or None
         Variance of the noise of weight 1 in each band, as a constant and a slope: constant + slope x level. None where
         noise is even, or `detail` was not asked for.
+    noisy : bool
+        Whether there is noise to take away: more than rounding to integers leaves, or what was given. If not, `detail`
+        returns the version itself, or the mean of several.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
@@ -82,6 +85,7 @@ class Restoration(ReadOnly):
     noise: NDArray[np.float64]
     noise_shared: NDArray[np.float64] | None
     noise_lines: NDArray[np.float64] | None
+    noisy: bool
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
     transforms: NDArray[np.float64]
@@ -165,6 +169,7 @@ def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
         noise=evidence.noise * evidence.unit,
         noise_shared=evidence.shared.autocovariance * evidence.unit**2 if evidence.shared else None,
         noise_lines=bend.lines(evidence.variances(versions)[0]) if bend else None,
+        noisy=evidence.is_noisy,
         weights=evidence.trust,
         shifts=evidence.alignment.shifts(labels.shape),
         transforms=evidence.alignment.transforms,

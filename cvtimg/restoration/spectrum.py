@@ -1,41 +1,40 @@
 """Noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it: its autocovariance.
 
-It is measured where an image is quiet, or where versions differ. Whitening patches by it makes their noise that of a
-sensor again, for which the filters of groups are.
+Whitening patches by it makes their noise that of a sensor again, for which the filters of groups are. It is measured in
+quiet blocks, chosen as for the level. What grows from the quietest blocks to the next is texture: that much of it, and
+more, is taken away, but nothing of the white noise that is known to be there.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, starmap
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.restoration.versions import Floats, Versions
+from cvtimg.restoration.quiet import Look, halves_of, levels_of, looks_at, order_of
+from cvtimg.restoration.versions import Versions
 
 _Doubles = NDArray[np.float64]
 
 #: Pixels farther apart than this share no noise.
 LAGS = 6
-#: Side of the blocks whose spectra are compared, and pixels from one to the next.
-_BLOCK, _STEP = 16, 8
-#: This share of all blocks, the quieter ones, tells of noise; and at least this many must.
-_QUIET, _ENOUGH = 0.08, 24
-#: At each frequency, this share of these, those with the least power, counts, so that edges that a block has do not.
-_LOWER = 0.5
-#: Correlation of bands in quiet blocks, by their texture, where their noise has none.
-_TEXTURE = 0.25
-#: At most this many blocks are looked at; and of differences of versions, where all of them tell of noise.
-_MOST, _MOST_APART = 1 << 12, 1 << 8
-#: Versions that differ by more than this times the power of their quiet blocks differ by more than noise.
-_IN_PLACE = 2.0
-#: Blocks whose mean is nearer to an end than this part of the range have lost noise by clipping.
-_FROM_ENDS = 1 / 16
-#: Frequencies, in cycles per pixel, between which power is middle, and from which on it is high; noise whose powers
-#: differ by a larger factor is not white.
-_MIDDLE, _HIGH, _WHITE = (0.15, 0.3), 0.42, 3.5
+#: Side of the blocks whose spectra are compared, how many are looked at, and how many must be in the quietest group.
+_BLOCK, _MOST, _ENOUGH = 16, 1 << 12, 12
+#: Shares of the blocks, from quiet to loud, at which groups end.
+_GROUPS = 0.03, 0.1, 0.25
+#: Frequencies, in cycles per pixel, between which power is compared.
+_RINGS, _MIDDLE = np.array([0.12, 0.2, 0.28, 0.36, 0.44]), 3
+#: Growth of power from group to group that is chance, and how many times what is more is texture.
+_CHANCE, _TEXTURE = 0.1, 3.0
+#: What differs from white noise is texture if bands have more than this part of it in common; or more than that, where
+#: it does not grow by more than this factor from the first group to the last. One band has all in common.
+_MOST_COMMON, _NEVER_COMMON, _MOST_GROWTH = 0.8, 0.9, 1.2
+#: Noise is shared if from this frequency on it has more than this times the power of white noise, and more than that of
+#: this part of the range of levels: the grain of a picture may have less.
+_TELLING, _SHARED, _GRAIN = 0.2, 2.0, 0.01
 #: Least variance of whitened noise in any direction, as a part of the mean.
 _FLOOR = 0.01
 
@@ -92,91 +91,76 @@ class SharedNoise:
 
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
-    # Versions that are in place differ by noise alone.
-    known = np.moveaxis(versions.known, 2, 0)
-    numbers = np.flatnonzero(known.any(axis=(1, 2))).tolist()
-    alone = (_measured(versions.bands(s), known[s], versions.white, _QUIET) for s in numbers)
-    if in_place and len(numbers) > 1:
-        pairs = pairwise(numbers)
-        apart = (
-            ((versions.bands(a) - versions.bands(b)) * np.float32(np.sqrt(0.5)), known[a] & known[b]) for a, b in pairs
-        )
-        powers, own = _mean([_measured(*one, None, 1.0) for one in apart]), next(alone)
-        if powers is not None and own is not None and _total(powers) > _IN_PLACE * _total(own):
-            powers = _mean([own, *alone])
-    else:
-        powers = _mean(list(alone))
-    return None if powers is None or _is_white(powers) else SharedNoise(_autocovariance(powers))
+    grain = _GRAIN * 256 * versions.rounding
+    looks = looks_at(versions, in_place=in_place)
+    found = [powers for look in looks if (powers := _measured(look, grain)) is not None]
+    return SharedNoise(_autocovariance(np.mean(found, axis=0))) if found else None
 
 
-def _mean(found: list[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Mean of the spectra that are known; None if none is."""
-    told = [powers for powers in found if powers is not None]
-    return np.asarray(np.mean(told, axis=0)) if told else None
-
-
-def _total(powers: NDArray[Any]) -> float:
-    """Power of all frequencies and bands."""
-    return float(np.einsum("xyii->", powers).real)
-
-
-def _measured(values: Floats, known: NDArray[np.bool_], white: float | None, share: float) -> NDArray[Any] | None:
-    """(2 n, 2 n, C, C) spectrum of the noise in a share of the blocks, the quieter ones, or None if there are few."""
-    from scipy.special import gammainc, gammaincinv
-
-    blocks = blocks_of(values, known, _MOST if share < 1 else _MOST_APART)
-    means = blocks.mean(axis=(1, 2))
-    if white is not None:
-        inside = (means.min(axis=1) > _FROM_ENDS * white) & (means.max(axis=1) < (1 - _FROM_ENDS) * white)
-        blocks = blocks[inside] if np.count_nonzero(inside) >= _ENOUGH else blocks
-    if len(blocks) < _ENOUGH:
+def _measured(look: Look, grain: float) -> NDArray[Any] | None:
+    """(2 n, n + 1, C, C) spectrum of the noise that pixels share; None where it is white or too little is known."""
+    blocks, _ = look.patches(_BLOCK, _MOST)
+    level = levels_of(look).min()
+    groups = [int(share * len(blocks)) for share in _GROUPS]
+    if groups[0] < _ENOUGH or not level > 0:
         return None
-    rounding = np.finfo(np.float32).eps * np.abs(means).max()
-    blocks = _without_slopes(blocks)
-    variances = np.square(blocks).mean(axis=(1, 2, 3))
-    quiet = blocks[np.argsort(variances)[: max(_ENOUGH, int(share * len(blocks)))]]
-    squares, axes = np.linalg.eigh(np.einsum("bxyi,bxyj->ij", quiet, quiet) / quiet[:, :, :, 0].size)
-    if squares[-1] <= rounding**2:
+    blocks = _without_slopes(blocks / level)
+    turned = blocks[:, ::-1, ::-1]
+    even, odd = halves_of(blocks)
+    chosen = ((blocks + turned) / 2, order_of(odd)), ((blocks - turned) / 2, order_of(even))
+    first = groups[0] if look.has_texture else len(blocks) // 2
+
+    def spectrum(group: slice) -> NDArray[Any]:
+        return np.asarray(sum(_mean_products(_waves(half[order[group]])) for half, order in chosen))
+
+    quiet, frequencies = spectrum(slice(first)), _frequencies()
+    white = np.square(_window()).sum()
+    if look.has_texture:
+        rings = np.digitize(frequencies, _RINGS)
+        powers = [_by_ring(one, rings) for one in (quiet, *map(spectrum, starmap(slice, pairwise(groups))))]
+        near, far = (power / powers[0] for power in powers[1:])
+        common = _common(quiet, white, frequencies)
+        if (common > _NEVER_COMMON and blocks.shape[3] > 1) or (common > _MOST_COMMON and far.mean() > _MOST_GROWTH):
+            return None
+        left = np.clip(1 - _TEXTURE * np.maximum(near - 1 - _CHANCE, 0), 0, 1)[rings]
+        quiet = _without_texture(quiet, left, rings)
+    squares, axes = np.linalg.eigh(quiet)
+    squares = np.maximum(squares, white)
+    power = squares[frequencies >= _TELLING].mean() / white
+    if power < _SHARED or (look.has_texture and power * level**2 < grain**2):
         return None
-    scales = np.sqrt(np.maximum(squares, 1e-6 * squares[-1]))
-    equal = quiet @ (axes / scales) * _window()[:, :, None]
-    waves = np.fft.fft2(equal, (2 * _BLOCK, 2 * _BLOCK), axes=(1, 2))
-    lower = np.argsort(np.square(np.abs(waves)).sum(axis=3), axis=0)[: int(_LOWER * len(quiet))]
-    # Power follows a gamma distribution with as many degrees as there are independent bands at this frequency.
-    powers = _mean_products(waves)
-    total = np.einsum("xyii->xy", powers).real
-    degrees = total**2 / np.maximum(np.square(np.abs(powers)).sum(axis=(2, 3)), 1e-30)
-    part = gammainc(degrees + 1, gammaincinv(degrees, _LOWER)) / _LOWER
-    powers = _mean_products(np.take_along_axis(waves, lower[..., None], 0)) / part[:, :, None, None]
-    back = axes * scales
-    powers = np.asarray(back @ powers @ back.T)
-    return powers if share == 1 else _with_less_in_common(powers)
+    found = np.einsum("xyij,xyj,xykj->xyik", axes, squares, axes.conj())
+    return np.asarray(found * level**2)
 
 
-def _with_less_in_common(powers: NDArray[Any]) -> NDArray[Any]:
-    """Lower what bands have in common: of blocks that are only quiet, it is texture in part, most of which is gray."""
-    bands = powers.mean(axis=(0, 1)).real
-    scales = np.sqrt(np.maximum(np.diag(bands), 1e-30))
-    common = bands / np.outer(scales, scales)
-    lower = np.maximum(common - _TEXTURE, 0) / (1 - _TEXTURE)
-    return powers * np.divide(lower, common, out=np.ones_like(common), where=common > 0)
+def _by_ring(powers: NDArray[Any], rings: NDArray[np.intp]) -> _Doubles:
+    """Power of each ring of frequencies, in all bands."""
+    return np.bincount(rings.ravel(), np.einsum("xyii->xy", powers).real.ravel()).astype(np.float64)
 
 
-def _mean_products(waves: NDArray[Any]) -> NDArray[Any]:
-    """(X, Y, C, C) mean of the products of bands of (B, X, Y, C) waves."""
-    return np.asarray(np.einsum("bxyi,bxyj->xyij", waves, waves.conj()) / len(waves))
+def _common(powers: NDArray[Any], white: float, frequencies: _Doubles) -> float:
+    """Return the part of what is not white that all bands have in common; 1 for one band."""
+    shared = powers[frequencies >= _RINGS[0]].sum(axis=0).real
+    shared = shared - white * np.count_nonzero(frequencies >= _RINGS[0]) * np.eye(len(shared))
+    return float(shared.sum() / max(len(shared) * np.trace(shared), 1e-30))
 
 
-def blocks_of(values: Floats, known: NDArray[np.bool_], most: int = _MOST) -> _Doubles:
-    """(B, n, n, C) blocks without holes, at most so many of them."""
-    if min(known.shape) < _BLOCK:
-        return np.empty((0, _BLOCK, _BLOCK, values.shape[2]))
-    every = slice(None, None, _STEP)
-    seen, whole = (np.lib.stride_tricks.sliding_window_view(one, (_BLOCK,) * 2, (0, 1)) for one in (values, known))
-    rows, columns = np.nonzero(whole[every, every].all(axis=(2, 3)))
-    drawn = np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(np.intp)
-    blocks = seen[every, every][rows[drawn], columns[drawn]]
-    return np.moveaxis(blocks, 1, 3).astype(np.float64)
+def _without_texture(powers: NDArray[Any], left: _Doubles, rings: NDArray[np.intp]) -> NDArray[Any]:
+    """Leave a part of what bands have in common beyond what they have apart, as texture has all of it."""
+    n_bands = powers.shape[2]
+    common = powers.sum(axis=(2, 3)).real / n_bands
+    apart = (np.einsum("xyii->xy", powers).real - common) / max(n_bands - 1, 1)
+    totals = [np.bincount(rings.ravel(), one.ravel()).astype(np.float64) for one in (common, apart, left)]
+    commons, aparts, lefts = totals
+    lefts = np.divide(lefts, np.bincount(rings.ravel()))
+    noises = np.minimum(commons, aparts) + lefts * np.maximum(commons - aparts, 0)
+    if n_bands > 1:
+        # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
+        ratios = noises / np.maximum(aparts, 1e-30)
+        ratios[:_MIDDLE] = np.minimum.accumulate(ratios[_MIDDLE::-1])[:0:-1]
+        noises = np.minimum(noises, ratios * aparts)
+    texture = (1 - noises / np.maximum(commons, 1e-30))[rings] * common
+    return np.asarray(powers - (texture / n_bands)[:, :, None, None])
 
 
 def _without_slopes(blocks: _Doubles) -> _Doubles:
@@ -185,7 +169,22 @@ def _without_slopes(blocks: _Doubles) -> _Doubles:
     basis = along / np.sqrt(np.square(along).sum() * _BLOCK)
     down = np.einsum("bxyc,x->bc", blocks, basis)[:, None, None] * basis[:, None, None]
     right = np.einsum("bxyc,y->bc", blocks, basis)[:, None, None] * basis[None, :, None]
-    return blocks - blocks.mean(axis=(1, 2), keepdims=True) - down - right
+    return np.asarray(blocks - blocks.mean(axis=(1, 2), keepdims=True) - down - right)
+
+
+def _waves(blocks: _Doubles) -> NDArray[Any]:
+    """(B, 2 n, n + 1, C) waves of blocks under the window."""
+    return np.fft.rfft2((blocks * _window()[:, :, None]).astype(np.float32), (2 * _BLOCK,) * 2, axes=(1, 2))
+
+
+def _mean_products(waves: NDArray[Any]) -> NDArray[Any]:
+    """(X, Y, C, C) mean of the products of bands of (B, X, Y, C) waves."""
+    return np.asarray(np.einsum("bxyi,bxyj->xyij", waves, waves.conj()) / len(waves))
+
+
+def _frequencies() -> _Doubles:
+    """(2 n, n + 1) cycles per pixel of waves."""
+    return np.hypot(np.fft.fftfreq(2 * _BLOCK)[:, None], np.fft.rfftfreq(2 * _BLOCK))
 
 
 def _window() -> _Doubles:
@@ -194,20 +193,9 @@ def _window() -> _Doubles:
     return np.outer(side, side)
 
 
-def _is_white(powers: NDArray[Any]) -> bool:
-    """Tell whether noise has about equal power at middle and at high frequencies."""
-    along = np.fft.fftfreq(len(powers))
-    frequency = np.hypot(along[:, None], along)
-    middle = powers[(frequency >= _MIDDLE[0]) & (frequency <= _MIDDLE[1])].mean(axis=0).real
-    high = powers[frequency >= _HIGH].mean(axis=0).real
-    axes = np.linalg.eigh(middle)[1]
-    low, top = (np.einsum("ci,cd,di->i", axes, power, axes) for power in (middle, high))
-    return bool((top * _WHITE >= low).all() and (top <= low * _WHITE).all())
-
-
 def _autocovariance(powers: NDArray[Any]) -> _Doubles:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of noise with this spectrum under the window."""
     lags = np.arange(-LAGS, LAGS + 1)
-    seen = np.fft.fft2(_window(), (2 * _BLOCK, 2 * _BLOCK))
-    weight = np.fft.ifft2(np.square(np.abs(seen))).real[np.ix_(lags, lags)]
-    return np.asarray(np.fft.ifft2(powers, axes=(0, 1)).real[np.ix_(lags, lags)] / weight[:, :, None, None])
+    sides = (2 * _BLOCK,) * 2
+    weight = np.fft.irfft2(np.square(np.abs(np.fft.rfft2(_window(), sides))), sides)[np.ix_(lags, lags)]
+    return np.asarray(np.fft.irfft2(powers, sides, axes=(0, 1))[np.ix_(lags, lags)] / weight[:, :, None, None])

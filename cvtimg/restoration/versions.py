@@ -100,6 +100,11 @@ class Versions:
         ends = [(float(values.min()), float(values.max())) for values in self.stack]
         return _FINEST_NOISE * (max(high for _, high in ends) - min(low for low, _ in ends) or 1.0)
 
+    @property
+    def unseen(self) -> float:
+        """Standard deviation up to which noise is none: twice that of rounding to the integers of the first version."""
+        return 2 / np.sqrt(12) if self.white is not None else 2 / np.sqrt(12) * self.rounding / 256
+
 
 def stack_versions(
     images: Sequence[Any],

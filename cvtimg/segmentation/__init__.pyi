@@ -1,5 +1,4 @@
 from .averaging import Averaging as Averaging
-from .blocks import segment_blocks as segment_blocks
 from .counting import count_objects as count_objects
 from .editing import Edit as Edit
 from .editing import brush as brush

@@ -2,8 +2,9 @@
 
 Two generators that vary across the image, of the background and of the objects, divide its pixels: each is the local
 mean of its own pixels, so that uneven light moves both. An object that is dimmer than its neighbors is found when these
-have been taken away, at half of its own contrast. Objects that touch are split where the logarithm of the distance to
-the background has a saddle, that is, at necks that are narrow for their own size.
+have been taken away, at half of its own median contrast. What a convex outline encloses is part of its object. Objects
+that touch are split where the logarithm of the distance to the background has a saddle, that is, at necks that are
+narrow for their own size.
 
 Volumes are counted in the same way, with lengths in pixels of a plane. What needs several arrays at a time is done in
 tiles that overlap.
@@ -12,7 +13,6 @@ tiles that overlap.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from itertools import pairwise, product
 from typing import Any
 
@@ -27,6 +27,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
+from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, numbers_of, split_at_saddles, with_own_borders
@@ -36,7 +37,6 @@ _BLUR_OF_NOISE, _BLURS = 4.0, (0.7, 3.0)
 #: Blur of the generators, as a share of the longer side, and how many pixels of a class their global means count for.
 #: Across planes, as a share of their number.
 _REACH, _PRIOR, _REACH_ACROSS = 0.125, (0.02, 0.05), 0.25
-_BLOCKS_IN_REACH = 4
 _MAX_ROUNDS = 15
 #: Planes of a volume in which noise is measured.
 _SOME_PLANES = 9
@@ -48,8 +48,8 @@ _TILE, _OVERLAP = 1 << 24, 4.0
 _SIGNIFICANT, _ABOVE_NOISE = 4.0, 5.0
 #: The dimmest objects, as a share of the contrast of the others, and how often brighter ones are taken away.
 _DIMMEST, _N_PEELS = 0.15, 3
-#: Level of an object: of its pixels, this share is darker.
-_LEVEL = 0.9
+#: What fills so much of its convex hull is one object; two discs that overlap by a sixth of their width fill as much.
+_CONVEX = 0.93
 #: Rise, in the logarithm of the distance plus so many pixels, above a saddle between two objects.
 _DEPTH, _OFFSET = 0.015, 0.7
 _BLUR_OF_DISTANCE = 0.8
@@ -118,11 +118,11 @@ def count_objects(
     >>> import numpy as np
     >>> from cvtimg.segmentation import count_objects
     >>> down, right = np.mgrid[:60, :90]
-    >>> discs = [(30, 25, 12), (30, 46, 12), (30, 74, 8)]
+    >>> discs = [(30, 25, 12.3), (30, 46, 12.3), (30, 74, 8.3)]
     >>> image = 200.0 * np.any([np.hypot(down - y, right - x) < r for y, x, r in discs], axis=0)
     >>> found = count_objects(image + np.random.default_rng(0).normal(0, 20, image.shape))
-    >>> found.n_segments, round(found.counting.radius)
-    (3, 12)
+    >>> found.n_segments, 10 < found.counting.radius < 15
+    (3, True)
     """
     check_choice("background", background, BACKGROUNDS)
     least = None if min_size is None else check_non_negative("min_size", min_size)
@@ -193,7 +193,7 @@ def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
     side = max(int((_TILE / bright[..., 0, 0].size) ** 0.5), 1)
     starts = [max(length - side, 0) // 2 for length in bright.shape[-2:]]
     middle = bright[..., starts[0] : starts[0] + side, starts[1] : starts[1] + side]
-    shown = middle if middle.any() else bright
+    shown = _whole(middle if middle.any() else bright)
     if not shown.any():
         return 0.0
     # In a ball of n dimensions, the mean squared distance to its rim is 2 / (n + 1) (n + 2) of its squared radius.
@@ -270,19 +270,19 @@ def _contrast(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats
         rest = counts & ~objects
         if not objects.any() or not rest.any():
             break
-        ground = _local_mean(some, rest, reach, _PRIOR[0])
-        beyond = some - _spread(ground, some.shape)
-        above = _local_mean(beyond, objects, reach, _PRIOR[1])
-        step = float(_spread(above, some.shape).mean())
+        ground = local_mean(some, rest, reach, _PRIOR[0])
+        beyond = some - spread(ground, some.shape)
+        above = local_mean(beyond, objects, reach, _PRIOR[1])
+        step = float(spread(above, some.shape).mean())
         generators = ground, np.where(above * step > 0, above, step or 1).astype(np.float32)
-        before, objects = objects, (beyond / _spread(generators[1], some.shape) > 0.5) & counts
+        before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
         if (objects != before).mean() < 1e-4:
             break
     if generators is None:
         return np.zeros_like(image), 0.0
     if image.ndim == 2:
         return _between(image, *generators), step
-    along = [_spread(field, (len(image), *field.shape[1:])) for field in generators]
+    along = [spread(field, (len(image), *field.shape[1:])) for field in generators]
     for plane, *fields in zip(image, *along, strict=True):
         plane[:] = _between(plane, *fields)
     return image, step
@@ -290,38 +290,7 @@ def _contrast(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats
 
 def _between(image: _Floats, ground: _Floats, scale: _Floats) -> _Floats:
     """Return where values lie between those of two fields that are known in blocks."""
-    return (image - _spread(ground, image.shape)) / _spread(scale, image.shape)
-
-
-def _local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: float) -> _Floats:
-    """Return the Gaussian mean of some pixels around each, drawn to the mean of all where there are few, in blocks."""
-    from scipy.ndimage import gaussian_filter
-
-    sizes = [max(int(far / _BLOCKS_IN_REACH), 1) for far in reach]  # fine enough for what varies so slowly
-    sigmas = [far / side for far, side in zip(reach, sizes, strict=True)]
-    sums, counts = values * of, of.astype(np.float32)
-    for axis, side in enumerate(sizes):
-        if side > 1:
-            starts = np.arange(0, of.shape[axis], side)
-            sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
-    mean = float(sums.sum(dtype=np.float64) / counts.sum(dtype=np.float64))
-    total, mass = (gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest") for blocks in (sums, counts))
-    return np.asarray((total + prior * mean) / (mass + prior), np.float32)
-
-
-def _spread(blocks: _Floats, shape: tuple[int, ...]) -> _Floats:
-    """Interpolate between the centers of blocks, of which the last one along an axis may be cut off."""
-    across, down, *along = (_shares(length, n) for length, n in zip(shape[::-1], blocks.shape[::-1], strict=True))
-    for shares in along:
-        blocks = np.tensordot(shares, blocks, 1)
-    return np.asarray(down @ blocks @ across.T)
-
-
-@lru_cache(maxsize=8)
-def _shares(length: int, n_blocks: int) -> _Floats:
-    """Return the share of each block in each of the pixels along an axis."""
-    at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
-    return np.maximum(1 - np.abs(at[:, None] - np.arange(n_blocks)), 0).astype(np.float32)
+    return (image - spread(ground, image.shape)) / spread(scale, image.shape)
 
 
 def _split(
@@ -343,36 +312,36 @@ def _split(
 
 def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[float, ...]) -> _Inside:
     """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave."""
-    from scipy.ndimage import binary_dilation, distance_transform_edt, label, minimum_filter1d
+    from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
     rest, found = contrast > threshold, np.zeros(contrast.shape, np.bool_)
-    for n_left in reversed(range(_N_PEELS)):
+    for _ in range(_N_PEELS):
         pieces, n_pieces = label(rest)
-        if not n_pieces:
-            break
-        levels = np.append(np.float32(np.inf), _quantiles(contrast[rest], pieces[rest] - 1, n_pieces))
-        core = rest & (contrast > 0.5 * levels[pieces])
-        found |= core
-        if not n_left:
-            break
-        rest &= ~binary_dilation(core, iterations=2)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
-        width = 2 * round(radius) + 1
-        thick = [minimum_filter1d(rest, width, axis, mode="nearest") for axis in (-1, -2)]
-        if not (thick[0] & thick[1]).any():  # which is faster than distances
-            break
-        kernels = distance_transform_edt(rest, size) > round(radius)
-        if not kernels.any():
-            break
-        rest = distance_transform_edt(~kernels, size) <= round(radius)
-    return found
+        levels = np.append(np.inf, median(contrast, pieces, np.arange(1, n_pieces + 1)))
+        core = rest & (contrast > 0.5 * levels[pieces])
+        found |= core
+        # What is left counts where it is thick: in balls of this radius.
+        kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > radius
+        rest = distance_transform_edt(~kernels, size) <= radius if kernels.any() else kernels
+    return _whole(found)
 
 
-def _quantiles(values: _Floats, of: NDArray[np.int32], n: int) -> _Floats:
-    """Return the value > 0 below which the given share of each of n groups lies."""
-    # Bits of positive numbers are in the order of these, so that one sort by group and bits is enough.
-    ordered = np.sort(of.astype(np.uint64) << np.uint64(32) | values.astype(np.float32).view(np.uint32))
-    sizes = np.bincount(of, minlength=n)
-    at = np.cumsum(sizes) - sizes + (_LEVEL * (sizes - 1)).astype(np.int64)
-    return ordered[at].astype(np.uint32).view(np.float32)
+def _whole(objects: _Inside) -> _Inside:
+    """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background."""
+    from scipy.ndimage import binary_erosion, binary_fill_holes, find_objects, label
+    from scipy.spatial import ConvexHull
+
+    filled = np.asarray(binary_fill_holes(objects))
+    pieces, n_pieces = label(filled)
+    with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
+    whole = objects.copy()
+    for number, box in enumerate(find_objects(pieces), start=1):
+        if with_holes[number]:
+            own = pieces[box] == number
+            rim = np.argwhere(own & ~binary_erosion(own))
+            corners = np.concatenate([rim + way for way in product((-0.5, 0.5), repeat=own.ndim)])
+            if np.count_nonzero(own) > _CONVEX * ConvexHull(corners).volume:
+                whole[box] |= own
+    return whole

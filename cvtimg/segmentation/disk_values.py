@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
+from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -23,41 +25,32 @@ from cvtimg.segmentation.values import PictureValues, unit_of
 STRIP_PIXELS = 1 << 21
 #: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
 _LEAST_ROWS = 32
+#: Bytes that are written at a time where the system cannot allocate a file.
+_AT_ONCE = 1 << 24
 
 
 class DiskRows:
-    """An array of zeros in a file of its own."""
-
-    # It is not mapped into memory, because a full disk must be an error, not a signal that ends the program.
+    """An array of zeros in a file, of which slices of rows are mapped into memory."""
 
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
-        self.shape, self.dtype = shape, np.dtype(dtype)
-        self._n_bytes = int(np.prod(shape[1:], dtype=np.int64)) * self.dtype.itemsize
-        self._file = path.open("w+b", buffering=0)
-        self._file.truncate(shape[0] * self._n_bytes)
+        self.shape, self.dtype, self._path = shape, np.dtype(dtype), path
+        self._n_bytes = prod(shape[1:]) * self.dtype.itemsize
+        with path.open("wb") as file:
+            _allocate(file, shape[0] * self._n_bytes)
 
-    def read(self, first: int, last: int) -> NDArray[Any]:
-        """Return a copy of some rows."""
-        rows = np.empty((last - first, *self.shape[1:]), self.dtype)
-        left = rows.reshape(-1).view(np.uint8).data
-        self._file.seek(first * self._n_bytes)
-        while left:
-            n_read = self._file.readinto(left)
-            if not n_read:
-                raise OSError("a file of unfinished work was cut short")
-            left = left[n_read:]
-        return rows
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        first, last, _ = rows.indices(self.shape[0])
+        shape = (last - first, *self.shape[1:])
+        return np.memmap(self._path, self.dtype, "r+", first * self._n_bytes, shape)
 
-    def write(self, first: int, rows: NDArray[Any]) -> None:
-        """Replace rows from `first` on."""
-        left = np.ascontiguousarray(rows, self.dtype).reshape(-1).view(np.uint8).data
-        self._file.seek(first * self._n_bytes)
-        while left:
-            left = left[self._file.write(left) :]
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+def _allocate(file: BinaryIO, n_bytes: int) -> None:
+    """Take the room on the disk now: a full one is an error here, but ends the program where a file is mapped."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, n_bytes)
+        return
+    for left in range(n_bytes, 0, -_AT_ONCE):
+        file.write(bytes(min(left, _AT_ONCE)))
 
 
 class DiskValues:
@@ -88,16 +81,12 @@ class DiskValues:
         self._has_alpha, self._nodata = has_alpha, nodata
         self._pixels = DiskRows(path, (*self.shape, n_bands), form.dtype)
         self._mask = None if mask is None else DiskRows(path.with_suffix(".mask"), self.shape, np.bool_)
-        try:
-            if self._mask is not None and mask is not None:
-                top = 0
-                for rows in mask_bands(mask, self.shape):
-                    self._mask.write(top, rows)
-                    top += len(rows)
-            self.values, self.exact = self._count(bands, space)
-        except BaseException:
-            self.close()
-            raise
+        if self._mask is not None and mask is not None:
+            top = 0
+            for rows in mask_bands(mask, self.shape):
+                self._mask[top : top + len(rows)][:] = rows
+                top += len(rows)
+        self.values, self.exact = self._count(bands, space)
         self._center = self.values.center
 
     def _count(self, bands: Bands, space: SpaceName) -> tuple[PictureValues, bool]:
@@ -105,7 +94,7 @@ class DiskValues:
         counter, top = Counter(), 0
         for band in bands:
             rows = band.reshape(*band.shape[:2], -1)
-            self._pixels.write(top, rows)
+            self._pixels[top : top + len(rows)][:] = rows
             colors, inside = self._split(rows, top)
             if inside.any():
                 counter.add(colors if inside.all() else colors[inside][None])
@@ -126,17 +115,21 @@ class DiskValues:
         if self._has_alpha:
             inside &= rows[:, :, -1] > 0
         if self._mask is not None:
-            inside &= self._mask.read(top, top + len(rows))
+            inside &= self._mask[top : top + len(rows)]
         return rows[:, :, : self.n_dims], inside
 
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
-        colors, inside = self._split(self._pixels.read(first, last), first)
+        colors, inside = self._split(self._pixels[first:last], first)
         if inside.all():
             return self._field(colors.reshape(-1, self.n_dims)).reshape(colors.shape), inside
         field = np.zeros(colors.shape, np.float32)
         field[inside] = self._field(colors[inside])
         return field, inside
+
+    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
+        """Return the values of some rows."""
+        return self.read(rows.start, rows.stop)[0]
 
     def _field(self, colors: NDArray[Any]) -> NDArray[np.float32]:
         """(N, D) values of (N, C) colors about the mean of all."""
@@ -153,10 +146,4 @@ class DiskValues:
         """Sum over the dimensions of the variance of values."""
         samples, scale = self.values.samples, self.values.scale
         steps = samples.colors * scale - self._center
-        return float((samples.density @ steps**2).sum() / samples.density.sum())
-
-    def close(self) -> None:
-        """Close the files."""
-        self._pixels.close()
-        if self._mask is not None:
-            self._mask.close()
+        return float(np.einsum("n,nd->", samples.density, steps**2) / samples.density.sum())

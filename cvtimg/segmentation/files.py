@@ -65,11 +65,13 @@ def divide_file(
     nodata: float | None = None,
     volume: bool | DivideVolume = False,
     track: bool = False,
+    apart: int = 0,
     on_pages: Callable[[int], None] = lambda n_pages: None,
     on_stage: Callable[[str], None] = lambda stage: None,
 ) -> DividedFile:
     """Divide the picture of a file, or each of its pages, or with `volume` all pages together."""
-    # With `volume=True`, the same generators divide all pages, as if they were one image; a function gets the planes of
+    # With `volume=True`, the same generators divide all pages, as if they were one image with so many rows between them
+    # that pages are not near each other; a function gets the planes of
     # each frame as a volume. With `track`, labels keep their number from frame to frame. Pixels without data, black in
     # the image `mask`, or transparent have label 0. `on_pages` is called with the number of several pages
     # before any is divided, `on_stage` with the name of each stage that is done.
@@ -93,8 +95,11 @@ def divide_file(
     parts = [_without_alpha(image, known, header) for image, known in zip(images, inside, strict=True)]
     seen = tuple(image for image, _ in parts)
     if volume is True:
-        parts = [(np.concatenate(seen), np.concatenate([known for _, known in parts]))]
-    each = _divided_volumes(parts, pages, volume) if callable(volume) else (divide(*part) for part in parts)
+        each: Iterable[Segmentation] = (_divided_together(parts, divide, apart),)
+    elif callable(volume):
+        each = _divided_volumes(parts, pages, volume)
+    else:
+        each = (divide(*part) for part in parts)
     found = DividedFile.of(header, pages, seen, each)
     on_stage("cluster")
     return found.tracked() if track else found
@@ -107,6 +112,20 @@ def _check_frames(pages: Pages | None, *, in_volumes: bool) -> None:
         raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
     if axes != "T" and not in_volumes:
         raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
+
+
+def _divided_together(
+    parts: Sequence[tuple[NDArray[Any], NDArray[np.bool_]]], divide: Divide, apart: int
+) -> Segmentation:
+    """Divide pages as one image, in which rows that do not count are between them."""
+    height = len(parts[0][0])
+    together = [
+        np.concatenate([np.pad(page, ((0, apart), *[(0, 0)] * (page.ndim - 1))) for page in pages])
+        for pages in zip(*parts, strict=True)
+    ]
+    found = divide(*together)
+    rows = found.labels.reshape(len(parts), height + apart, -1)[:, :height]
+    return replace(found, labels=rows.reshape(len(parts) * height, -1))
 
 
 def _divided_volumes(

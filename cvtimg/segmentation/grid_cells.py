@@ -14,18 +14,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_non_negative, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
-from cvtimg.segmentation.edge_weight import descend
+from cvtimg.segmentation.edge_weight import descend, weight_of_detail
+from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.values import picture_values
+
+#: Pixels are near each other up to this distance.
+_RADIUS = 3
 
 
 @hints_at_keywords
 def superpixels(
-    image: Any, n_superpixels: int, *, compactness: float = 10, space: SpaceName = "rgb", mask: ArrayLike | None = None
+    image: Any,
+    n_superpixels: int,
+    *,
+    compactness: float | str = "auto",
+    space: SpaceName = "rgb",
+    mask: ArrayLike | None = None,
 ) -> Segmentation:
     """Divide an image into many small connected segments of similar color.
 
@@ -35,9 +46,10 @@ def superpixels(
         As in `segment`; pixels that are NaN, infinite or masked are left out.
     n_superpixels : int
         Approximate number of superpixels: the nearest that rows and columns of nearly square cells give in the mask.
-    compactness : float
+    compactness : float or "auto"
         Penalty for each pair of near pixels in different segments, in squared 8-bit levels: with larger values, cells
-        are rounder and follow the edges of the image less closely.
+        are rounder and follow the edges of the image less closely. "auto" follows the image: details of one pixel's
+        radius are just worth their edge if they differ as two pixels of a cell of the grid do; noise may need more.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. In photographs, cells in "lab" follow more of the edges that
         people see.
@@ -69,12 +81,23 @@ def superpixels(
     6
     """
     values = picture_values(image, check_choice("space", space, SPACES), mask)
-    weight = check_non_negative("compactness", compactness)
+    given = check_edge_weight(compactness, "compactness")
     check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
     cells = grid_of_cells(values.inside, n_superpixels)
+    weight = _compactness(field, cells) if given is None else given
     descent = descend(field, cells, int(cells.max()), edge_weight=weight, connected=True)
     return from_labels(values, field, descent.labels, descent, weight)
+
+
+def _compactness(field: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
+    """Follow the variance within cells, and the noise where that needs more."""
+    inside = cells > 0
+    own, rows = cells[inside] - 1, field[inside]
+    sums, squares = sum_by_label(own, rows), np.einsum("nd,nd->", rows, rows, dtype=np.float64)
+    between = np.einsum("kd,kd->", sums, per_mass(sums, np.bincount(own).astype(np.float64)))
+    within = max(float(squares - between), 0.0) / len(rows)
+    return max(2 * within * weight_of_detail(1, _RADIUS), auto_weight(noise_covariance(field, inside), _RADIUS))
 
 
 def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:

@@ -8,6 +8,7 @@ half of the differences of four adjacent pixels has to do (`scattered_noise`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_image
 
-#: Side of a block.
-BLOCK = 16
+#: Side of a block, and in how many of them noise is measured at most.
+BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
 #: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
 _QUIET = (0.15, 0.35)
 #: The mean of the quiet blocks is this many standard deviations below the mean of all.
@@ -70,9 +71,21 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
 
 def noise_covariance(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
     """(D, D) covariance of the noise of (H, W, D) values, measured in the blocks that lie `inside`, (H, W)."""
-    # It is 0 if nothing can be measured.
-    height, width = (min(BLOCK, max(side - 2, 1)) for side in values.shape[:2])
-    return quiet_covariance(block_covariances(values, inside), height * width)
+    return noise_of_rows(
+        lambda first, last: (values[first:last], None if inside is None else inside[first:last]), values.shape[:2]
+    )
+
+
+def noise_of_rows(
+    read: Callable[[int, int], tuple[NDArray[Any], NDArray[np.bool_] | None]], shape: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """(D, D) covariance of the noise of an image of which some rows are read at a time, with where they count."""
+    # It is 0 if nothing can be measured. Of a large image, some rows of blocks are enough.
+    height, width = (min(BLOCK, max(side - 2, 1)) for side in shape)
+    n_rows, n_columns = max((shape[0] - 2) // height, 1), max((shape[1] - 2) // width, 1)
+    rows = range(0, n_rows, -(-n_rows * n_columns // _ENOUGH_BLOCKS))
+    found = [block_covariances(*read(height * row, height * row + height + 2)) for row in rows]
+    return quiet_covariance(np.concatenate(found), height * width)
 
 
 def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:

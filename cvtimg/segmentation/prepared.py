@@ -7,19 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_count, check_edge_weight
+from cvtimg._shared.checks import check_count, check_edge_weight, check_non_negative
 from cvtimg._shared.choices import AveragingName
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
+from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import assign, pack
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
-from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
+from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, greatest_step, length_cost, weight_of_detail
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
 
-#: The edge weight "auto" is this multiple of the variance of the noise, at a radius of 3: for three shapes under noise
-#: of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
+#: The edge weight "auto" is at least this multiple of the variance of noise, at a radius of 3: for three shapes under
+#: noise of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
 _AUTO_WEIGHT = 0.35
 _RADIUS_OF_AUTO = 3
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
@@ -39,22 +40,19 @@ class Prepared:
     values: PictureValues  # the colors inside the mask
     field: Floats  # (H, W, D): values of the pixels about their mean; 0 outside the mask
     data: Floats  # (H, W, D): the values to segment: the field, averaged if averaging comes first
-    is_averaged: bool  # whether it is averaged
+    is_changed: bool  # whether data are not the field
     noise: NDArray[np.float64]  # (D, D): covariance of the noise of the field; measured only where edges cost
     average_after: Averaging | None  # how to average segments once they are found
-    edge_weight: float  # cost of each pair of near pixels in different segments, in squared values
+    edge_weight: float  # cost of each pair of near pixels in different segments, in squared values; or the least
+    smallest_detail: float  # radius of the discs that are just worth their edge; 0 if the weight is given
     edge_radius: int  # pixels are near each other up to this distance
     volume_power: float  # cells count by their share of the mass to this power
 
-    @property
-    def length_price(self) -> float:
-        """Cost of a pixel's length of border."""
-        return self.edge_weight * length_cost(self.edge_radius)
-
     def start(self, n_segments: int) -> Floats | None:
         """(H, W, D) values in which to find the first cells, or None if the distinct colors serve."""
-        # An image that is averaged is taken as it is; another is blurred here if its noise would hide the segments.
-        if self.is_averaged:
+        # An image that is averaged or in even light is taken as it is; another is blurred here if noise would hide its
+        # segments.
+        if self.is_changed:
             return self.data
         if self.average_after is not None:
             return None
@@ -63,21 +61,35 @@ class Prepared:
         blur = blur_at_start(variance, self.noise, n_segments)
         return averaged(self.field, Averaging("before", "gaussian", blur), inside) if blur else None
 
-    def settle(self, labels: NDArray[np.int32], n_segments: int) -> tuple[NDArray[np.int32], EdgeWeighted | None]:
-        """Average segments, then lower their edge-weighted energy, each if asked for."""
+    def settle(
+        self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True
+    ) -> tuple[NDArray[np.int32], EdgeWeighted | None, float]:
+        """Average segments, then lower their edge-weighted energy, each if asked for; return the weight, too."""
         if self.average_after is not None:
             labels = average_segments(self.data, labels, n_segments, self.average_after)
-        if not self.edge_weight:
-            return labels, None
+        weight, first = self.edge_weight, 0.0
+        if by_detail and self.smallest_detail:
+            worth = self._worth(labels, n_segments) * weight_of_detail(self.smallest_detail, self.edge_radius)
+            weight, first = max(weight, worth), 2 * worth
+        if not weight:
+            return labels, None, 0.0
         end = descend(
             self.data,
             labels,
             n_segments,
-            edge_weight=self.edge_weight,
+            edge_weight=weight,
             radius=self.edge_radius,
             volume_power=self.volume_power,
+            first_weight=first if first > weight else 0,
         )
-        return end.labels, end
+        return end.labels, end, weight
+
+    def _worth(self, labels: NDArray[np.int32], n_segments: int) -> float:
+        """Return what a pixel of the strongest edge is worth: the greatest squared step between segments that meet."""
+        own = labels[labels > 0] - 1
+        masses = np.bincount(own, minlength=n_segments).astype(np.float64)
+        means = per_mass(sum_by_label(own, self.data[labels > 0], n_segments), masses)
+        return greatest_step(labels, means, (masses / masses.sum()) ** self.volume_power)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,37 +97,46 @@ class Smoothness:
     """The options against noise, checked: averaging and the weight of edges."""
 
     averaging: Averaging | None
-    edge_weight: float | None  # none if it is to follow the noise
+    edge_weight: float | None  # none if it is to follow the smallest detail and the noise
     edge_radius: int
+    smallest_detail: float
 
     @classmethod
     def checked(
-        cls, averaging: AveragingName | Averaging | None, edge_weight: float | str, edge_radius: int
+        cls,
+        averaging: AveragingName | Averaging | None,
+        edge_weight: float | str,
+        edge_radius: int,
+        smallest_detail: float,
     ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
-        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius)
+        detail = check_non_negative("smallest_detail", smallest_detail)
+        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail)
 
     @property
     def is_none(self) -> bool:
         """Whether nothing is averaged and edges are free."""
         return self.averaging is None and self.edge_weight == 0
 
-    def prepare(self, values: PictureValues, volume_power: float) -> Prepared:
-        """Average the image and measure its noise as far as asked for."""
+    def prepare(self, values: PictureValues, volume_power: float, shaded: int = 0) -> Prepared:
+        """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
         before = self.averaging if self.averaging and self.averaging.when == "before" else None
-        field, weight = values.field(), self.edge_weight
-        noise = np.zeros((1, 1)) if weight == 0 else noise_covariance(field, values.inside)
+        field, weight, detail = values.field(), self.edge_weight, 0.0
+        data = values.in_even_light(field, shaded) if shaded else field
+        noise = np.zeros((1, 1)) if weight == 0 else noise_covariance(data, values.inside)
         if weight is None:
             weight = auto_weight(noise, self.edge_radius) * (before.noise_gain if before else 1.0)
+            detail = self.smallest_detail
         return Prepared(
             values=values,
             field=field,
-            data=averaged(field, before, values.inside) if before else field,
-            is_averaged=before is not None,
+            data=averaged(data, before, values.inside) if before else data,
+            is_changed=before is not None or shaded > 0,
             noise=noise,
             average_after=None if before else self.averaging,
             edge_weight=weight,
+            smallest_detail=detail,
             edge_radius=self.edge_radius,
             volume_power=volume_power,
         )
@@ -147,7 +168,8 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     start = prepared.start(_SEGMENTS_AT_START)
     rows = (prepared.field if start is None else start)[inside]
     cells = energy_curve(rows, n_max, volume_power=volume_power, rng=rng)
-    if start is None and prepared.average_after is None and not prepared.edge_weight:
+    # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
+    if start is None and prepared.average_after is None and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
     points = pack(rows, np.ones(len(rows)))
     energies: list[float] = []
@@ -165,7 +187,7 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
 
 def _settled(prepared: Prepared, start: NDArray[np.int32], n_segments: int) -> tuple[float, NDArray[np.float64]]:
     """Return the energy of the segments in the end, and their means."""
-    labels, end = prepared.settle(start, n_segments)
+    labels, end, _ = prepared.settle(start, n_segments, by_detail=False)
     if end is not None:
         return end.energies[-1], end.generators[end.masses[:, 0] > 0]
     own = labels[labels > 0] - 1
@@ -173,4 +195,4 @@ def _settled(prepared: Prepared, start: NDArray[np.int32], n_segments: int) -> t
     masses = np.bincount(own, minlength=n_segments).astype(np.float64)
     means = per_mass(sum_by_label(own, rows, n_segments), masses)
     parts = sum_by_label(own, ((rows - means[own]) ** 2).sum(axis=1), n_segments)
-    return float((masses / masses.sum()) ** prepared.volume_power @ parts), means[masses > 0]
+    return weighted_energy(masses, parts, prepared.volume_power), means[masses > 0]

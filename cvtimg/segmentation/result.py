@@ -55,7 +55,7 @@ class Segmentation(ReadOnly):
     labels : (H, W) int32 array
         Labels start at 1; 0 marks pixels outside the mask and, with `objects`, the background. Segments are sorted by
         the brightness of their generators, the sum of the bands, from dark to bright. Ties are broken by the bands in
-        turn, then by reading order. For an image in blocks a Dask array, or an `xarray.DataArray`.
+        turn, then by reading order.
     generators : (K, C) float64 array
         Mean of each segment, in the units of the image; row ``label - 1`` belongs to a label. K can be less than the
         number requested.

@@ -18,14 +18,13 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg._shared.progress import part
-from cvtimg.blocks.images import is_image_in_blocks
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
 from cvtimg.segmentation.averaging import Averaging, averaged
-from cvtimg.segmentation.blocks import segment_blocks
+from cvtimg.segmentation.edge_weight import length_cost
 from cvtimg.segmentation.prepared import Prepared, Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels, from_tessellation
 from cvtimg.segmentation.touching import Objects
@@ -43,8 +42,10 @@ def segment(
     n_segments: int | Literal["auto"],
     *,
     space: SpaceName = "rgb",
+    shading: bool = False,
     averaging: AveragingName | Averaging | None = None,
-    edge_weight: float | str = 0,
+    smallest_detail: float = 1,
+    edge_weight: float | str = "auto",
     edge_radius: int = 3,
     volume_power: float = 0,
     components: bool = False,
@@ -65,19 +66,23 @@ def segment(
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
         Any integer or floating point type, with any number of bands. Pixels that are NaN or infinite in any band, or
-        masked in a masked array, are left out. A Dask array or an `xarray.DataArray`, of any dimensions, is segmented
-        block by block by its colors, and never loaded, as `cvtimg.segmentation.segment_blocks` does; for averaging,
-        edges, pieces, a mask and "auto" it is loaded.
+        masked in a masked array, are left out.
     n_segments : int or "auto"
-        K; an image with fewer distinct colors has one segment per color. "auto" takes the elbow of `segment_curve`,
-        which the result then holds.
+        The most segments; there are fewer if some are not worth their edges, or if there are fewer colors. "auto" takes
+        the elbow of `segment_curve`, which the result then holds.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. All but "rgb" need 1 or 3 bands.
+    shading : bool
+        Take uneven light out first: a factor that varies slowly across the image, found together with the segments.
     averaging : {"before", "after"} or Averaging, optional
         For noisy or irregular images: average the image before it is segmented, or the segments after.
+    smallest_detail : float
+        Radius in pixels (>= 0) of the smallest detail that counts: edges cost so much that smaller discs are not worth
+        theirs, even where the contrast is greatest, and larger ones are. With 0, only noise is taken away.
     edge_weight : float or "auto"
         Penalty (>= 0) for each pair of near pixels in different segments; larger values give smoother and shorter
-        edges. "auto" follows the noise of the image and is close to 0 for a clean one.
+        edges. "auto" follows `smallest_detail`, and the noise of the image where that needs more. With 0, each pixel
+        has the generator nearest to its color, with all specks.
     edge_radius : int
         Pixels are near each other up to this distance, in pixels.
     volume_power : float
@@ -124,21 +129,21 @@ def segment(
     --------
     >>> import numpy as np
     >>> from cvtimg import segment
-    >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
+    >>> image = np.zeros((20, 30), np.uint8)
+    >>> image[:, 12:] = 200
+    >>> image[5, 5] = 180  # a speck
     >>> result = segment(image, 2)
-    >>> result.labels.tolist(), result.generators.ravel().tolist()
-    ([[1, 1, 2], [1, 2, 2]], [11.0, 201.0])
+    >>> np.unique(result.labels, return_counts=True)[1].tolist(), segment(image, 2, edge_weight=0).labels[5, 5].item()
+    ([240, 360], 2)
     """
-    needs_neighbors = averaging or edge_weight or components or min_size or objects or mask is not None
-    if is_image_in_blocks(image) and n_segments != "auto" and not needs_neighbors:
-        return segment_blocks(image, n_segments, space=space, volume_power=volume_power, effort=effort, rng=rng)
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail)
     pieces = _Pieces.checked(components, min_size, border_price, objects)
     if n_segments != "auto":
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     values = picture_values(image, check_choice("space", space, SPACES), mask)
-    plain = smoothness.is_none and pieces is None
-    prepared = None if plain else smoothness.prepare(values, volume_power)
+    shaded = (2 if n_segments == "auto" else min(n_segments, values.samples.n_colors)) if shading else 0
+    plain = smoothness.is_none and pieces is None and not shaded
+    prepared = None if plain else smoothness.prepare(values, volume_power, shaded)
     curve = None
     if n_segments == "auto":
         with part(0, _CURVE):
@@ -154,10 +159,10 @@ def segment(
     else:
         own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
         with part(_CELLS, 1):
-            labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
+            labels, descent, weight = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
         if pieces is not None:
-            labels = pieces.applied(labels, prepared.data, prepared.length_price)
-        result = from_labels(values, prepared.field, labels, descent or cells, prepared.edge_weight)
+            labels = pieces.applied(labels, prepared.data, weight * length_cost(edge_radius))
+        result = from_labels(values, prepared.field, labels, descent or cells, weight)
     return replace(result, curve=curve) if curve else result
 
 
@@ -204,7 +209,7 @@ def segment_curve(
     >>> segment_curve(image, edge_weight=1).elbow()
     3
     """
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail=0)
     values = picture_values(image, check_choice("space", space, SPACES), mask)
     prepared = None if smoothness.is_none else smoothness.prepare(values, volume_power)
     return _curve(values, prepared, n_max, volume_power, rng)

@@ -8,16 +8,13 @@ order and with the same sums as in memory, so that strips leave no seams.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
+from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import ColorSamples
@@ -28,17 +25,15 @@ from cvtimg.files.whole import StrPath, scratch_folder
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, open_bands, write_bands
 from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
 from cvtimg.segmentation.disk_values import DiskRows, DiskValues
-from cvtimg.segmentation.edge_weight import State, settle
-from cvtimg.segmentation.noise import BLOCK, block_covariances, quiet_covariance
-from cvtimg.segmentation.prepared import auto_weight, blur_at_start
+from cvtimg.segmentation.edge_weight import Layers, State, greatest_step, settle, weight_of_detail
+from cvtimg.segmentation.noise import noise_of_rows
+from cvtimg.segmentation.prepared import Smoothness, auto_weight, blur_at_start
 from cvtimg.segmentation.values import dark_to_bright, in_order
 
 __all__ = ["SegmentedFile", "segment_file"]
 
 #: Labels have 8 or 16 bits, and 0 is outside the mask.
 _MOST_SEGMENTS = 65535
-#: Number of blocks from which noise is estimated; with more, some rows of blocks are left out.
-_NOISE_BLOCKS = 1 << 18
 #: Number of levels by which an averaged image is counted.
 _LEVELS = 255
 
@@ -83,7 +78,8 @@ def segment_file(
     n_segments: int,
     *,
     space: SpaceName = "rgb",
-    edge_weight: float | str = 0,
+    smallest_detail: float = 1,
+    edge_weight: float | str = "auto",
     edge_radius: int = 3,
     has_alpha: bool | None = None,
     nodata: float | None = None,
@@ -108,7 +104,7 @@ def segment_file(
         have 8 bits for up to 255 segments, otherwise 16. A TIFF keeps its georeference.
     n_segments : int
         K, in 1..65535.
-    space, edge_weight, edge_radius, effort, rng
+    space, smallest_detail, edge_weight, edge_radius, effort, rng
         As in `segment`.
     has_alpha : bool, optional
         Whether the last band is alpha; pixels where it is 0 are left out. By default what the file says.
@@ -133,7 +129,6 @@ def segment_file(
     See Also
     --------
     segment : An image in memory.
-    segment_blocks : Dask arrays.
 
     Examples
     --------
@@ -149,25 +144,23 @@ def segment_file(
     """
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
     check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
-    check_count("edge_radius", edge_radius, 30, "the largest disc")
     check_choice("space", space, SPACES)
-    weight = check_edge_weight(edge_weight)
+    smoothness = Smoothness.checked(None, edge_weight, edge_radius, smallest_detail)
+    weight, detail = smoothness.edge_weight, 0.0
     bands = open_bands(source)
     has_alpha = bands.form.alpha if has_alpha is None else has_alpha
     nodata = bands.form.nodata if nodata is None else nodata
-    with scratch_folder(target) as folder, ExitStack() as stack:
+    with scratch_folder(target) as folder:
         picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata, mask=mask)
-        stack.callback(picture.close)
-        noise = np.zeros((1, 1)) if weight == 0 else _noise(picture)
+        noise = np.zeros((1, 1)) if weight == 0 else noise_of_rows(picture.read, picture.shape)
         if weight is None:
-            weight = auto_weight(noise, edge_radius)
+            weight, detail = auto_weight(noise, edge_radius), smoothness.smallest_detail
         blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
         start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
         tessellation = start.tessellate(n_segments, effort, rng)
-        cells = _LabelsOnDisk(picture, folder, edge_radius if weight else 1)
-        stack.callback(cells.close)
+        cells = _LabelsOnDisk(picture, folder, edge_radius)
         cells.put(start.labels(tessellation))
-        energies, converged = cells.settle(len(tessellation.generators), weight)
+        weight, energies, converged = cells.settle(len(tessellation.generators), weight, detail)
         generators = picture.values.to_picture(cells.state.cells.means[1:] + picture.values.center)
         masses = cells.state.cells.masses[1:, 0]
         new_label = dark_to_bright(generators, masses)
@@ -188,19 +181,6 @@ def segment_file(
         shape=bands.form.shape,
         exact=picture.exact and start.exact,
     )
-
-
-def _noise(picture: DiskValues) -> NDArray[np.float64]:
-    """(D, D) covariance of the noise, from all rows of blocks or from enough of them."""
-    height, width = picture.shape
-    if min(height, width) < BLOCK + 2:
-        values, inside = picture.read(0, height)
-        sides = [min(BLOCK, max(side - 2, 1)) for side in picture.shape]
-        return quiet_covariance(block_covariances(values, inside), sides[0] * sides[1])
-    n_rows, n_columns = (height - 2) // BLOCK, (width - 2) // BLOCK
-    rows = range(0, n_rows, -(-n_rows * n_columns // _NOISE_BLOCKS))
-    found = [block_covariances(*picture.read(BLOCK * row, BLOCK * row + BLOCK + 2)) for row in rows]
-    return quiet_covariance(np.concatenate(found), BLOCK**2)
 
 
 class _Start:
@@ -259,73 +239,39 @@ class _LabelsOnDisk:
     def __init__(self, picture: DiskValues, folder: Path, radius: int) -> None:
         self.picture, self.radius = picture, radius
         shape = tuple(side + 2 * radius for side in picture.shape)
-        self.on_disk = {
-            name: DiskRows(folder / name, shape, dtype)
-            for name, dtype in (("labels", np.int32), ("others", np.uint16), ("stale", np.uint8))
-        }
+        kinds = {"labels": np.int32, "others": np.uint16, "stale": np.uint8}
+        self._layers = Layers(picture, None, *(DiskRows(folder / name, shape, kinds[name]) for name in kinds))
+
+    def _own(self, first: int, last: int) -> NDArray[np.int32]:
+        """Return the labels of rows, without the frame."""
+        framed: NDArray[np.int32] = self._layers.labels[first + self.radius : last + self.radius]
+        return framed[:, self.radius : -self.radius]
 
     def put(self, strips: Iterable[NDArray[np.int32]]) -> None:
-        top = self.radius
-        for strip in strips:
-            self.on_disk["labels"].write(top, np.pad(strip, ((0, 0), (self.radius, self.radius))))
-            top += len(strip)
+        for ends, strip in zip(self.picture.strips, strips, strict=True):
+            self._own(*ends)[:] = strip
 
-    def settle(self, n_segments: int, edge_weight: float) -> tuple[tuple[float, ...], bool]:
-        """Measure the cells, after the descent if there is an edge weight."""
+    def settle(self, n_segments: int, weight: float, detail: float) -> tuple[float, tuple[float, ...], bool]:
+        """Measure the cells, after the descent if there is an edge weight; return that, the energies and the end."""
         shape = (self.picture.shape[1], self.picture.n_dims)
-        self.state = State(self._strips, shape, n_segments, self.radius)
-        if edge_weight:
-            self.state.begin()
-            return settle(self.state, edge_weight)
+        self.state = State(self._layers, self.picture.strips, shape, n_segments, self.radius)
+        self.state.measure()  # about the origin, to find the means
         self.state.measure()
-        self.state.measure()
-        return (), True
-
-    def _strips(self, backward: bool) -> Iterator[_Strip]:
-        strips = self.picture.strips
-        return (_Strip(self, *ends) for ends in (reversed(strips) if backward else strips))
+        first = 0.0
+        if detail:
+            means, shares = self.state.cells.means[1:], np.ones(n_segments)
+            strips = (self._own(first, last + 1) for first, last in self.picture.strips)
+            worth = max(greatest_step(strip, means, shares) for strip in strips)
+            worth *= weight_of_detail(detail, self.radius)
+            weight, first = max(weight, worth), 2 * worth
+        if not weight:
+            return 0.0, (), True
+        self.state.begin()
+        if first > weight:
+            settle(self.state, first)
+            self.state.wake()
+        return weight, *settle(self.state, weight)
 
     def labels(self, new_label: NDArray[np.unsignedinteger]) -> Iterator[NDArray[np.unsignedinteger]]:
         """Yield strips of labels, renumbered."""
-        frame = slice(self.radius, -self.radius)
-        return (new_label[strip.labels[frame, frame]] for strip in self._strips(False))
-
-    def close(self) -> None:
-        for rows in self.on_disk.values():
-            rows.close()
-
-
-class _Strip:
-    """Some rows of cells, each array read when it is first used."""
-
-    weights = None
-
-    def __init__(self, cells: _LabelsOnDisk, first: int, last: int) -> None:
-        self._cells, self._first, self._last = cells, first, last
-        self._rows: dict[str, NDArray[Any]] = {}
-
-    def _read(self, name: str) -> NDArray[Any]:
-        if name not in self._rows:
-            self._rows[name] = self._cells.on_disk[name].read(self._first, self._last + 2 * self._cells.radius)
-        return self._rows[name]
-
-    @cached_property
-    def values(self) -> NDArray[np.float32]:
-        return self._cells.picture.read(self._first, self._last)[0]
-
-    @property
-    def labels(self) -> NDArray[np.int32]:
-        return self._read("labels")
-
-    @property
-    def others(self) -> NDArray[np.uint16]:
-        return self._read("others")
-
-    @property
-    def stale(self) -> NDArray[np.uint8]:
-        return self._read("stale")
-
-    def save(self) -> None:
-        """Write back what was read."""
-        for name, rows in self._rows.items():
-            self._cells.on_disk[name].write(self._first, rows)
+        return (new_label[self._own(*ends)] for ends in self.picture.strips)

@@ -108,7 +108,7 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayL
     >>> import numpy as np
     >>> from cvtimg.segmentation import split_touching
     >>> down, right = np.mgrid[:30, :50]
-    >>> discs = (np.hypot(down - 15, right - 15) < 10) | (np.hypot(down - 15, right - 32) < 10)
+    >>> discs = (np.hypot(down - 15, right - 15) < 9.9) | (np.hypot(down - 15, right - 32) < 9.9)
     >>> int(split_touching(discs).max()), int(split_touching(discs, np.inf).max())
     (2, 1)
     """

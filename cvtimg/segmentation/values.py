@@ -19,6 +19,7 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
+from cvtimg.segmentation.local_means import in_even_light
 
 _MOST_LEVELS = 65535
 #: This many samples are tried before all are looked at.
@@ -52,8 +53,17 @@ class PictureValues:
     @property
     def center(self) -> NDArray[np.float64]:
         """(D,) mean of the values."""
-        mean: NDArray[np.float64] = self.samples.density @ self.samples.colors / self.samples.density.sum()
-        return mean * self.scale
+        # Not by BLAS, whose bits depend on the processor.
+        sums: NDArray[np.float64] = np.einsum("n,nd->d", self.samples.density, self.samples.colors)
+        return sums / self.samples.density.sum() * self.scale
+
+    def in_even_light(self, field: NDArray[np.float32], n_segments: int) -> NDArray[np.float32]:
+        """(H, W, D) values about their mean, where the light on so many segments is even; 0 outside the mask."""
+        black = self.center + (self.offset * self.unit if self.space == "rgb" else 0)
+        light = (field + np.maximum(black, -field.min(axis=(0, 1)))).astype(np.float32)
+        even = in_even_light(light, self.inside, n_segments, 0)
+        even[self.inside] -= even[self.inside].mean(axis=0)
+        return even
 
     def to_pixels(self, rows: NDArray[Any]) -> NDArray[Any]:
         """Put (n, ...) rows at the pixels that they belong to: (H, W, ...), 0 outside the mask."""

@@ -16,7 +16,6 @@ from .grids import GridEffort as GridEffort
 from .grids import sphere_grid as sphere_grid
 from .nesting import Cap as Cap
 from .nesting import nested_grid as nested_grid
-from .patches import move_in_patches as move_in_patches
 from .result import GridMeasures as GridMeasures
 from .result import SphereGrid as SphereGrid
 from .result import measure_grid as measure_grid

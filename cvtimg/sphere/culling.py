@@ -141,8 +141,8 @@ def cull_land(
     >>> import numpy as np
     >>> from cvtimg import sphere_grid
     >>> from cvtimg.sphere import cull_land
-    >>> cull_land(sphere_grid(642), lambda points: points[:, 2] > 0.5)
-    PartialGrid(479 of 642 cells)
+    >>> cull_land(sphere_grid(642), lambda points: points[:, 2] > 0.33)
+    PartialGrid(427 of 642 cells)
     """
     sea = ~_inside("land", land, grid.points)
     held = _along(grid, straits)
@@ -192,8 +192,8 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     >>> from cvtimg.sphere import Cap, limit_area
     >>> import numpy as np
     >>> area = limit_area(sphere_grid(2562), Cap(10, 50, 20))
-    >>> np.bincount(area.layers).tolist()[:2]
-    [75, 34]
+    >>> np.unique(area.layers).tolist()
+    [0, 1, 2, 3, 4, 5, 6, 7]
     """
     check_at_least("layers", layers, 0, "the number of layers of cells around")
     whole, there = (grid.whole, grid.kept) if isinstance(grid, PartialGrid) else (grid, np.ones(len(grid.points), bool))

@@ -134,14 +134,9 @@ def sphere_grid(
     -------
     SphereGrid
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     See Also
     --------
-    cvtimg.sphere.CellWidth, cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid, cvtimg.sphere.move_in_patches
+    cvtimg.sphere.CellWidth, cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid
 
     Notes
     -----

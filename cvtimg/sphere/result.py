@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_count, check_positive
+from cvtimg._shared.checks import check_positive
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
-from cvtimg.sphere.formats import GridContent, write_grid, write_parts
+from cvtimg.sphere.formats import GridContent, write_grid
 from cvtimg.sphere.triangulation import Points, SphereCells, SphereTriangulation
 from cvtimg.sphere.widths import EARTH_RADIUS
 
@@ -117,8 +117,7 @@ class SavedGrid(ReadOnly):
         ----------
         path : str or path-like
             .nc (a mesh of MPAS), .ugrid.nc (UGRID), .scrip.nc (SCRIP, for ESMF's tools), .graph.info (the graph of
-            cells, for METIS), nod2d.out and elem2d.out (FESOM), .vtu and .geojson (cells as polygons) or .csv (a row
-            per point).
+            cells, for METIS), .vtu and .geojson (cells as polygons) or .csv (a row per point).
         radius : float
             Of the sphere in the file, which lengths and areas follow: 1, as meshes of MPAS-Atmosphere have it, or that
             of the earth in meters: 6371229 in MPAS and WRF, 6371220 in CESM and E3SM.
@@ -135,22 +134,6 @@ class SavedGrid(ReadOnly):
             If the file cannot be written.
         """
         write_grid(path, self._content(check_positive("radius", radius), attributes), overwrite=overwrite)
-
-    def save_parts(self, path: StrPath, n_parts: int, *, overwrite: bool = False) -> None:
-        """Divide cells among processes by METIS; write the part of each, from 0: MPAS reads graph.info.part.N.
-
-        Raises
-        ------
-        ValueError
-            If `n_parts` is not in 1..N.
-        ImportError
-            If pymetis is not installed.
-        OSError
-            If the file cannot be written.
-        """
-        content = self._content()
-        check_count("n_parts", n_parts, len(content.points), "the number of cells")
-        write_parts(path, content, n_parts, overwrite=overwrite)
 
     def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
         """Return what files hold."""

@@ -6,7 +6,7 @@ Its cells, and integrals over them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -71,11 +71,6 @@ class SphereTriangulation(HalfEdges):
         if not self.move(points):
             self.points = np.ascontiguousarray(points)
             self._insert_all()
-
-    def n_turned(self, points: Points, which: NDArray[np.bool_]) -> int:
-        """Return how many triangles, of those that a mask (T,) selects, turn over when all points move."""
-        triangles = self.triangles[which]
-        return _sphere.fill_half_arcs(points, triangles, np.empty(triangles.shape), 0, len(triangles))
 
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
@@ -297,10 +292,9 @@ class Cells:
         """Return squared distances (N,) to centers of mass, by the areas of cells."""
         return np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
 
-    def of(self, own: slice, free: NDArray[np.bool_] | None = None) -> Cells:
-        """Return some of the cells, with no pull at points that are not free."""
-        pulls = self.pulls[own] if free is None else np.where(free[:, None], self.pulls[own], 0.0)
-        return Cells(self.masses[own], pulls, self.areas[own], self.energies[own], self.constant)
+    def moving(self, free: NDArray[np.bool_] | None) -> Cells:
+        """Return the cells with no pull at points that are not free; None lets all move."""
+        return self if free is None else replace(self, pulls=np.where(free[:, None], self.pulls, 0.0))
 
 
 #: Integrates over the cells of a triangulation.

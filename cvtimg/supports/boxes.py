@@ -1,4 +1,4 @@
-"""Radii in any number of dimensions, by boxes: a ball that reaches the middle of a box by half its diagonal holds it.
+"""Radii by boxes: a ball that reaches the middle of a box by half its diagonal holds it.
 
 Boxes that too few balls hold as a whole are halved along each axis, until the radii are as small as samples show, or
 until there are too many boxes. So every place of the region is covered, however coarse the boxes are; the margin is
@@ -7,31 +7,31 @@ what the radii are too large by.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_returned, refuse
 from cvtimg.placement import Region
-from cvtimg.supports import _supports
-from cvtimg.supports.sight import as_rows, lies_in
 
 _Floats = NDArray[np.float64]
-#: From (m, d) places and (m, d) points to (m,) booleans.
-Visible = Callable[[_Floats, _Floats], NDArray[np.bool_]]
 
 #: Radii may be larger than samples show by this share before boxes are halved.
 _MARGIN = 0.02
 #: Boxes at first, for each point; and all that are made.
-_BOXES_PER_POINT, _MOST_BOXES = 16, 1 << 20
+_BOXES_PER_POINT, _MOST_BOXES = 200, 1 << 20
 #: Times that boxes are halved at most.
 _HALVINGS = 8
 #: Points that each box sees the nearest of: so many, and so many per unit of the order.
-_FEW, _FEW_PER_ORDER = 12, 4
-#: Parts of what they can spare that balls give up in turn.
+_FEW, _FEW_PER_ORDER = 28, 4
+#: Parts of what they can spare that balls give up in turn, so that the first do not take all.
 _PARTS = (0.3, 0.3, 0.5, 0.5, 1.0)
+#: Rounds in which balls grow and draw back: pairs still part after 16, hardly any after 48.
+_ROUNDS = 48
+#: Balls may grow to this times their first radius, so that others can shrink.
+_GROWTH = 1.5
+#: By this share, more than rounding, balls are apart that shall not meet.
+_APART = 1e-12
 
 
 class Boxes(NamedTuple):
@@ -47,18 +47,28 @@ class Boxes(NamedTuple):
         return Boxes(self.middles[chosen], self.halves[chosen], self.points[chosen], self.distances[chosen])
 
 
-def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool, visible: Visible | None) -> _Floats:
+def lies_in(region: Region, places: _Floats, tolerance: float) -> NDArray[np.bool_]:
+    """Tell which places lie in a region, or no farther than a tolerance from it."""
+    inside = region.contains(places)
+    outside = np.flatnonzero(~inside)
+    if len(outside):
+        inside[outside] = np.linalg.norm(region.project(places[outside]) - places[outside], axis=1) <= tolerance
+    return inside
+
+
+def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool) -> _Floats:
     """Find radii of balls around (n, d) points that cover a region `order` times."""
-    # Boxes along each axis at first.
-    n_side = max(2, round(float((_BOXES_PER_POINT * len(points)) ** (1 / points.shape[1]))))
+    n_first = min(_BOXES_PER_POINT * len(points), _MOST_BOXES // 4)
+    n_side = max(2, round(float(n_first ** (1 / points.shape[1]))))
     sides = (1 / n_side) * np.ptp(region.bounds, axis=0)
     axes = [low + (np.arange(n_side) + 0.5) * (1 / n_side) * (high - low) for low, high in region.bounds.T]
     middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))
-    done, left = _looked_up(middles, sides, points, region, order, visible), None
+    done, left = _looked_up(middles, sides, points, region, order), None
     radii = np.zeros(len(points))
     finished: list[Boxes] = []
     for _ in range(_HALVINGS):
-        _reach(radii, done, order, beyond=False, inside=region.contains(done.middles))
+        if len(done.middles):
+            _reach(radii, done.only(region.contains(done.middles)), order, beyond=False)
         held = _depths(done, (1 + _MARGIN) * radii) >= order
         finished.append(done.only(held))
         left = done.only(~held)
@@ -66,7 +76,7 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool,
         if not len(left.middles) or n_made + sum(len(each.middles) for each in finished) > _MOST_BOXES:
             break
         sides = sides / 2
-        done = _looked_up(_halved(left.middles, sides), sides, points, region, order, visible)
+        done = _looked_up(_halved(left.middles, sides), sides, points, region, order)
         left = None
     radii = (1 + _MARGIN) * radii
     if left is None:
@@ -81,9 +91,7 @@ def _halved(middles: _Floats, sides: _Floats) -> _Floats:
     return (middles[:, None] + corners * sides).reshape(-1, len(sides))
 
 
-def _looked_up(
-    middles: _Floats, sides: _Floats, points: _Floats, region: Region, order: int, visible: Visible | None
-) -> Boxes:
+def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region, order: int) -> Boxes:
     """Leave boxes that meet the region, and find the points nearest to each."""
     from scipy.spatial import cKDTree
 
@@ -92,49 +100,13 @@ def _looked_up(
     n_near = min(len(points), _FEW + _FEW_PER_ORDER * order)
     distances, near = cKDTree(points).query(middles, n_near)
     distances, near = distances.reshape(len(middles), n_near), near.reshape(len(middles), n_near)
-    if visible is not None:
-        distances, near = _seen(middles, distances, near, points, order, visible)
     return Boxes(middles, np.full(len(middles), half), near, distances)
 
 
-def _seen(
-    middles: _Floats, distances: _Floats, near: NDArray[np.intp], points: _Floats, order: int, visible: Visible
-) -> tuple[_Floats, NDArray[np.intp]]:
-    """Put points that do not see a box behind the others; look at all points where too few are left."""
-    n_near = near.shape[1]
-    seen = _look(middles, near, points, visible)
-    few = np.flatnonzero(seen.sum(axis=1) < order)
-    distances = np.where(seen, distances, np.inf)
-    for part in np.array_split(few, -(-len(few) * len(points) // (1 << 21))) if len(few) else ():
-        every = np.tile(np.arange(len(points)), (len(part), 1))
-        all_distances = np.linalg.norm(middles[part, None] - points, axis=2)
-        all_distances[~_look(middles[part], every, points, visible)] = np.inf
-        best = np.argsort(all_distances, axis=1)[:, :n_near]
-        near[part], distances[part] = best, np.take_along_axis(all_distances, best, axis=1)
-    behind = np.argsort(distances, axis=1, kind="stable")
-    distances, near = np.take_along_axis(distances, behind, axis=1), np.take_along_axis(near, behind, axis=1)
-    unseen = np.flatnonzero(np.isinf(distances[:, order - 1]))
-    if len(unseen):
-        refuse(
-            "cover",
-            order,
-            f"at most the number of points that see each place; {middles[unseen[0]].tolist()} is seen by fewer",
-        )
-    return distances, near
-
-
-def _look(middles: _Floats, near: NDArray[np.intp], points: _Floats, visible: Visible) -> NDArray[np.bool_]:
-    places = np.repeat(middles, near.shape[1], axis=0)
-    seen = np.asarray(visible(places, points[near.ravel()]))
-    check_returned("visible", seen, len(places))
-    return seen.astype(bool).reshape(near.shape)
-
-
-def _reach(radii: _Floats, boxes: Boxes, order: int, *, beyond: bool, inside: NDArray[np.bool_] | None = None) -> None:
+def _reach(radii: _Floats, boxes: Boxes, order: int, *, beyond: bool) -> None:
     """Let the nearest balls reach the middles of boxes, or beyond them, so that they hold them as a whole."""
-    chosen = slice(None) if inside is None else inside
-    distances = boxes.distances[chosen, :order] + (boxes.halves[chosen, None] if beyond else 0)
-    np.maximum.at(radii, boxes.points[chosen, :order].ravel(), distances.ravel())
+    distances = boxes.distances[:, :order] + (boxes.halves[:, None] if beyond else 0)
+    np.maximum.at(radii, boxes.points[:, :order].ravel(), distances.ravel())
 
 
 def _depths(boxes: Boxes, radii: _Floats) -> NDArray[np.intp]:
@@ -143,19 +115,83 @@ def _depths(boxes: Boxes, radii: _Floats) -> NDArray[np.intp]:
 
 
 def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Floats:
-    """Let balls shrink as long as enough of them hold each box; none below what it holds as the nearest."""
-    radii = radii.copy()
-    floors = np.zeros(len(points))
-    _reach(floors, boxes, 1, beyond=True)
-    floors = np.minimum(floors, radii)
-    needed = boxes.distances + boxes.halves[:, None]
-    held = needed <= radii[boxes.points]
-    own, at = np.nonzero(held)
-    balls, reaches = boxes.points[own, at], needed[own, at]
-    sort = np.lexsort((reaches, balls))
-    rows = as_rows(balls[sort], own[sort], len(points))
-    taken, depths = rows.lengths().astype(np.int32), held.sum(axis=1).astype(np.int32)
+    """Let balls shrink as long as enough of them hold each box, so that fewer of them meet.
+
+    First each gives up a part of what it can spare, in turn. Then they take turns: balls grow as far as they meet no
+    others, which costs nothing, and shrink by as much as parts them from one other.
+    """
+    cover = _Cover(points, radii, boxes, order)
     for part in _PARTS:
-        turns = np.argsort(-radii).astype(np.int32)
-        _supports.shrink_over_samples(turns, part, floors, *rows, reaches[sort], order, taken, radii, depths)
-    return radii
+        for ball in np.argsort(-cover.radii):
+            cover.set(ball, cover.radii[ball] - part * (cover.radii[ball] - cover.least(ball)))
+    random = np.random.default_rng(0)
+    for _ in range(_ROUNDS):
+        for ball in random.permutation(len(points)):
+            cover.grow(ball)
+        for ball in random.permutation(len(points)):
+            cover.draw_back(ball)
+    for ball in np.argsort(-cover.radii):
+        cover.set(ball, cover.least(ball))
+    return cover.radii
+
+
+class _Cover:
+    """Balls that hold boxes, each box at least `order` of them, and no ball less than it holds as the nearest."""
+
+    def __init__(self, points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> None:
+        from scipy.spatial import cKDTree
+
+        self.radii = radii.copy()
+        self._order = order
+        self._limits = _GROWTH * radii
+        self._floors = np.zeros(len(points))
+        _reach(self._floors, boxes, 1, beyond=True)
+        self._floors = np.minimum(self._floors, radii)
+        needed = boxes.distances + boxes.halves[:, None]
+        self._depths = (needed <= radii[boxes.points]).sum(axis=1)
+        box, at = np.nonzero(needed <= self._limits[boxes.points])
+        balls, reaches = boxes.points[box, at], needed[box, at]
+        by_ball = np.lexsort((reaches, balls))
+        ends = np.cumsum(np.bincount(balls, minlength=len(points)))[:-1]
+        # Of each ball, the boxes that it may hold, the nearest first, and how far it must reach for them.
+        self._boxes, self._reaches = np.split(box[by_ball], ends), np.split(reaches[by_ball], ends)
+        pairs = cKDTree(points).query_pairs(2 * self._limits.max(), output_type="ndarray")
+        gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+        may_meet = gaps < self._limits[pairs].sum(axis=1)
+        own, other = np.concatenate([pairs[may_meet], pairs[may_meet, ::-1]]).T
+        by_ball = np.argsort(own, kind="stable")
+        ends = np.cumsum(np.bincount(own, minlength=len(points)))[:-1]
+        # Of each ball, those that it may meet, and how far their centers are.
+        self._others = np.split(other[by_ball], ends)
+        self._gaps = np.split(np.tile(gaps[may_meet], 2)[by_ball], ends)
+
+    def set(self, ball: int, radius: float) -> None:
+        """Let a ball have another radius."""
+        before, after = np.searchsorted(self._reaches[ball], (self.radii[ball], radius), side="right")
+        self._depths[self._boxes[ball][after:before]] -= 1
+        self._depths[self._boxes[ball][before:after]] += 1
+        self.radii[ball] = radius
+
+    def least(self, ball: int) -> float:
+        """Return the radius that a ball needs while others stay."""
+        n_held = np.searchsorted(self._reaches[ball], self.radii[ball], side="right")
+        alone = np.flatnonzero(self._depths[self._boxes[ball][:n_held]] <= self._order)
+        farthest = self._reaches[ball][alone[-1]] if len(alone) else 0.0
+        return float(max(self._floors[ball], farthest))
+
+    def grow(self, ball: int) -> None:
+        """Let a ball grow as far as it meets no others than before."""
+        room = self._room(ball)
+        radius = min(float(room.min(where=room >= self.radii[ball], initial=np.inf)), self._limits[ball])
+        self.set(ball, max(radius, self.radii[ball]))
+
+    def draw_back(self, ball: int) -> None:
+        """Let a ball shrink until it meets one ball less, if it can."""
+        room, least = self._room(ball), self.least(ball)
+        radius = float(room.max(where=(room >= least) & (room < self.radii[ball]), initial=0.0))
+        if radius:
+            self.set(ball, radius)
+
+    def _room(self, ball: int) -> _Floats:
+        """Return the radii up to which a ball does not meet others."""
+        return (1 - _APART) * (self._gaps[ball] - self.radii[self._others[ball]])

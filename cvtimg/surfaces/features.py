@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg.halfedges import edge_keys
+from cvtimg.halfedges import EdgeTable
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
 
 Values = NDArray[np.float64]
@@ -41,7 +41,7 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given
     creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
     first = edge == np.arange(len(edge))
     creased &= _is_broad(mesh, first & (creased | (n_faces != 2)), creased & first, normals, sizes, angle)[edge]
-    is_given = np.isin(edge_keys(mesh.edges, len(mesh.points)), edge_keys(given, len(mesh.points)))
+    is_given = EdgeTable(given, len(mesh.points)).find(mesh.edges) >= 0
     return is_given | (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
 
 
@@ -84,11 +84,9 @@ def _is_broad(
         means.append(unit(weighted[side] + sum_by_label(of[chosen], weighted[face[chosen]], len(halves))))
     passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_BROAD * angle))
     lengths /= sizes[ends].mean(axis=1)
-    keys, n_ends = edge_keys(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
-    order = np.argsort(keys)
+    table, n_ends = EdgeTable(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
     for chain in _chains(ends):
-        wanted = edge_keys(np.stack([chain[:-1], chain[1:]], axis=1), len(mesh.points))
-        each = order[np.searchsorted(keys, wanted, sorter=order)]
+        each = table.find(np.stack([chain[:-1], chain[1:]], axis=1))
         is_spur = (n_ends[chain[0]] == 1) != (n_ends[chain[-1]] == 1) and lengths[each].sum() < _SHORTEST
         broad[halves[each]] = not is_spur and lengths[each] @ passes[each] >= lengths[each].sum() / 2
     return broad

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections import defaultdict
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_that, refuse_type
 from cvtimg._shared.extras import needs
@@ -34,11 +31,6 @@ def as_surface(surface: Any) -> Surface:
     Returns
     -------
     Surface
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is none of these, or no surface.
     """
     if isinstance(surface, Surface):
         return surface
@@ -106,63 +98,6 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     check_choice("vertex property", name, names)
     values = np.asarray(data[name], np.float64).ravel()
     return VertexDensity(np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64), values)
-
-
-def read_features(path: StrPath) -> NDArray[np.float64]:
-    """Read edges that `surface_points` is to keep.
-
-    Parameters
-    ----------
-    path : str or path-like
-        .obj, of which lines and edges between groups or materials count; or text (.csv, .txt) with the six coordinates
-        of both ends of an edge in each row.
-
-    Returns
-    -------
-    (E, 2, 3) array
-
-    Raises
-    ------
-    OSError, ValueError
-        If the file cannot be read, or holds no edges.
-    """
-    suffix = check_choice("suffix of features", Path(path).suffix.lower(), (".obj", ".csv", ".txt"))
-    with local_copy(path) as copy:
-        text = copy.read_text(encoding="utf-8", errors="replace")
-    try:
-        edges = _obj_features(text) if suffix == ".obj" else np.loadtxt(text.replace(",", " ").splitlines(), ndmin=2)
-        found = edges.reshape(-1, 2, 3)
-    except (ValueError, IndexError) as error:
-        raise ValueError(f"{path}: holds no edges of six coordinates each ({one_line(error)})") from error
-    check_that(str(path), len(found) > 0, "have lines, or faces of several groups")
-    return found
-
-
-def _obj_features(text: str) -> NDArray[np.float64]:
-    """Return the lines (E, 2, 3) of a file of Wavefront, and edges of faces in different groups or materials."""
-    places: list[list[float]] = []
-    ends: list[tuple[int, int]] = []
-    groups: dict[frozenset[int], set[tuple[str, str]]] = defaultdict(set)
-    group = material = ""
-    for line in text.splitlines():
-        kind, _, rest = line.partition(" ")
-        if kind == "v":
-            places.append([float(word) for word in rest.split()[:3]])
-        elif kind in ("g", "o"):
-            group = rest.strip()
-        elif kind == "usemtl":
-            material = rest.strip()
-        elif kind in ("l", "f"):
-            # Numbers are from 1, and those below 0 from the end.
-            numbers = [int(word.split("/")[0]) for word in rest.split()]
-            corners = [number - 1 if number > 0 else len(places) + number for number in numbers]
-            if kind == "l":
-                ends += pairwise(corners)
-            else:
-                for a, b in pairwise([*corners, corners[0]]):
-                    groups[frozenset((a, b))].add((group, material))
-    ends += [(min(edge), max(edge)) for edge, names in groups.items() if len(names) > 1]
-    return np.array(places).reshape(-1, 3)[np.array(ends, np.intp).reshape(-1, 2)]
 
 
 def _loaded(path: StrPath, *, process: bool) -> Any:

@@ -38,11 +38,6 @@ class ImplicitSurface(Surface):
         Side of the cubes in which the shape of the surface is found; details that are smaller are missed. By default
         1/64 of the longest side of the box.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or the function has one sign within the bounds.
-
     Examples
     --------
     >>> import numpy as np

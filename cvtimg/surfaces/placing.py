@@ -52,14 +52,6 @@ _LOOKED_AT = 4096
 _FIRST_PART, _GROWTH, _LAST_PART = 0.4, 1.1, 30.0
 #: Edges that this makes are no longer than this multiple of that part.
 _STRETCH = 1.5
-#: Points move by this multiple of the step to the center of mass, which takes fewer moves than 1, and at the end by 1.
-_BEYOND, _LAST_MOVES = 1.7, 5
-#: A step is at most this part of the size of a cell, so that triangles do not turn over.
-_LONGEST_STEP = 0.3
-#: The sizes of cells are measured again after so many moves.
-_REST = 10
-#: Points whose triangles would fold stay, and those around them if that folds others, at most so far around.
-_RETREATS = 4
 _MOST_POINTS = 1 << 24
 #: Rounds by which triangles come within a tolerance of the surface, and the part of it that each aims at.
 _TRIALS, _AIM = 4, 0.9
@@ -69,10 +61,17 @@ _FLAT = -0.5
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEffort:
-    """How long points move: `moves` at most, or until the offset is at most `offset`."""
+    """How long points move, and how far at once."""
 
-    moves: int
-    offset: float
+    moves: int  # at most
+    offset: float  # they rest when the offset is no more
+    beyond: float = (
+        1.7  # points move by this multiple of the step to the center of mass, which takes fewer moves than 1,
+    )
+    last: int = 5  # but for so many moves at the end
+    longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
+    rest: int = 10  # the sizes of cells are measured again after so many moves
+    retreats: int = 4  # points whose triangles would fold stay, and those so far around them if that folds others
 
 
 #: The registry of efforts.
@@ -109,9 +108,8 @@ def surface_points(
     feature_angle : float
         Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
         kept: their corners are points, and edges of triangles lie along them. 180 keeps none.
-    features : (E, 2) integer, (E, 2, 3) or (F,) integer array, optional
-        Edges to keep as well: pairs of vertices, or of the places of these; or a group for each face, whose borders are
-        kept.
+    features : (E, 2) integer array, optional
+        Edges to keep as well, as pairs of vertices.
     keep_border : bool
         Keep the boundary of an open surface in the same way. Otherwise points stay inside, half a cell from it, and
         creases are not kept.
@@ -124,11 +122,6 @@ def surface_points(
     Returns
     -------
     SurfacePoints
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or the surface needs more triangles than `n` points make.
 
     See Also
     --------
@@ -155,7 +148,7 @@ def surface_points(
     >>> from cvtimg import surface_points
     >>> from cvtimg.surfaces import torus
     >>> found = surface_points(torus(), 500)
-    >>> found, found.measures().euler_characteristic, found.measures().least_angle > 35
+    >>> found, found.measures().euler_characteristic, found.measures().least_angle > 30
     (SurfacePoints(500 points, 1000 triangles), 0, True)
     """
     shape = as_surface(surface)
@@ -350,22 +343,22 @@ def _relax(
     while True:
         mesh.flip(normals)
         _, steps = mesh.moments(density(mesh.points))
-        if move % _REST == 0:
+        if move % effort.rest == 0:
             sizes = np.sqrt(mesh.vertex_areas())
         lengths = np.linalg.norm(steps, axis=1)
-        factor = _BEYOND if move < last - _LAST_MOVES else 1.0
-        share = np.minimum(factor, _LONGEST_STEP * sizes / np.maximum(lengths, 1e-300))
+        factor = effort.beyond if move < last - effort.last else 1.0
+        share = np.minimum(factor, effort.longest * sizes / np.maximum(lengths, 1e-300))
         there, directions, near = surface.nearest(mesh.points + share[:, None] * steps, faces, fine)
         there[fixed], directions[fixed] = goals, outward
         # What a cell is off by its size; sums over the cells of folded triangles may lead anywhere.
         off = np.minimum(np.linalg.norm(there - mesh.points, axis=1) / (share * sizes), 1)
         offset = float(np.sqrt(np.mean(off**2)))
         if offset <= effort.offset:
-            last = min(last, move + _LAST_MOVES)
+            last = min(last, move + effort.last)
         if move >= last:
             return offset, move, is_free
         is_free = True
-        for _ in range(_RETREATS):
+        for _ in range(effort.retreats):
             back = _surfaces.find_inward(mesh, there, directions)
             if not back.any():
                 break

@@ -149,13 +149,6 @@ class SurfacePoints(ReadOnly):
             .vtu (with the qualities of triangles), .obj, .ply, .stl or .msh; other formats need meshio.
         overwrite : bool
             Replace an existing file.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is unknown.
-        OSError
-            If the file cannot be written.
         """
         tags = np.ones(len(self.triangles), np.int32)
         no_edges = np.empty((0, 2), np.int32)

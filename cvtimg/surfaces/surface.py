@@ -9,16 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import (
-    check_finite,
-    check_have_area,
-    check_places,
-    check_shape,
-    check_that,
-    check_triangles,
-    check_weights,
-)
-from cvtimg.halfedges import edge_keys, measure_triangles
+from cvtimg._shared.checks import check_have_area, check_places, check_shape, check_that, check_triangles, check_weights
+from cvtimg.halfedges import EdgeTable, measure_triangles
 from cvtimg.surfaces.triangulation import (
     Points,
     SurfaceTriangulation,
@@ -27,9 +19,6 @@ from cvtimg.surfaces.triangulation import (
     divide_fans,
     number_edges,
 )
-
-#: Places this near to a vertex, by the diagonal of all, are there: files may have rounded them.
-_SAME = 1e-5
 
 
 class Surface(ABC):
@@ -66,11 +55,6 @@ class TriangulatedSurface(Surface):
     faces : (F, 3) integer array
         Indices of vertices. All go around in one direction; where they go clockwise, as seen from outside of a closed
         surface, they are turned.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If vertices are not finite, a face has no area, or two faces at an edge go around in different directions.
 
     Examples
     --------
@@ -111,32 +95,14 @@ class TriangulatedSurface(Surface):
         return float(self.triangulation.areas().sum())
 
     def edges_of(self, features: ArrayLike) -> Triangles:
-        """Return edges (M, 2) of `triangulation` that `surface_points` is told to keep."""
-        given, mesh = np.asarray(features), self._triangulation
-        is_whole = given.dtype.kind in "iu"
-        if is_whole and given.shape == (len(mesh.triangles),):
-            beyond = np.where(mesh.twins < 0, np.arange(len(given))[:, None], mesh.twins // 3).ravel()
-            return mesh.edges[np.repeat(given, 3) != given[beyond]]
-        ends = self._nearest(given) if given.ndim == 3 else given
-        allowed = "(E, 2) vertices, (E, 2, 3) places, or a group of each of the (F,) faces"
-        check_shape("features", given.shape, ends.ndim == 2 and ends.shape[1:] == (2,), allowed)
-        check_that("features", ends.dtype.kind in "iu", "be integers, or places of three coordinates")
-        n = int(self._origin.max()) + 1
-        keys, wanted = edge_keys(self._origin[mesh.edges], n), edge_keys(ends, n)
-        for edge in np.flatnonzero(~np.isin(wanted, keys) | (ends[:, 0] == ends[:, 1]))[:1]:
-            check_that(f"features has {given[edge].tolist()}, which", False, "be the ends of an edge of the surface")
-        return mesh.edges[np.isin(keys, wanted)]
-
-    def _nearest(self, places: NDArray[Any]) -> NDArray[np.intp]:
-        """Return the vertices at places (E, 2, 3); -1 where there is none."""
-        from scipy.spatial import KDTree
-
-        check_shape("features", places.shape, places.shape[1:] == (2, 3), "(E, 2, 3)")
-        check_finite("features", places)
-        points = self._triangulation.points
-        far, at = KDTree(points).query(places)
-        near = _SAME * float(np.linalg.norm(np.ptp(points, axis=0)))
-        return np.where(far <= near, self._origin[at], -1)
+        """Return edges (M, 2) of `triangulation` that `surface_points` is told to keep: (E, 2) pairs of vertices."""
+        ends, mesh = np.asarray(features), self._triangulation
+        is_pairs = ends.ndim == 2 and ends.shape[1] == 2 and ends.dtype.kind in "iu"
+        check_shape("features", ends.shape, is_pairs, "(E, 2) integers, vertices")
+        of_ends, n = self._origin[mesh.edges], int(self._origin.max()) + 1
+        for edge in np.flatnonzero(EdgeTable(of_ends, n).find(ends) < 0)[:1]:
+            check_that(f"features has {ends[edge].tolist()}, which", False, "be the ends of an edge of the surface")
+        return mesh.edges[EdgeTable(ends, n).find(of_ends) >= 0]
 
     def on_surface(self, places: Points) -> Points:
         """Return the places, which are on the surface."""
@@ -158,11 +124,6 @@ class VertexDensity:
         Indices of vertices.
     values : (V,) array
         Densities at the vertices: finite, >= 0 and not all 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
 
     Examples
     --------

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg.halfedges import HalfEdges, edge_keys, edges_around, find_twins
+from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -169,11 +169,8 @@ def split_long_edges(
 
 def _halved(kept: Triangles, split: Triangles, n: int) -> Triangles:
     """Return edges (M, 2) of n points after others (S, 2) were halved by points n, n + 1, ..."""
-    keys = edge_keys(split, n)
-    order = np.argsort(keys)
-    wanted = edge_keys(kept, n)
-    at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
-    found = keys[at] == wanted
+    at = EdgeTable(split, n).find(kept)
+    found = at >= 0
     middles = (n + at[found]).astype(np.int32)
     a, b = kept[found].T
     return np.concatenate([kept[~found], np.stack([a, middles], axis=1), np.stack([middles, b], axis=1)])

@@ -142,11 +142,6 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Returns
         -------
         self
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a parameter or an argument is invalid; the message names it, its value and what is allowed.
         """
         if is_blocked(X):
             return self._fit_blocks(as_blocks(X, sample_weight, weights_name="sample_weight"))
@@ -188,11 +183,6 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self
             With the generators and their masses; `labels_` and `inertia_` are those of these samples, by the generators
             after they have met them.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a parameter or an argument is invalid.
 
         References
         ----------

@@ -279,13 +279,6 @@ def write_generators(
         Mass of each cell, written to two more columns, ``mass`` and ``share`` of the total.
     overwrite : bool
         Replace an existing file.
-
-    Raises
-    ------
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written.
     """
     # A column of the table may itself be called mass or share.
     columns = [*names, *(name if name not in names else f"cell_{name}" for name in ("mass", "share"))]

@@ -27,7 +27,7 @@ cup = cvtimg.read_image(SAMPLES / "coffee.png")
 # %%
 # Dots reproduce the tones of the image in linear light.
 
-equal = cvtimg.stipple(portrait, 9000, dots="equal-mass", max_ink=0.8)
+equal = cvtimg.stipple(portrait, 9000, max_ink=0.8)
 sized = cvtimg.stipple(portrait, 5000, dots="sized", radius_range=(0.4, 2), max_ink=0.8)
 inks = cvtimg.stipple(portrait, 16000, layers="cmyk", dots="sized", max_ink=0.8)
 

@@ -1,6 +1,6 @@
 """
-Key frames
-==========
+Frames of an animation
+======================
 
 An animation of three scenes, and the frames that represent them: each is the one nearest to the mean of its scene.
 """
@@ -30,10 +30,10 @@ animation = np.clip(frames, 0, 255).astype(np.uint8)
 # %%
 # Of 36 frames, three are chosen.
 
-found = cvtimg.key_frames(animation, 3)
+found = cvtimg.reduced_basis(animation, 3, kind="cvt")
 shown = [Panel(animation[number], (f"frame {number}",)) for number in range(0, len(animation), 6)]
 chosen = [
-    Panel(animation[number], (f"key frame {number}", f"represents {np.sum(found.labels == scene)} frames"))
-    for scene, number in enumerate(found.indices)
+    Panel(animation[number], (f"frame {number}", f"represents {np.sum(found.labels == scene)} frames"))
+    for scene, number in sorted(enumerate(found.medoids), key=lambda pair: pair[1])
 ]
 sheet = contact_sheet([shown, chosen], panel_width=216)

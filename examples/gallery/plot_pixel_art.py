@@ -59,7 +59,7 @@ rows = [
     [
         panel("Game Boy, nearest in Oklab", palette=greens, space="oklab"),
         panel("Game Boy, as a ramp of tones", palette=greens, ramp=True),
-        panel("Ramp, Bayer 4 x 4", palette=greens, ramp=True, dither="bayer-4"),
+        panel("Ramp, Bayer", palette=greens, ramp=True, dither="bayer"),
     ],
 ]
 

@@ -24,7 +24,7 @@ portrait = (1.3 * face).clip(0, 255).astype(np.uint8)
 
 PEN, WIDTH, MAX_INK = 0.7, 120, 0.7  # mm, mm, and the share of the paper that black covers
 diameter = PEN / WIDTH * portrait.shape[1]
-dots = cvtimg.stipple(portrait, dot_diameter=diameter, dots="equal-mass", max_ink=MAX_INK)
+dots = cvtimg.stipple(portrait, dot_diameter=diameter, max_ink=MAX_INK)
 pens = cvtimg.stipple(portrait, 12_000, layers="cmyk", max_ink=MAX_INK)
 
 # %%

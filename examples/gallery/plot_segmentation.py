@@ -29,7 +29,7 @@ def bright(image: NDArray[Any]) -> NDArray[np.uint8]:
 
 def in_colors(image: NDArray[np.uint8], n_segments: int) -> Panel:
     """Show segments in their mean colors."""
-    result = cvtimg.segment(image, n_segments)
+    result = cvtimg.segment(image, n_segments, edge_weight=0)
     shares = result.masses / result.masses.sum()
     caption = f"{n_segments} segments", "shares: " + " ".join(f"{share:.0%}" for share in shares)
     return Panel(bright(result.generators[result.labels - 1]), caption)
@@ -45,7 +45,7 @@ first_row += [in_colors(night, n_segments) for n_segments in (2, 3, 4)]
 
 def in_edges(image: NDArray[np.uint8], n_segments: int, **options: Any) -> Panel:
     """Show the edges of segments over the image."""
-    labels = cvtimg.segment(image, n_segments, **options).labels
+    labels = cvtimg.segment(image, n_segments, edge_weight=0, **options).labels
     caption = f"{n_segments} segments" + "".join(f', {name}="{value}"' for name, value in options.items())
     return Panel(draw_edges(image, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
 
@@ -59,15 +59,15 @@ second_row = [
 ]
 
 # %%
-# An edge weight that follows the noise, small pieces merged into their neighbors; and superpixels.
+# Short edges, by default; and superpixels.
 
 coffee = cvtimg.read_image(SAMPLES / "coffee.png")
-result = cvtimg.segment(coffee, 6, space="oklab", edge_weight="auto", min_size=40)
+result = cvtimg.segment(coffee, 6, space="oklab")
 means = np.rint(region_means(result.labels, coffee)[1:]).astype(np.uint8)
-cells = cvtimg.superpixels(coffee, 200, space="lab", compactness=60).labels
+cells = cvtimg.superpixels(coffee, 200, space="lab").labels
 third_row = [
     Panel(coffee, ("a cup of coffee",)),
-    Panel(means[result.labels - 1], ("6 segments in Oklab,", "pieces under 40 pixels merged")),
+    Panel(means[result.labels - 1], ("6 segments in Oklab",)),
     Panel(~cvtimg.find_edges(result.labels), ("their edges",)),
     Panel(draw_edges(coffee, cells, color=(255, 255, 255)), (f"{cells.max()} superpixels",)),
 ]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import cvtimg
 
 bone = cvtimg.read_image(Path("../../sample_images/bone_texture.png"))
-labels = cvtimg.segment(bone, 2, edge_weight="auto", min_size=40).labels
+labels = cvtimg.segment(bone, 2, min_size=40).labels
 
 # %%
 # Both phases are meshed at once.

@@ -36,7 +36,7 @@ def test_the_ink_of_dots_adds_up_to_the_tones(dots: str) -> None:
     assert len(result) == 3000
     assert np.pi * (result.radii**2).sum() == pytest.approx(coverage.sum(), rel=2e-3)
     assert result.masses.sum() == pytest.approx(coverage.sum(), rel=1e-5)
-    assert tone_error(result, coverage) < {"equal": 0.04, "equal-mass": 0.02, "sized": 0.01}[dots]
+    assert tone_error(result, coverage) < {"equal": 0.04, "sized": 0.01}[dots]
 
 
 def test_dots_of_density_1_minus_gray_would_miss_the_tones() -> None:
@@ -47,20 +47,6 @@ def test_dots_of_density_1_minus_gray_would_miss_the_tones() -> None:
     result = stipple(RAMP, 2000, max_ink=0.6, tones="true")
     found = np.histogram(result.points[:, 0], 4, (0, 160))[0] / 2000
     assert np.abs(found - wanted).max() < 0.01
-
-
-def test_equal_masses_are_equal() -> None:
-    result = stipple(PHOTO, 2000, dots="equal-mass")
-    assert result.masses.std() < 0.05 * result.masses.mean()
-    assert np.ptp(result.radii) == 0
-    plain = stipple(PHOTO, 2000)
-    assert result.masses.std() < 0.5 * plain.masses.std()
-
-
-@pytest.mark.parametrize("n_dots", [300, 1000, pytest.param(3000, marks=pytest.mark.slow)])
-def test_masses_are_equal_where_light_lies_beside_dark(n_dots: int) -> None:
-    masses = stipple(STRIPES, n_dots, dots="equal-mass", tones="true").masses
-    assert masses.std() < 0.03 * masses.mean()
 
 
 def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:
@@ -156,22 +142,8 @@ def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
     assert light == pytest.approx(1 - 0.6 * (1 - wanted), abs=0.015)
 
 
-def test_colors_of_a_palette_share_the_dots_of_one_tessellation() -> None:
-    image = np.full((60, 120, 3), 255, np.uint8)
-    image[:, :60] = (200, 30, 30)
-    image[:, 60:] = (20, 40, 180)
-    result = stipple(image, 500, layers=2)
-    assert len(result) == 500
-    assert sorted(result.order) == list(range(500))
-    on_the_left = result.points[:, 0] < 60
-    red = result.colors[:, 0] > 100
-    assert red.tolist().count(True) == 1
-    assert red[result.layers[on_the_left]].mean() > 0.98
-    assert red[result.layers[~on_the_left]].mean() < 0.02
-
-
 def test_cells_fill_the_image() -> None:
-    cells = stipple(PHOTO, 500, dots="equal-mass").cells()
+    cells = stipple(PHOTO, 500).cells()
     areas = [float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (cell.T for cell in cells if len(cell))]
     assert sum(areas) == pytest.approx(PHOTO.size)
 
@@ -186,7 +158,7 @@ def test_the_drawing_has_the_light_of_the_image() -> None:
     ("options", "message"),
     [
         ({"n_dots": 0}, "n_dots=0 must be in 1..19200, the number of pixels"),
-        ({"n_dots": 9, "dots": "square"}, "dots='square' must be one of equal, equal-mass, sized"),
+        ({"n_dots": 9, "dots": "square"}, "dots='square' must be one of equal, sized"),
         ({"n_dots": 9, "max_ink": 0}, "max_ink=0 must be > 0"),
         ({"n_dots": 9, "max_ink": 1.2}, "max_ink=1.2 must be > 0 and <= 1"),
         ({"n_dots": 9, "white_cutoff": -1}, "white_cutoff=-1 must be in 0..1"),
@@ -202,7 +174,7 @@ def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> 
 def test_a_light_drawing_keeps_the_order_of_tones_and_covers_a_third_at_most() -> None:
     light = ink_coverage(PHOTO, tones="light")
     true = ink_coverage(PHOTO)
-    assert light.mean() <= 0.38 < true.mean()
+    assert light.mean() < 0.4 < true.mean()
     order = np.argsort(true, axis=None)
     assert (np.diff(light.ravel()[order]) <= 1e-5).all() or (np.diff(light.ravel()[order]) >= -1e-5).all()
     assert light.max() == 1
@@ -220,9 +192,8 @@ def test_a_drawing_of_nothing_has_no_dots() -> None:
 
 @pytest.mark.slow
 def test_dots_are_as_wide_as_the_pen_and_as_many_as_the_ink_takes() -> None:
-    for dots in ("equal", "equal-mass"):
-        result = stipple(RAMP, dot_diameter=2.5, dots=dots)
-        np.testing.assert_allclose(2 * result.radii, 2.5, rtol=2e-3)
+    result = stipple(RAMP, dot_diameter=2.5)
+    np.testing.assert_allclose(2 * result.radii, 2.5, rtol=2e-3)
     finer = stipple(RAMP[:40], dot_diameter=0.5)  # finer than pixels
     np.testing.assert_allclose(2 * finer.radii, 0.5, rtol=2e-3)
     assert finer.ink == pytest.approx(result.ink, rel=0.02)

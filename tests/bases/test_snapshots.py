@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from cvtimg import write_image
 from cvtimg.bases import as_snapshots
-from cvtimg.blocks import open_blocks
 from cvtimg.pictures import Frames, write_frames
 
 IMAGES = np.random.default_rng(1).integers(0, 256, (5, 6, 8, 3), np.uint8)
@@ -39,12 +38,7 @@ def test_arrays_on_disk_and_lazy_ones_are_read_in_blocks(tmp_path: Path, monkeyp
     zarr.create_array(str(tmp_path / "a.zarr"), data=rows)
     np.save(tmp_path / "a.npy", rows)
     monkeypatch.setattr("cvtimg.bases.snapshots._BLOCK_BYTES", rows[0].nbytes * 2)
-    for given in (
-        tmp_path / "a.zarr",
-        tmp_path / "a.npy",
-        dask.from_array(rows, chunks=(2, 50)),
-        open_blocks(tmp_path / "a.npy"),
-    ):
+    for given in (tmp_path / "a.zarr", tmp_path / "a.npy", dask.from_array(rows, chunks=(2, 50))):
         assert [block.shape[0] for _, block in as_snapshots(given).blocks()] == [2, 2, 1]
         assert (rows_of(given) == rows).all()
 

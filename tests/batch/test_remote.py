@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import http.server
 import json
+import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.grid_inputs import read_grid_points
 from cvtimg.files import find_images
-from cvtimg.files.remote import fetch, is_remote, local_copy, send, url_of
+from cvtimg.files.remote import is_remote, local_copy, local_path, url_of
 from cvtimg.files.whole import whole_file
 from cvtimg.labels import read_labels, write_labels
 from cvtimg.palettes import read_palette, write_palette
@@ -112,19 +113,21 @@ def test_an_array_that_replaces_another_keeps_none_of_its_chunks(memory: object)
     for value in (1, 0):  # chunks of zeros are not stored
         array = zarr.create_array(f"{value}.zarr", shape=(4,), dtype="u1", fill_value=0)
         array[:] = value
-        send(Path(f"{value}.zarr"), "memory://out/a.zarr", overwrite=True)
-    fetch("memory://out/a.zarr", Path("back.zarr"))
-    assert (zarr.open_array("back.zarr")[:] == 0).all()
+        with local_path("memory://out/a.zarr", overwrite=True) as copy:
+            shutil.copytree(f"{value}.zarr", copy)
+    with local_copy("memory://out/a.zarr") as copy:
+        assert (zarr.open_array(str(copy))[:] == 0).all()
 
 
 def test_an_array_elsewhere_is_segmented_in_tiles(memory: object) -> None:
     zarr = pytest.importorskip("zarr")
     zarr.create_array("near.zarr", data=PICTURES["a.png"], chunks=(4, 4, 3))
-    send(Path("near.zarr"), "memory://far.zarr", overwrite=False)
+    with local_path("memory://far.zarr", overwrite=False) as copy:
+        shutil.copytree("near.zarr", copy)
     for source, output in (("memory://far.zarr", "memory://labels.zarr"), ("near.zarr", "labels.zarr")):
         assert cli.main(["segment", source, "-k", "2", "-o", output, "--quiet"]) == 0
-    fetch("memory://labels.zarr", Path("back.zarr"))
-    np.testing.assert_array_equal(zarr.open_array("back.zarr")[:], zarr.open_array("labels.zarr")[:])
+    with local_copy("memory://labels.zarr") as copy:
+        np.testing.assert_array_equal(zarr.open_array(str(copy))[:], zarr.open_array("labels.zarr")[:])
 
 
 def test_errors_of_any_kind_name_the_url_of_a_copy(memory: object) -> None:

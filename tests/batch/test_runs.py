@@ -93,14 +93,6 @@ def test_a_list_on_standard_input_keeps_its_folders(here: Path, monkeypatch: pyt
     assert [text for text, _ in missing] == ["no.png"]
 
 
-def test_a_tree_comes_out_as_it_went_in(here: Path) -> None:
-    names = ["a/1.png", "a/b/1.png", "a/b/c/2.png"]
-    for name in names:
-        picture(name)
-    assert cli.main(["quantize", "a", "-k", "4", "--out-dir", "out", "--quiet"]) == 0
-    assert sorted(str(path) for path in Path("out").rglob("*.png")) == [name.replace("a/", "out/", 1) for name in names]
-
-
 def test_outputs_that_clash_are_told_before_any_work(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture("a/x.png")
     picture("b/x.png")
@@ -138,7 +130,7 @@ def test_a_worker_that_dies_takes_only_its_own_input_with_it(here: Path, capsys:
     assert run(Plan(tasks, out_dir=Path("out")), works.copy_or_die, report(), Running(2)) == 1
     failed = {row["input"]: row["error"] for row in rows(capsys) if "error" in row}
     assert set(failed) == {"in/0", "in/4", "in/5"}
-    assert all("worker process was killed by SIGKILL" in str(why) for why in failed.values())
+    assert all("worker process was lost" in str(why) for why in failed.values())
     assert sorted(path.name for path in Path("out").iterdir()) == ["1", "2", "3"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 import picture_files
 import pytest
+from commands import RowOf
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -21,9 +21,8 @@ Run = Any
 
 
 @pytest.fixture
-def film(tmp_path: Path, photograph: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> Frames:
+def film(photograph: NDArray[np.uint8]) -> Frames:
     """Write film.gif and film.png, and work beside them."""
-    monkeypatch.chdir(tmp_path)
     images = tuple(photograph[number : number + 40, 60:120].copy() for number in range(3))
     frames = Frames(images, (40.0, 70.0, 1000.0), 0)
     write_frames("film.png", frames)
@@ -35,11 +34,8 @@ def film(tmp_path: Path, photograph: NDArray[np.uint8], monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("suffix", ["gif", "png", "webp"])
 @pytest.mark.parametrize("words", [[], ["--palette-per-frame"], ["--dither", "blue-noise"]])
-def test_an_animation_stays_one(
-    film: Frames, capsys: pytest.CaptureFixture[str], suffix: str, words: list[str]
-) -> None:
-    assert main(["quantize", "film.gif", "-k", "12", "-o", f"out.{suffix}", "--json", *words]) == 0
-    row = json.loads(capsys.readouterr().out)
+def test_an_animation_stays_one(film: Frames, row_of: RowOf, suffix: str, words: list[str]) -> None:
+    row = row_of("quantize", "film.gif", "-k", "12", "-o", f"out.{suffix}", *words)
     options: dict[str, Any] = {"per_frame": "--palette-per-frame" in words}
     if "--dither" in words:
         options["dither"] = "blue-noise"
@@ -99,9 +95,8 @@ def test_what_cannot_be_done_to_frames_is_one_line(
 
 
 @pytest.fixture
-def tagged(tmp_path: Path, photograph: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> NDArray[np.uint8]:
+def tagged(photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Write a.jpg with profile, pixels an inch and EXIF."""
-    monkeypatch.chdir(tmp_path)
     exif = Image.Exif()
     exif[0x8298] = "(c) somebody"
     options: dict[str, Any] = {"icc_profile": picture_files.rgb_profile("gbr"), "dpi": (300, 300), "exif": exif}

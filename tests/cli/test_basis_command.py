@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import RowOf
 
-from cvtimg import key_frames, read_image, reduced_basis, write_image
+from cvtimg import read_image, reduced_basis, write_image
 from cvtimg.bases import read_basis
 from cvtimg.cli.app import main
 from cvtimg.pictures import Frames, write_frames
@@ -17,17 +18,15 @@ FILM = np.repeat(SHOTS, 5, axis=0) + RNG.integers(0, 20, (15, 16, 20, 3))
 IMAGES = FILM.astype(np.uint8)
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture
+def here(here: Path) -> Path:
     write_frames("film.png", Frames(tuple(IMAGES.copy()), (40,) * 15, 0))
-    return tmp_path
+    return here
 
 
 @pytest.mark.parametrize("kind", ["pod", "cvt", "cvod"])
-def test_the_basis_is_that_of_the_function(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["basis", "film.png", "-n", "2", "--kind", kind, "--cells", "3", "-o", "a.npz", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
+def test_the_basis_is_that_of_the_function(kind: str, row_of: RowOf) -> None:
+    row = row_of("basis", "film.png", "-n", "2", "--kind", kind, "--cells", "3", "-o", "a.npz")
     expected = reduced_basis(IMAGES, 2, kind=kind, n_cells=3)
     assert (read_basis("a.npz").modes == expected.modes).all()
     assert (row["snapshots"], row["kind"], row["n"], row["energy"]) == (15, kind, 2, expected.energy)
@@ -48,30 +47,18 @@ def test_arrays_that_are_no_images_have_no_sheet(here: Path, capsys: pytest.Capt
     assert "--sheet needs frames that are gray or RGB images, not snapshots of shape (30,)" in capsys.readouterr().err
 
 
-def test_key_frames_are_those_of_the_function_and_come_as_files(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["keyframes", "film.png", "-n", "3", "--out-dir", "key", "--sheet", "key.png", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
-    expected = key_frames(IMAGES, 3)
-    assert row["indices"] == expected.indices.tolist()
-    assert row["labels"] == expected.labels.tolist()
-    for index in row["indices"]:
-        assert (read_image(f"key/frame-{index:02}.png") == IMAGES[index]).all()
-    assert main(["keyframes", "film.png", "-n", "3", "--out-dir", "key"]) == 1
-    assert "exists" in capsys.readouterr().err
-
-
-def test_a_folder_of_frames_is_a_film(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_frames_is_an_animation(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "frames").mkdir()
     for number, image in enumerate(IMAGES):
         write_image(here / "frames" / f"{number:02}.png", image)
-    assert main(["keyframes", "frames", "-n", "auto", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["frames"] == 15
+    assert main(["basis", "frames", "-n", "auto", "-o", "a.npz", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["snapshots"] == 15
 
 
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["keyframes", "film.png", "-n", "99"], 1, "-n 99 must be in 1..15, the number of frames"),
+        (["basis", "film.png", "-n", "99", "-o", "a.npz"], 1, "-n 99 must be in 1..14, for 15 snapshots"),
         (["basis", "film.png", "-n", "2", "-o", "a.txt"], 2, ".npz"),
         (["basis", "film.png", "-n", "2", "-o", "a.npz", "--passes", "3"], 2, "'3' must be an even number in 2..64"),
         (["basis", "none.gif", "-n", "2", "-o", "a.npz"], 1, "none.gif: no such file"),

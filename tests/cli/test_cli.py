@@ -7,8 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,12 @@ import numpy as np
 import pytest
 import reference
 import typer
+from commands import Run
 from numpy.typing import NDArray
 from PIL import Image
 
 import cvtimg
 from cvtimg import read_image, write_image
-from cvtimg.cli import app as cli
 from cvtimg.cli import commands
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
@@ -52,42 +51,13 @@ KEYS = ["input", "output", "width", "height", "channels", "left_out", "distinct_
 KEYS += ["energy", "mse", "psnr", "n_iter", "converged", "input_bytes", "output_bytes", "seconds"]
 
 
-@dataclass
-class Outcome:
-    """What a run of the command line left behind."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        return [json.loads(line) for line in self.out.splitlines()]
-
-
-Run = Callable[..., Outcome]
-
-
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command line in this process."""
-
-    def run(*arguments: str | Path) -> Outcome:
-        status = cli.main([str(argument) for argument in arguments])
-        out, err = capsys.readouterr()
-        return Outcome(status, out, err)
-
-    return run
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(here: Path) -> Path:
     """Work in an empty folder with pictures in pictures/."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "pictures").mkdir()
+    (here / "pictures").mkdir()
     for name, image in {"rgb": RGB, "grey": GREY, "rgba": RGBA, "deep": DEEP, "few": FEW}.items():
-        write_image(tmp_path / f"pictures/{name}.png", image)
-    return tmp_path
+        write_image(here / f"pictures/{name}.png", image)
+    return here
 
 
 def process(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -550,10 +520,10 @@ def test_an_unknown_command_is_wrong_usage(run: Run) -> None:
 def test_what_other_programs_call_things_is_understood(run: Run, here: Path) -> None:
     assert run("help") == run("--help")
     assert run("help", "mosaic") == run("mosaic", "--help")
-    for number, name in enumerate(["fs", "floyd", "floyd-steinberg", "bayer", "bayer-8"]):
+    for number, name in enumerate(["fs", "floyd", "floyd-steinberg"]):
         letter = "-n" if number % 2 else "-k"
         assert run("quantize", PICTURE, letter, "4", "--dither", name, "-o", f"{name}.png").status == 0
-    for one, other in [("fs", "floyd"), ("fs", "floyd-steinberg"), ("bayer", "bayer-8")]:
+    for one, other in [("fs", "floyd"), ("fs", "floyd-steinberg")]:
         assert (here / f"{one}.png").read_bytes() == (here / f"{other}.png").read_bytes()
 
 
@@ -824,8 +794,8 @@ def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
     shares = np.column_stack([expected.masses, expected.masses / COUNTS.sum()])
     np.testing.assert_array_equal(means.rows, np.column_stack([expected.generators, shares]))
     assert (row["input"], row["output"], row["columns"]) == ("trees.csv", "trees-labels.csv", ["height", "girth"])
-    assert (row["rows"], row["left_out"], row["k"], row["energy"]) == (40, 0, 3, expected.energy)
-    assert (row["n_iter"], row["converged"]) == (expected.n_iter, True)
+    assert (row["rows"], row["left_out"], row["k"], row["converged"]) == (40, 0, 3, True)
+    assert row["energy"] == pytest.approx(expected.energy)
     total = cvtimg.tessellate(ROWS, 1, density=COUNTS).energy
     assert row["explained"] == pytest.approx(1 - expected.energy / total)
     assert list(row["seconds"]) == ["read", "cluster", "write"]

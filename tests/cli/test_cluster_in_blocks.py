@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import RowOf
 from numpy.typing import NDArray
 
 from cvtimg.cli import app as cli
-from cvtimg.files.remote import fetch
+from cvtimg.files.remote import local_copy
 
 pytest.importorskip("dask")
 pa = pytest.importorskip("pyarrow")
@@ -38,12 +41,11 @@ def write_tables(folder: Path, rows: NDArray[Any] = ROWS) -> None:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def here(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr("cvtimg.tables.blocked._LARGE_BYTES", 1000)
     monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 200 * 24)
-    write_tables(tmp_path)
-    return tmp_path
+    write_tables(here)
+    return here
 
 
 @pytest.fixture
@@ -54,10 +56,9 @@ def memory() -> Iterator[Any]:
     files.pseudo_dirs[:] = [""]
 
 
-def cluster(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
-    assert cli.main(["cluster", *arguments, "-k", "3", "--json"]) == 0
-    row: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return row
+@pytest.fixture
+def cluster(row_of: RowOf) -> RowOf:
+    return partial(row_of, "cluster", "-k", "3")
 
 
 def labels_in(path: Path) -> list[int]:
@@ -71,13 +72,13 @@ def labels_in(path: Path) -> list[int]:
 
 
 @pytest.mark.parametrize("options", [[], ["--standardize"], ["--weighted"]], ids=str)
-def test_all_kinds_of_tables_give_the_same(here: Path, capsys: pytest.CaptureFixture[str], options: list[str]) -> None:
+def test_all_kinds_of_tables_give_the_same(here: Path, cluster: RowOf, options: list[str]) -> None:
     found = []
     for name in FILES:
         named = name.endswith((".parquet", ".csv"))
         columns = ["--columns", "x,y" if named else "col0,1"]
         given = ["--weight", "n" if named else "col2"] if options == ["--weighted"] else options
-        row = cluster(capsys, name, *columns, *given, "--generators", f"{name}-means.csv")
+        row = cluster(name, *columns, *given, "--generators", f"{name}-means.csv")
         Path(row["output"]).unlink()
         assert row["columns"] == (["x", "y"] if named else ["col0", "col1"])
         means = np.loadtxt(f"{name}-means.csv", delimiter=",", skiprows=1)
@@ -90,20 +91,22 @@ def test_all_kinds_of_tables_give_the_same(here: Path, capsys: pytest.CaptureFix
     assert [output for *_, output in found] == ["a-labels.parquet", "a-labels.npy", "a-labels.csv", "a-labels.csv"]
 
 
-def test_labels_are_those_of_the_nearest_means(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_are_those_of_the_nearest_means(here: Path, cluster: RowOf) -> None:
     for suffix in ("parquet", "npy", "csv"):
-        cluster(capsys, "a.parquet", "--columns", "x,y", "-o", f"out.{suffix}", "--generators", "m.csv", "--overwrite")
+        cluster("a.parquet", "--columns", "x,y", "-o", f"out.{suffix}", "--generators", "m.csv", "--overwrite")
         means = np.loadtxt("m.csv", delimiter=",", skiprows=1)[:, :2]
         nearest = ((ROWS[:, None] - means) ** 2).sum(axis=2).argmin(axis=1)
         np.testing.assert_array_equal(labels_in(Path(f"out.{suffix}")), nearest)
 
 
-def test_rows_without_a_value_are_dropped_or_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_without_a_value_are_dropped_or_named(
+    here: Path, cluster: RowOf, capsys: pytest.CaptureFixture[str]
+) -> None:
     holed = ROWS.copy()
     holed[5, 0] = holed[300:400, 0] = np.nan
     write_tables(here, holed)
     for name in FILES[:3]:
-        row = cluster(capsys, name, "--missing", "drop", "-o", f"{name}.csv")
+        row = cluster(name, "--missing", "drop", "-o", f"{name}.csv")
         assert (row["rows"], row["left_out"]) == (len(ROWS) - 101, 101)
         dropped = np.flatnonzero(np.array(labels_in(Path(f"{name}.csv"))) < 0)
         assert dropped.tolist() == [5, *range(300, 400)]
@@ -135,11 +138,11 @@ def test_the_number_is_read_from_a_sample(here: Path, capsys: pytest.CaptureFixt
     assert json.loads(capsys.readouterr().out)["k"] == 3
 
 
-def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders_of_tables(here: Path, cluster: RowOf, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "many.parquet").mkdir()
     for number, part in enumerate(np.array_split(ROWS, 3)):
         parquet.write_table(pa.table({"x": part[:, 0], "y": part[:, 1]}), here / "many.parquet" / f"{number}.parquet")
-    whole, parts = (cluster(capsys, name, "--columns", "x,y") for name in ("a.parquet", "many.parquet"))
+    whole, parts = (cluster(name, "--columns", "x,y") for name in ("a.parquet", "many.parquet"))
     assert parts["rows"] == len(ROWS)
     assert parts["energy"] == pytest.approx(whole["energy"], rel=1e-3)
     for name in FILES[2:]:
@@ -153,15 +156,15 @@ def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_tables_elsewhere_are_read_in_parts(
-    here: Path, memory: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    here: Path, memory: Any, cluster: RowOf, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copied = []
 
-    def spy(path: Path, target: Path) -> None:
+    def spy(path: Path) -> AbstractContextManager[Path]:
         copied.append(path.name)
-        fetch(path, target)
+        return local_copy(path)
 
-    monkeypatch.setattr("cvtimg.batch.runner.fetch", spy)
+    monkeypatch.setattr("cvtimg.batch.runner.local_copy", spy)
     for name in FILES:
         memory.put(name, f"/in/{name}", recursive=True)
     assert cli.main(["cluster", "memory://in", "-k", "3", "--out-dir", "memory://out", "--json"]) == 0
@@ -169,7 +172,7 @@ def test_tables_elsewhere_are_read_in_parts(
     rows = {row["input"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
     assert list(rows) == [f"memory://in/{name}" for name in sorted(FILES)]
     for name in FILES:
-        local = cluster(capsys, name)
+        local = cluster(name)
         row = rows[f"memory://in/{name}"]
         assert row["energy"] == pytest.approx(local["energy"], rel=1e-6)
         memory.get(row["output"].removeprefix("memory:/"), "copy")
@@ -184,9 +187,9 @@ def test_tables_elsewhere_are_read_in_parts(
 @pytest.mark.slow
 @pytest.mark.timeout(280)
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
-def test_all_workers_of_a_cluster_share_the_blocks(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_workers_of_a_cluster_share_the_blocks(here: Path, cluster: RowOf) -> None:
     pytest.importorskip("distributed")
-    shared = cluster(capsys, "a.parquet", "--dask", "local", "--jobs", "2", "-o", "shared.npy")
-    alone = cluster(capsys, "a.parquet", "-o", "alone.npy")
+    shared = cluster("a.parquet", "--dask", "local", "--jobs", "2", "-o", "shared.npy")
+    alone = cluster("a.parquet", "-o", "alone.npy")
     assert shared["energy"] == alone["energy"]
     np.testing.assert_array_equal(np.load("shared.npy"), np.load("alone.npy"))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import RowOf
 from PIL import Image
 
 from cvtimg import energy_curve, quantize, read_image
@@ -130,14 +131,13 @@ def test_wrong_usage_is_told(
     assert message in capsys.readouterr().err
 
 
-def test_quantize_takes_the_elbow_and_says_why(drawing: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quantize_takes_the_elbow_and_says_why(drawing: Path, row_of: RowOf) -> None:
     image = read_image(drawing)
     result = quantize(image, "auto")
     assert result.curve is not None
     assert len(result.palette) == result.curve.elbow() == 6
     assert (result.image == image).all()
-    assert main(["quantize", str(drawing), "-k", "auto", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
+    row = row_of("quantize", str(drawing), "-k", "auto")
     assert (row["k"], row["elbow"]["chord"]) == (6, 6)
 
 

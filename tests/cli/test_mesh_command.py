@@ -106,10 +106,9 @@ def test_one_label_is_meshed(capsys: pytest.CaptureFixture[str]) -> None:
     assert row["area"] == pytest.approx((cvtimg.read_image("labels.png") == 2).sum())
     assert "n_straight" not in row
     words = ["mesh", "labels.png", "-n", "90", "--label", "3", "-o", "c.vtu", "--json"]
-    assert main([*words, "--order", "2", "--layers", "1,0.5,1.3"]) == 0
+    assert main([*words, "--order", "2"]) == 0
     row = json.loads(capsys.readouterr().out)
     assert (row["n"], row["n_straight"]) == (90, 0)
-    assert row["in_layers"] > 50
     assert len(meshio.read("c.vtu").cells_dict["triangle6"]) == row["triangles"]
     assert main(["mesh", "labels.png", "-n", "90", "--label", "9", "-o", "b.vtu"]) == 1
     assert "labels.png: holds no label 9" in capsys.readouterr().err
@@ -126,6 +125,22 @@ def test_names_of_regions_and_borders_are_groups(capsys: pytest.CaptureFixture[s
     assert np.ptp(found.points[left, 1]) == 1
 
 
+def test_properties_of_features_name_regions(capsys: pytest.CaptureFixture[str]) -> None:
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": name, "kind": "metal"},
+            "geometry": {"type": "Polygon", "coordinates": [[[x, 0], [x + 1, 0], [x + 1, 1], [x, 1], [x, 0]]]},
+        }
+        for x, name in enumerate(["North Sea", "land"])
+    ]
+    Path("map.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    for words, names in (([], {"North_Sea": 1, "land": 2}), (["--name-by", "kind"], {"metal": 1})):
+        assert main(["mesh", "map.geojson", "-n", "60", "-o", "b.msh", "--overwrite", "--json", *words]) == 0
+        assert json.loads(capsys.readouterr().out)["names"] == names
+        assert {name: number for name, (number, kind) in meshio.read("b.msh").field_data.items() if kind == 2} == names
+
+
 @pytest.mark.parametrize(
     ("words", "status", "message"),
     [
@@ -137,17 +152,7 @@ def test_names_of_regions_and_borders_are_groups(capsys: pytest.CaptureFixture[s
         (["mesh", "hole.wkt", "-n", "9"], 1, "hole.wkt: a hole at (5, 5) must lie inside"),
         (["mesh", "mask.png", "--edge-length", "0"], 2, "--edge-length"),
         (["mesh", "mask.png", "--periodic", "x"], 1, "--periodic 'x' must be for borders on the left and right"),
-        (["mesh", "mask.png", "--layers", "3,1"], 2, "'3,1' must be a number of layers, the height of the first"),
-        (
-            ["mesh", "labels.png", "--layers", "3,1,1"],
-            1,
-            "--layers is for masks and polygons: choose a label by --label",
-        ),
-        (
-            ["mesh", "mask.png", "--order", "2", "-o", "a.stl"],
-            2,
-            "--order 2: 'a.stl' must end in one of .vtu, .xdmf, .msh",
-        ),
+        (["mesh", "mask.png", "--order", "2", "-o", "a.stl"], 2, "--order 2: 'a.stl' must end in one of .vtu, .msh"),
         (["mesh", "mask.png", "--size", "nan.tif"], 1, "size is nan at x=25, y=20"),
         (["mesh", "mask.png", "--size", "zero.tif", "-n", "90"], 1, "size is 0 at x="),
         (["mesh", "a.wkt", "-n", "9", "--label", "1"], 1, "a.wkt: has polygons; --label is for images of labels"),

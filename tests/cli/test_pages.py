@@ -25,8 +25,7 @@ GRAY = STACK[..., 0]
 
 
 @pytest.fixture(autouse=True)
-def stacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def stacks() -> None:
     tifffile.imwrite("rgb.tif", STACK, photometric="rgb")
     metadata = {"axes": "ZYX", "spacing": 0.3, "unit": "um"}
     tifffile.imwrite("gray.tif", GRAY, imagej=True, resolution=(7.0, 7.0), metadata=metadata)
@@ -64,8 +63,19 @@ def test_segment_treats_each_page_or_the_volume(capsys: pytest.CaptureFixture[st
     (row,) = rows(capsys, "segment", "rgb.tif", "-k", "3", "-o", "each.tif")
     np.testing.assert_array_equal(pages_of("each.tif"), np.stack([segment(page, 3).labels for page in STACK]))
     assert row["pages"] == 3
-    rows(capsys, "segment", "rgb.tif", "-k", "3", "-o", "volume.tif", "--volume")
-    np.testing.assert_array_equal(np.concatenate(pages_of("volume.tif")), segment(np.concatenate(STACK), 3).labels)
+    plain = ["-k", "3", "--volume", "--edge-weight", "0"]
+    rows(capsys, "segment", "rgb.tif", "-o", "volume.tif", *plain)
+    expected = segment(np.concatenate(STACK), 3, edge_weight=0).labels
+    np.testing.assert_array_equal(np.concatenate(pages_of("volume.tif")), expected)
+
+
+def test_pages_of_a_volume_have_no_edges_with_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+    down, right = np.mgrid[:20, :30]
+    disc = np.uint8(200 * (np.hypot(down - 10, right - 15) < 6))
+    tifffile.imwrite("discs.tif", np.stack([disc, 200 - disc]), photometric="minisblack")
+    rows(capsys, "segment", "discs.tif", "-k", "2", "--edge-weight", "100", "-o", "volume.tif", "--volume")
+    pages = [segment(page, 2, edge_weight=100).labels for page in (disc, 200 - disc)]
+    np.testing.assert_array_equal(pages_of("volume.tif"), pages)
 
 
 def test_info_and_palette_count_all_pages(capsys: pytest.CaptureFixture[str]) -> None:
@@ -94,10 +104,10 @@ def channels() -> NDArray[np.uint8]:
 
 def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]) -> None:
     files = ["-o", "l.tif", "--overlay", "o.tif", "--edges", "e.tif", "--mean", "m.tif"]
-    files += ["--table", "t.csv", "--contours", "c.geojson", "--coco", "c.json"]
-    (row,) = rows(capsys, "segment", "channels.tif", "-k", "3", *files)
+    files += ["--table", "t.csv", "--contours", "c.geojson"]
+    (row,) = rows(capsys, "segment", "channels.tif", "-k", "3", "--edge-weight", "0", *files)
     labels, each = pages_of("l.tif"), np.moveaxis(channels, 1, -1)
-    np.testing.assert_array_equal(labels, [segment(page, 3).labels for page in each])
+    np.testing.assert_array_equal(labels, [segment(page, 3, edge_weight=0).labels for page in each])
     np.testing.assert_array_equal(pages_of("e.tif") > 0, [find_edges(page) for page in labels])
     np.testing.assert_array_equal(pages_of("o.tif"), [draw_edges(*own) for own in zip(each, labels, strict=True)])
     means = [mean_picture(*own) for own in zip(labels, each, strict=True)]
@@ -112,9 +122,6 @@ def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], caps
     assert {(z, k): area for z, k, area in table} == areas
     drawn = [one["properties"] for one in json.loads(Path("c.geojson").read_text())["features"]]
     assert {(one["z"], one["label"]): one["area"] for one in drawn} == areas
-    masks = json.loads(Path("c.json").read_text())
-    assert [one["page"] for one in masks["images"]] == [1, 2, 3]
-    assert sorted(one["id"] for one in masks["annotations"]) == [*range(1, 10)]
     assert row["pages"] == 3
 
 

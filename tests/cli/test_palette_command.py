@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import RowOf
 from numpy.typing import NDArray
 
 from cvtimg import quantize, read_palette, write_image
@@ -19,26 +20,21 @@ from cvtimg.cli.app import main
 FLAG = np.array([[0, 0, 255], [0, 0, 255], [255, 255, 0], [200, 16, 46]], np.uint8)[np.newaxis]
 
 
-def palette_of(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> list[tuple[str, float]]:
-    assert main(["palette", *map(str, arguments), "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
+def palette_of(row_of: RowOf, *arguments: str | Path) -> list[tuple[str, float]]:
+    row = row_of("palette", *map(str, arguments))
     return [(color["hex"], color["share"]) for color in row["colors"]]
 
 
-def test_few_colors_are_told_as_they_are_the_most_frequent_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_few_colors_are_told_as_they_are_the_most_frequent_first(tmp_path: Path, row_of: RowOf) -> None:
     write_image(tmp_path / "a.png", FLAG)
-    assert palette_of(capsys, tmp_path / "a.png") == [("#0000ff", 0.5), ("#c8102e", 0.25), ("#ffff00", 0.25)]
-    assert len(palette_of(capsys, tmp_path / "a.png", "-k", 2)) == 2
+    assert palette_of(row_of, tmp_path / "a.png") == [("#0000ff", 0.5), ("#c8102e", 0.25), ("#ffff00", 0.25)]
+    assert len(palette_of(row_of, tmp_path / "a.png", "-k", 2)) == 2
 
 
-def test_many_colors_are_reduced_as_quantize_does(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], photograph: NDArray[np.uint8]
-) -> None:
+def test_many_colors_are_reduced_as_quantize_does(tmp_path: Path, row_of: RowOf, photograph: NDArray[np.uint8]) -> None:
     write_image(tmp_path / "a.png", photograph)
     for options, n_colors in (((), 16), (("-k", 5), 5)):
-        found = palette_of(capsys, tmp_path / "a.png", *map(str, options))
+        found = palette_of(row_of, tmp_path / "a.png", *map(str, options))
         result = quantize(photograph, n_colors)
         assert {code for code, _ in found} == {f"#{color.tobytes().hex()}" for color in result.palette}
         shares = [share for _, share in found]
@@ -46,13 +42,13 @@ def test_many_colors_are_reduced_as_quantize_does(
         assert sum(shares) == pytest.approx(1)
 
 
-def test_grey_transparency_and_16_bits_are_told_in_8_bits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_grey_transparency_and_16_bits_are_told_in_8_bits(tmp_path: Path, row_of: RowOf) -> None:
     write_image(tmp_path / "grey.png", np.array([[7]], np.uint8))
     write_image(tmp_path / "clear.png", np.array([[[1, 2, 3, 128]]], np.uint8))
     write_image(tmp_path / "deep.png", np.array([[[257, 514, 65535]]], np.uint16))
-    assert palette_of(capsys, tmp_path / "grey.png") == [("#070707", 1.0)]
-    assert palette_of(capsys, tmp_path / "clear.png") == [("#01020380", 1.0)]
-    assert palette_of(capsys, tmp_path / "deep.png") == [("#0102ff", 1.0)]
+    assert palette_of(row_of, tmp_path / "grey.png") == [("#070707", 1.0)]
+    assert palette_of(row_of, tmp_path / "clear.png") == [("#01020380", 1.0)]
+    assert palette_of(row_of, tmp_path / "deep.png") == [("#0102ff", 1.0)]
 
 
 def test_a_pipe_gets_plain_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,22 +103,22 @@ def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert len(error.splitlines()) == 1
 
 
-def test_main_colors_have_small_vivid_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_main_colors_have_small_vivid_parts(tmp_path: Path, row_of: RowOf) -> None:
     field = np.zeros((50, 100, 3), np.uint8)
     field[:, :, 1] = np.linspace(100, 220, 100)
     field[:4, :4] = 220, 20, 30
     write_image(tmp_path / "a.png", field)
     red = "#dc141e"
-    assert red not in dict(palette_of(capsys, tmp_path / "a.png", "-k", 3))
-    assert red in dict(palette_of(capsys, tmp_path / "a.png", "-k", 3, "--main"))
+    assert red not in dict(palette_of(row_of, tmp_path / "a.png", "-k", 3))
+    assert red in dict(palette_of(row_of, tmp_path / "a.png", "-k", 3, "--main"))
 
 
-def test_colors_are_sorted_as_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_colors_are_sorted_as_asked(tmp_path: Path, row_of: RowOf) -> None:
     codes = ["#ffffff", "#ff0000", "#000080", "#808080", "#00ff00"]
     write_image(tmp_path / "a.png", np.array([[list(bytes.fromhex(code[1:])) for code in codes]], np.uint8))
 
     def sorted_by(key: str) -> list[str]:
-        return [code for code, _ in palette_of(capsys, tmp_path / "a.png", "--sort", key)]
+        return [code for code, _ in palette_of(row_of, tmp_path / "a.png", "--sort", key)]
 
     assert sorted_by("lightness") == ["#000080", "#808080", "#ff0000", "#00ff00", "#ffffff"]
     assert sorted_by("hue") == ["#808080", "#ffffff", "#ff0000", "#00ff00", "#000080"]
@@ -130,11 +126,11 @@ def test_colors_are_sorted_as_asked(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.parametrize("main_colors", [False, True])
 def test_locked_colors_are_in_the_palette_and_the_others_around_them(
-    main_colors: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], photograph: NDArray[np.uint8]
+    main_colors: bool, tmp_path: Path, row_of: RowOf, capsys: pytest.CaptureFixture[str], photograph: NDArray[np.uint8]
 ) -> None:
     write_image(tmp_path / "a.png", photograph)
     words = ["-k", "5", "--lock", "#ff00ff", *(["--main"] if main_colors else [])]
-    found = {code for code, _ in palette_of(capsys, tmp_path / "a.png", *words)}
+    found = {code for code, _ in palette_of(row_of, tmp_path / "a.png", *words)}
     assert "#ff00ff" in found
     assert len(found) == 5
     assert main(["palette", str(tmp_path / "a.png"), "--lock", "#ff00ff"]) == 2

@@ -8,13 +8,13 @@ import os
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from commands import RowOf
 from PIL import Image
 
 from cvtimg import quantize, read_image, write_image
@@ -29,11 +29,10 @@ posix = pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(here: Path) -> Path:
     """Work in an empty folder but for a.png."""
-    monkeypatch.chdir(tmp_path)
     write_image("a.png", RGB)
-    return tmp_path
+    return here
 
 
 def piped(command: list[str], content: bytes) -> subprocess.CompletedProcess[bytes]:
@@ -143,20 +142,6 @@ def test_what_pipes_cannot_do_is_wrong_usage(
     assert message in capsys.readouterr().err
 
 
-def test_a_list_of_names_is_a_file_or_standard_input(
-    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_image("b.png", RGB)
-    Path("names.txt").write_text("a.png\nb.png\n")
-    assert cli.main(["info", "@names.txt", "--json"]) == 0
-    assert [json.loads(line)["input"] for line in capsys.readouterr().out.splitlines()] == ["a.png", "b.png"]
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"b.png\0")))
-    assert cli.main(["info", "@-", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["input"] == "b.png"
-    assert cli.main(["info", "@missing.txt"]) == 1
-    assert capsys.readouterr().err == "cvtimg: @missing.txt: no such file or directory\n"
-
-
 # Folders
 
 
@@ -225,32 +210,10 @@ def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pyte
     assert cli.main(["quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet"]) == 1
 
 
-@pytest.mark.slow
-def test_a_kill_in_place_leaves_each_file_whole(here: Path) -> None:
-    Path("a.png").unlink()
-    sources = [Path(f"{number}.png") for number in range(9)]
-    after = {}
-    for number, path in enumerate(sources):
-        write_image(path, np.roll(RGB, number, axis=0))
-        quantize(np.roll(RGB, number, axis=0), 4).save("after.png", overwrite=True)
-        after[path] = read_image("after.png")
-    Path("after.png").unlink()
-    before = {path: path.read_bytes() for path in sources}
-    command = [sys.executable, "-m", "cvtimg", "quantize", *map(str, sources), "-k", "4", "--in-place", "-j", "1"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
-        while process.poll() is None and sources[0].read_bytes() == before[sources[0]]:
-            time.sleep(0.001)
-        process.kill()
-    for path in sources:
-        if path.read_bytes() != before[path]:
-            np.testing.assert_array_equal(read_image(path), after[path])
-    assert cli.main(["quantize", *map(str, sources), "-k", "4", "--in-place", "--quiet"]) == 0
-    assert names(".") == [str(path) for path in sources]
-
-
-def test_outputs_that_are_no_smaller_are_not_written(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "small.png", "--skip-if-larger", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
+def test_outputs_that_are_no_smaller_are_not_written(
+    here: Path, row_of: RowOf, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = row_of("quantize", "a.png", "-k", "4", "-o", "small.png", "--skip-if-larger")
     assert row["output_bytes"] == Path("small.png").stat().st_size < row["input_bytes"]
     options = ["-k", "256", "--skip-if-larger", "--json", "--report", "r.csv"]
     assert cli.main(["quantize", "small.png", *options, "-o", "again.png"]) == 0
@@ -277,27 +240,6 @@ def test_sizes_are_in_table_json_and_report(here: Path, capsys: pytest.CaptureFi
 )
 def test_sizes_can_have_units(text: str, size: int) -> None:
     assert n_bytes(text) == size
-
-
-def test_animations_reach_a_quality_or_a_size(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    film("film.gif")
-    options = ["--overwrite", "--json", "-o", "out.gif"]
-
-    def row(*words: str) -> dict[str, float]:
-        assert cli.main(["quantize", "film.gif", *words, *options]) == 0
-        found: dict[str, float] = json.loads(capsys.readouterr().out)
-        return found
-
-    found = row("--psnr", "22")
-    assert found["psnr"] >= 22
-    assert row("-k", str(int(found["k"]) - 1))["psnr"] < 22
-    found = row("--max-bytes", "2K")
-    assert Path("out.gif").stat().st_size == found["output_bytes"] <= 2048
-    assert row("-k", str(int(found["k"]) + 1))["output_bytes"] > 2048
-    assert cli.main(["quantize", "film.gif", "--psnr", "60", "-k", "3", *options]) == 1
-    assert "--psnr 60.0 must be at most" in capsys.readouterr().err
-    assert cli.main(["quantize", "film.gif", "--max-bytes", "20", *options]) == 1
-    assert "--max-bytes 20 must be at least" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", ["csv", "jsonl"])

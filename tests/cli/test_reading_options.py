@@ -20,11 +20,6 @@ from cvtimg.pictures import encode_image, image_info
 PAGES = np.random.default_rng(5).integers(0, 4000, (3, 24, 32), np.uint16)
 
 
-@pytest.fixture(autouse=True)
-def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def test_commands_read_one_page(capsys: pytest.CaptureFixture[str]) -> None:
     tifffile.imwrite("a.tif", PAGES, photometric="minisblack")
     tifffile.imwrite("masks.tif", (PAGES > 1000).astype(np.uint8), photometric="minisblack")

@@ -18,11 +18,6 @@ def run(*arguments: str) -> int:
     return cli.main(["segment", *arguments, "--quiet", "--overwrite"])
 
 
-@pytest.fixture(autouse=True)
-def in_empty_folder(tmp_path: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.parametrize("volume", [[], ["--volume"]])
 def test_pages_are_segmented_inside_a_mask(volume: list[str]) -> None:
     write_image("one.png", INSIDE)

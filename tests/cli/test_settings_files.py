@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import Run
 
 from cvtimg import read_image, write_image
 from cvtimg.batch import WrongUsageError
-from cvtimg.cli import app as cli
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
 from cvtimg.options.settings import read_settings, settings_of
 
-Run = Callable[..., tuple[int, str, str]]
-
 
 @pytest.fixture(autouse=True)
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    monkeypatch.chdir(tmp_path)
+def pictures(here: Path) -> None:
     rng = np.random.default_rng(0)
     for name in ("a.png", "b.png"):
         write_image(name, rng.integers(0, 255, (12, 16, 3), np.uint8))
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        return cli.main(list(arguments)), *capsys.readouterr()
-
-    return run
 
 
 def written(settings: Any) -> str:
@@ -39,7 +30,7 @@ def written(settings: Any) -> str:
 
 
 def test_settings_are_the_options_that_they_name(run: Run) -> None:
-    words = ["-k", "3", "--dither", "bayer-2", "--lock", "#fff", "--lock", "#102030", "--quiet"]
+    words = ["-k", "3", "--dither", "bayer", "--lock", "#fff", "--lock", "#102030", "--quiet"]
     path = written(settings_of("quantize", words))
     assert run("quantize", "a.png", "b.png", "--settings", path, "--out-dir", "one")[0] == 0
     assert run("quantize", "a.png", "b.png", *words, "--out-dir", "other")[0] == 0

@@ -1,28 +1,26 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from commands import RowOf
 
 import cvtimg
 from cvtimg.cli.app import main
 from cvtimg.surfaces import torus
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture
+def here(here: Path) -> Path:
     cvtimg.surface_points(torus(), 800, effort="fast").save("ring.stl")
-    (tmp_path / "broken.stl").write_bytes(b"solid nothing")
-    return tmp_path
+    (here / "broken.stl").write_bytes(b"solid nothing")
+    return here
 
 
-def test_a_surface_is_remeshed_as_by_the_function(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["surface", "ring.stl", "-n", "300", "-o", "a.obj", "--plot", "a.png", "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)
+def test_a_surface_is_remeshed_as_by_the_function(row_of: RowOf) -> None:
+    row = row_of("surface", "ring.stl", "-n", "300", "-o", "a.obj", "--plot", "a.png")
     wanted = cvtimg.surface_points("ring.stl", 300)
     assert (row["n"], row["triangles"], row["euler_characteristic"], row["is_closed"]) == (300, 600, 0, True)
     assert row["energy"] == pytest.approx(wanted.energy)

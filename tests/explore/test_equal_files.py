@@ -241,7 +241,7 @@ def test_a_given_palette_gives_the_same_file(dither: str, store: Store, scene: N
 
 ANIMATED: list[tuple[str, dict[str, Any]]] = [
     ("colors", {"k": 8}),
-    ("colors", {"k": 8, "per_frame": True, "dither": "bayer-8", "locked": ["#00ff7f"]}),
+    ("colors", {"k": 8, "per_frame": True, "dither": "bayer", "locked": ["#00ff7f"]}),
     ("colors", {"aim": "psnr", "psnr": 25.0}),
     ("colors", {"aim": "palette", "palette": ["nes"]}),
     ("segments", {"regions": 4}),
@@ -355,7 +355,6 @@ SAID_BY_TABS = {
     ("palette", "colors"),
     ("stipple", "least"),
     ("stipple", "greatest"),
-    ("stipple", "pens"),
     ("stipple", "pen_width"),
     ("mosaic", "palette"),
     ("restore", "seen"),

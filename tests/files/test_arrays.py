@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cvtimg.artwork.stipples import PenDots, write_table
 from cvtimg.bases import read_basis, reduced_basis
 from cvtimg.engine.block_descent import Checkpoint
 from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
@@ -69,9 +68,3 @@ def test_what_is_saved_at_a_url_is_read_back_from_there() -> None:
     assert found is not None
     assert found[1] == [3.0, 2.0]
     fsspec.filesystem("memory").rm("/kept", recursive=True)
-
-
-def test_dots_say_what_they_are(tmp_path: Path) -> None:
-    dots = PenDots("black", np.zeros(3, np.uint8), np.ones((2, 2)), np.ones(2), np.ones(2))
-    write_table(tmp_path / "a.npz", [dots], overwrite=False)
-    assert load_arrays(tmp_path / "a.npz", "stipples", ["layers"])["layers"].tolist() == [0, 0]

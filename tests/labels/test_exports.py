@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -41,7 +40,7 @@ def stack(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mo
         tifffile.imwrite("s.tif", FRAMES, imagej=True, resolution=(1 / 0.325,) * 2, metadata=metadata)
     else:
         tifffile.imwrite("s.tif", FRAMES, ome=True, metadata={"axes": "TZYX", **SIZES}, photometric="minisblack")
-    files = ["-o", "l.tif", "--contours", "r.zip", "--qupath", "q.geojson", "--masks", "m.tif", "--coco", "c.json"]
+    files = ["-o", "l.tif", "--contours", "r.zip", "--masks", "m.tif"]
     assert main(["segment", "s.tif", "--objects", *files, "--quiet"]) == 0
     return str(request.param)
 
@@ -61,17 +60,6 @@ def test_fiji_gets_a_region_for_each_label_at_its_plane_and_frame(stack: str) ->
         found[at] = found.get(at, np.zeros((40, 60), int)) + own * int(region.name.split("-")[2])
     for at, own in labels().items():
         np.testing.assert_array_equal(found[at], own)
-
-
-def test_qupath_gets_detections_in_pixels_with_their_planes(stack: str) -> None:
-    features = json.loads(Path("q.geojson").read_text())["features"]
-    assert len({one["id"] for one in features}) == len(features) == 12
-    for one in features:
-        plane, about = one["geometry"]["plane"], one["properties"]
-        own = labels()[plane["t"] + 1, plane["z"] + 1] == int(about["name"])
-        ring = np.array(one["geometry"]["coordinates"][0])
-        np.testing.assert_array_equal(polygon2mask((40, 60), ring[:, ::-1] - 0.5), own)
-        assert (about["objectType"], about["measurements"]["Area px^2"]) == ("detection", own.sum())
 
 
 def test_tifffile_reads_axes_and_sizes_of_labels_and_masks(stack: str) -> None:
@@ -101,15 +89,6 @@ def test_bioio_reads_the_axes_and_sizes_of_labels(stack: str) -> None:
     image = pytest.importorskip("bioio").BioImage("l.tif", reader=plugin.Reader)
     assert (image.dims.order, image.shape) == ("TCZYX", (2, 1, 3, 40, 60))
     assert tuple(image.physical_pixel_sizes) == pytest.approx((1.5, 0.325, 0.325))
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_pycocotools_gets_the_pixels_of_each_label(stack: str) -> None:
-    data = pytest.importorskip("pycocotools.coco").COCO("c.json")
-    for one in data.loadAnns(data.getAnnIds()):
-        page = data.loadImgs(one["image_id"])[0]["page"]
-        number = [one["id"] for one in data.loadAnns(data.getAnnIds(imgIds=one["image_id"]))].index(one["id"]) + 1
-        np.testing.assert_array_equal(data.annToMask(one) > 0, list(labels().values())[page - 1] == number)
 
 
 def test_masks_of_an_image_are_gray_levels_in_16_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,27 +12,10 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from cvtimg.labels import region_table
-from cvtimg.labels.figures import region_means, run_lengths
+from cvtimg.labels.figures import region_means
 
 LABELS = arrays(np.int32, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(0, 4))
 RNG = np.random.default_rng(8)
-
-
-def decode(counts: list[int], shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Lay runs of absence and presence by turns down the columns."""
-    bits = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
-    return bits.reshape(shape, order="F")
-
-
-@given(LABELS)
-@settings(max_examples=60)
-def test_runs_tell_each_region_and_no_run_but_the_first_is_empty(labels: NDArray[Any]) -> None:
-    runs = run_lengths(labels)
-    assert list(runs) == np.unique(labels[labels > 0]).tolist()
-    for label, counts in runs.items():
-        assert sum(counts) == labels.size
-        assert 0 not in counts[1:]
-        np.testing.assert_array_equal(decode(counts, labels.shape), labels == label)
 
 
 @given(LABELS)
@@ -81,7 +64,6 @@ def test_masked_pixels_may_be_nan_and_others_not() -> None:
 
 def test_a_picture_without_regions_has_no_figures() -> None:
     nothing = np.zeros((3, 3), int)
-    assert run_lengths(nothing) == {}
     table = region_table(nothing, np.zeros((3, 3, 2)))
     assert [len(column) for column in table.values()] == [0] * len(table)
     assert "std_2" in table

@@ -26,7 +26,6 @@ from cvtimg.labels import (
     Polygon,
     read_labels,
     region_table,
-    write_coco,
     write_contours,
     write_geojson,
     write_labels,
@@ -104,7 +103,6 @@ def test_an_existing_file_is_replaced_only_when_asked(tmp_path: Path) -> None:
     table = region_table(LABELS, IMAGE)
     for write in (
         lambda path, **how: write_table(path, table, **how),
-        lambda path, **how: write_coco(path, LABELS, "a.png", **how),
         lambda path, **how: write_svg(path, [], IMAGE[0], size=(2, 2), **how),
         lambda path, **how: write_geojson(path, [], {}, **how),
         lambda path, **how: write_labels(path.with_suffix(".npy"), LABELS, **how),
@@ -128,34 +126,6 @@ def test_a_table_reads_back_exactly(tmp_path: Path) -> None:
     assert names[:9] == ["label", "area", "perimeter", "x", "y", "left", "top", "right", "bottom"]
     np.testing.assert_array_equal(np.array(rows, float).T, list(table.values()))
     assert rows[0][:2] == ["1", str(int((LABELS == 1).sum()))]
-
-
-# COCO
-
-
-def test_coco_masks_boxes_and_areas_are_those_of_the_labels(tmp_path: Path) -> None:
-    write_coco(tmp_path / "a.json", LABELS, "photo.png")
-    whole = json.loads((tmp_path / "a.json").read_text())
-    assert whole["images"] == [{"id": 1, "file_name": "photo.png", "width": 14, "height": 15}]
-    assert [one["id"] for one in whole["annotations"]] == [1, 2, 3, 4]
-    for one in whole["annotations"]:
-        counts = one["segmentation"]["counts"]
-        mask = np.repeat(np.arange(len(counts)) % 2 == 1, counts).reshape(one["segmentation"]["size"], order="F")
-        np.testing.assert_array_equal(mask, one["id"] == LABELS)
-        rows, columns = np.nonzero(mask)
-        assert one["area"] == len(rows)
-        size = np.ptp(columns) + 1, np.ptp(rows) + 1
-        assert one["bbox"] == [columns.min(), rows.min(), *size]
-        assert one["category_id"] in [category["id"] for category in whole["categories"]]
-
-
-@pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # its own, with NumPy 2
-def test_pycocotools_reads_coco_files(tmp_path: Path) -> None:
-    coco = pytest.importorskip("pycocotools.coco")
-    write_coco(tmp_path / "a.json", LABELS, "photo.png")
-    data = coco.COCO(tmp_path / "a.json")
-    for number, annotation in data.anns.items():
-        np.testing.assert_array_equal(data.annToMask(annotation), number == LABELS)
 
 
 # Contours
@@ -274,8 +244,6 @@ def test_nothing_to_write_is_still_a_valid_file(tmp_path: Path) -> None:
     assert features(tmp_path / "a.geojson") == {}
     write_svg(tmp_path / "a.svg", [], np.zeros((1, 3), np.uint8), size=(3, 4))
     assert len(ElementTree.parse(tmp_path / "a.svg").getroot()[0]) == 0
-    write_coco(tmp_path / "a.json", np.zeros((2, 2), int), "a.png")
-    assert json.loads((tmp_path / "a.json").read_text())["annotations"] == []
 
 
 def test_a_write_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cvtimg import mesh_labels
 from cvtimg.halfedges import boundary_edges
@@ -93,29 +91,6 @@ def test_names_are_sets_in_abaqus_files(named: Mesh, tmp_path: Path) -> None:
     assert found.cell_sets["left"][0].tolist() == np.flatnonzero(named.tags == 3).tolist()
     assert found.point_sets["top"].tolist() == np.flatnonzero(named.points[:, 1] == 0).tolist()
     assert "*ELEMENT, TYPE=CPS3\n" in (tmp_path / "a.inp").read_text()
-
-
-def xdmf(path: Path) -> list[NDArray[np.float64]]:
-    """Read points, cells and tags without meshio, which needs h5py for it."""
-    items = ElementTree.parse(path).iter("DataItem")
-    return [
-        np.fromstring(item.text or "", sep=" ").reshape(*map(int, item.attrib["Dimensions"].split())) for item in items
-    ]
-
-
-def test_tags_of_borders_are_beside_xdmf_files(named: Mesh, tmp_path: Path) -> None:
-    named.save(tmp_path / "a.xdmf")
-    (points, triangles, tags), borders = (xdmf(tmp_path / name) for name in ("a.xdmf", "a_borders.xdmf"))
-    assert (points == named.points).all()  # FEniCS takes what has three coordinates for a surface
-    assert (triangles == named.triangles).all()
-    assert (tags == named.tags).all()
-    assert (borders[0] == points).all()
-    top = borders[1][borders[2] == next(tag for (_, tag), name in named.names.items() if name == "top")]
-    assert (points[top.astype(int), 1] == 0).all()
-    (tmp_path / "a.xdmf").unlink()
-    with pytest.raises(FileExistsError, match="a_borders"):
-        named.save(tmp_path / "a.xdmf")
-    assert not (tmp_path / "a.xdmf").exists()
 
 
 def test_wrong_names_are_told(mesh: Mesh) -> None:

@@ -79,7 +79,6 @@ def test_labels_are_periodic_where_their_borders_are() -> None:
         ([[0, 0], [2, 0], [3, 1], [0, 1]], {}, r"the border from \[0.0, 1.0\] to \[0.0, 0.0\] must have a copy"),
         (CELL, {"fixed": [[0.1, 0.6]]}, "must have a copy on the other side"),
         (CELL, {"periodic": "z"}, "periodic='z' must be one of x, y, xy"),
-        (CELL, {"layers": (2, 0.01, 1.2)}, "periodic must not be given with layers"),
     ],
 )
 def test_sides_that_are_no_copies_are_named(region: Any, arguments: dict[str, Any], message: str) -> None:

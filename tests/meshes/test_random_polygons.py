@@ -143,6 +143,7 @@ def outcome_of(seed: int) -> str:
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32))
 @example(481065441)  # whose region has no room between its borders
+@example(2675704)  # whose borders alone need nearly as many vertices as there are
 def test_a_hard_polygon_has_a_mesh_or_one_clear_error_in_ten_seconds(seed: int) -> None:
     assert outcome_of(seed)
 

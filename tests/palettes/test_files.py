@@ -413,16 +413,6 @@ def test_density_of_another_length_is_refused(tmp_path: Path) -> None:
         write_palette(tmp_path / "a.json", RGB, density=[1, 2])
 
 
-def test_an_existing_file_stays_unless_asked(tmp_path: Path) -> None:
-    path = tmp_path / "a.gpl"
-    path.write_text("mine")
-    with pytest.raises(FileExistsError, match="exists already"):
-        write_palette(path, RGB)
-    assert path.read_text() == "mine"
-    write_palette(path, RGB, overwrite=True)
-    np.testing.assert_array_equal(read_gpl(path), RGB)
-
-
 def test_the_palette_is_named_after_the_file_in_one_line(tmp_path: Path) -> None:
     write_palette(tmp_path / "two\nlines.gpl", RGB)
     assert (tmp_path / "two\nlines.gpl").read_text().splitlines()[1] == "Name: two lines"

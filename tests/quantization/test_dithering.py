@@ -126,7 +126,7 @@ def test_a_ramp_in_black_and_white_keeps_its_local_mean(method: str) -> None:
     labels = of_image(ramp[..., None], np.array([[0.0], [1.0]]), method=method, strength=1)
     error = np.abs(gaussian_filter(labels.astype(float), 8) - gaussian_filter(ramp, 8))
     # A mixture of n entries is right to 1 / (2 n).
-    assert error.max() < {"blue-noise": 0.06, "bayer-2": 0.13, "bayer-4": 0.035}.get(method, 0.03)
+    assert error.max() < {"blue-noise": 0.06}.get(method, 0.03)
 
 
 @pytest.mark.parametrize("method", DITHERS)
@@ -224,7 +224,7 @@ def seen(image: NDArray[Any]) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     "name", ["chelsea.png", *(pytest.param(name, marks=pytest.mark.slow) for name in ("coffee.png", "astronaut.png"))]
 )
-@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "bayer-8", "blue-noise"])
+@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "bayer", "blue-noise"])
 def test_a_fixed_palette_keeps_the_hues(name: str, method: str) -> None:
     with Image.open(SAMPLES / name) as file:
         image = file.convert("RGB").resize((192, 128), Image.Resampling.LANCZOS)
@@ -275,11 +275,11 @@ def test_edge_aware_dithering_leaves_text_and_flat_areas_clean() -> None:
     assert error(aware) < 1.1 * error(diffused) < 0.1 * error(plain)
 
 
-@pytest.mark.parametrize("side", [2, 4, 8, pytest.param(16, marks=pytest.mark.slow)])
-def test_a_bayer_mask_turns_on_one_pixel_of_a_square_after_the_other(side: int) -> None:
+def test_a_bayer_mask_turns_on_one_pixel_of_a_square_after_the_other() -> None:
+    side = 8
     greys = np.arange(side**2 + 1) / side**2
     squares = np.repeat(greys, side) * np.ones((2 * side, 1))
-    labels = of_image(squares[..., None], np.array([[0.0], [1.0]]), method=f"bayer-{side}", strength=1)
+    labels = of_image(squares[..., None], np.array([[0.0], [1.0]]), method="bayer", strength=1)
     assert np.array_equal(labels[:side], labels[side:])
     one_by_one = labels[:side].reshape(side, -1, side).swapaxes(0, 1)
     assert one_by_one.sum(axis=(1, 2)).tolist() == list(range(side**2 + 1))
@@ -300,7 +300,7 @@ def test_no_error_crosses_pixels_that_have_no_choice() -> None:
     assert np.array_equal(with_gap[:, 32:], again[:, 32:])
 
 
-@pytest.mark.parametrize("method", ["blue-noise", "bayer-8"])
+@pytest.mark.parametrize("method", ["blue-noise", "bayer"])
 def test_ordered_dithering_depends_on_color_and_place_alone(method: str) -> None:
     rng = np.random.default_rng(0)
     image, palette = rng.random((70, 90, 3)), rng.random((16, 3))
@@ -320,7 +320,7 @@ def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
         assert power[radius < 0.15].mean() < 0.05 * power.mean()
 
 
-@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer-8"])
+@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer"])
 def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     image = read_image(SAMPLES / "coffee.png")[:200, :300]
     samples = color_samples(image)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,16 @@ import cvtimg
 from cvtimg._shared.threads import one_thread
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.frames import Frames
-from cvtimg.quantization import Quantized, UnfitOptionError, map_to_palette, quantize_file, quantize_frames
+from cvtimg.quantization import (
+    Quantized,
+    QuantizeOptions,
+    Reading,
+    UnfitOptionError,
+    map_to_palette,
+    quantize_file,
+    quantize_frames,
+)
+from cvtimg.quantization.driver import _just_reaching
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -42,9 +52,39 @@ def test_a_quality_is_reached_and_not_much_more_and_less_gives_a_smaller_file() 
     assert sizes[0] < 0.9 * sizes[1]
 
 
-def test_a_quality_out_of_reach_tells_what_can_be_had() -> None:
-    with pytest.raises(ValueError, match=r"quality=90 must be at most -?\d+\.\d, which 4 colors reach"):
-        cvtimg.quantize(COFFEE, 4, quality=90, **FAST)
+def test_a_quality_out_of_reach_gives_the_best_and_tells_what_can_be_had() -> None:
+    with pytest.warns(UserWarning, match=r"quality=90 is out of reach of 4 colors: -?\d+\.\d"):
+        result = cvtimg.quantize(COFFEE, 4, quality=90, **FAST)
+    assert result.quality == cvtimg.visual_quality(COFFEE, result.image)
+    assert result.quality > cvtimg.quantize(COFFEE, 4, goal="eyes", **FAST).quality - 1
+
+
+def test_of_a_range_of_qualities_the_upper_end_is_wanted_and_less_than_the_lower_refused() -> None:
+    ranged = cvtimg.quantize(PART, quality=(50, 80), **FAST)
+    np.testing.assert_array_equal(ranged.image, cvtimg.quantize(PART, quality=80, **FAST).image)
+    with pytest.raises(ValueError, match=r"must be at most -?\d+\.\d at its lower end, which 4 colors reach"):
+        cvtimg.quantize(COFFEE, 4, quality=(85, 90), **FAST)
+    for wrong in (101, (80, 60), (-1, 50)):
+        with pytest.raises(ValueError, match=r"quality=.* must be in 0\.\.100, or two such, rising"):
+            cvtimg.quantize(PART, quality=wrong, **FAST)
+
+
+@pytest.mark.parametrize("slope", [-2.0, -10.0, -40.0])
+@pytest.mark.parametrize("wanted", [55.0, 70.0, 80.0, 87.5, 95.0])
+def test_a_quality_is_found_in_few_trials_however_it_falls(slope: float, wanted: float) -> None:
+    seen = []
+
+    def trial(saving: float) -> SimpleNamespace:
+        seen.append(saving)
+        return SimpleNamespace(quality=90 + slope * saving - 3 * np.sqrt(saving))
+
+    found, saving = _just_reaching(trial, wanted, 0.7, (0.0, 1.2), -10.0)
+    assert len(seen) <= 5
+    highest, lowest = trial(0.0).quality, trial(1.2).quality
+    if wanted > highest:
+        assert saving == 0.0
+    else:
+        assert wanted <= found.quality <= max(wanted + 1, lowest)
 
 
 @pytest.mark.parametrize("options", [{"goal": "eyes"}, {"quality": 90}])
@@ -82,8 +122,8 @@ def test_what_stands_still_in_an_animation_does_not_flicker() -> None:
 
 def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_path: Path) -> None:
     cvtimg.pictures.write_frames(tmp_path / "a.webp", film(3, noise=2))
-    plain = quantize_file(tmp_path / "a.webp", tmp_path / "plain.gif", 255, space="oklab", **FAST)
-    eyes = quantize_file(tmp_path / "a.webp", tmp_path / "eyes.gif", goal="eyes", **FAST)
+    plain = quantize_file(tmp_path / "a.webp", tmp_path / "plain.gif", QuantizeOptions(255, space="oklab", engine=FAST))
+    eyes = quantize_file(tmp_path / "a.webp", tmp_path / "eyes.gif", QuantizeOptions(goal="eyes", engine=FAST))
     pairs = zip(film(3, noise=2).images, cvtimg.pictures.read_frames(tmp_path / "eyes.gif").images, strict=True)
     assert eyes.quality == pytest.approx(np.mean([cvtimg.visual_quality(a, b) for a, b in pairs]))
     assert plain.quality is None
@@ -97,7 +137,7 @@ def test_the_quality_of_frames_and_pages_is_the_mean(tmp_path: Path) -> None:
     pairs = zip(frames.images, result.results, strict=True)
     assert 60 <= np.mean([cvtimg.visual_quality(image, one.image) for image, one in pairs]) < 66
     cvtimg.pictures.write_pages(tmp_path / "a.tif", cvtimg.pictures.Pages(frames.images, "Q", (2,), "", {}))
-    pages = quantize_file(tmp_path / "a.tif", tmp_path / "b.tif", quality=60, **FAST)
+    pages = quantize_file(tmp_path / "a.tif", tmp_path / "b.tif", QuantizeOptions(quality=60, engine=FAST))
     assert pages.kind == "pages"
     assert pages.quality is not None
     assert 60 <= pages.quality < 66
@@ -118,12 +158,12 @@ def test_gray_and_frames_and_masks() -> None:
 def test_the_best_that_fits(tmp_path: Path) -> None:
     source = tmp_path / "a.png"
     cvtimg.write_image(source, PART)
-    fits = quantize_file(source, tmp_path / "b.png", goal="eyes", max_bytes=8_000, **FAST)
+    fits = quantize_file(source, tmp_path / "b.png", QuantizeOptions(goal="eyes", max_bytes=8_000, engine=FAST))
     assert 6_000 < (tmp_path / "b.png").stat().st_size <= 8_000
     assert fits.n_colors > 100
-    small = quantize_file(source, tmp_path / "small.png", goal="eyes", max_bytes=4_000, **FAST)
+    small = quantize_file(source, tmp_path / "small.png", QuantizeOptions(goal="eyes", max_bytes=4_000, engine=FAST))
     assert small.n_colors > 100  # few colors would look worse than a high price of bits
-    quantize_file(source, tmp_path / "c.png", quality=50, max_bytes=25_000, **FAST)
+    quantize_file(source, tmp_path / "c.png", QuantizeOptions(quality=50, max_bytes=25_000, engine=FAST))
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 
 
@@ -132,7 +172,7 @@ def test_images_in_tiles_are_not_for_eyes(options: dict[str, Any], tmp_path: Pat
     source = tmp_path / "a.tif"
     cvtimg.write_image(source, CHELSEA)
     with pytest.raises(UnfitOptionError, match="needs the whole image in memory"):
-        quantize_file(source, tmp_path / "b.tif", **options, tiles=True)
+        quantize_file(source, tmp_path / "b.tif", QuantizeOptions(**options), reading=Reading(tiles=True))
 
 
 def test_threads_do_not_matter() -> None:

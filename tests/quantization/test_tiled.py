@@ -21,16 +21,14 @@ from cvtimg.cli import quantize_command as command
 from cvtimg.colors import counting
 from cvtimg.colors.counting import Counter
 from cvtimg.colors.samples import color_samples
-from cvtimg.files.whole import whole_folder
 from cvtimg.pictures import tiles
-from cvtimg.quantization import files, map_to_palette
+from cvtimg.quantization import QuantizedSeries, QuantizeOptions, Reading, Writing, files, map_to_palette
 from cvtimg.quantization import tiled as tiled_quantization
 
 RNG = np.random.default_rng(31)
 zarr = pytest.importorskip("zarr")
 PICTURE = np.kron(RNG.integers(0, 250, (12, 10, 3), np.uint8), np.ones((50, 60, 1), np.uint8))
 PICTURE = PICTURE + RNG.integers(0, 6, PICTURE.shape, np.uint8)
-quantize_file = partial(files.quantize_file, tiles=True)
 LAYOUTS: dict[str, dict[str, Any]] = {
     "tiles": {"tile": (64, 128)},
     "compressed tiles": {"tile": (128, 64), "compression": "zstd", "predictor": True},
@@ -46,6 +44,13 @@ def small_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several bands in a picture."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
+
+
+def quantize_file(
+    source: str, target: str, n_colors: int | None = None, *, overwrite: bool = False, **how: Any
+) -> QuantizedSeries:
+    given = {"reading": Reading(tiles=True), "writing": Writing(overwrite=overwrite)}
+    return files.quantize_file(source, target, QuantizeOptions(n_colors, **how), **given)
 
 
 def write(image: NDArray[Any], **layout: Any) -> None:
@@ -73,7 +78,7 @@ def test_by_tiles_is_as_in_one_piece(layout: dict[str, Any]) -> None:
     np.testing.assert_array_equal(result.palette, whole.palette)
     assert result.energy == pytest.approx(whole.energy)
     assert result.psnr == pytest.approx(whole.psnr)
-    assert (result.n_distinct, result.exact) == (color_samples(PICTURE).n_colors, True)
+    assert (result.n_distinct, result.results[0].exact) == (color_samples(PICTURE).n_colors, True)
     with tifffile.TiffFile("b.tif") as tiff:
         assert tiff.pages.first.is_tiled
         assert tiff.pages.first.photometric.name == "PALETTE"
@@ -109,18 +114,6 @@ def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
     assert len(np.unique(after.reshape(-1, image.shape[2] if image.ndim == 3 else 1), axis=0)) <= 9
     error = ((after.astype(float) - image) ** 2).sum()
     assert error <= 1.02 * ((expected.image.astype(float) - image) ** 2).sum()
-
-
-@pytest.mark.slow
-def test_zarr_is_read_and_written() -> None:
-    source = zarr.create_array("a.zarr", shape=PICTURE.shape, chunks=(128, 128, 3), dtype=np.uint8)
-    source[:] = PICTURE
-    assert cli.main(["quantize", "a.zarr", "-k", "12", "-o", "b.zarr", "--quiet"]) == 0
-    np.testing.assert_array_equal(zarr.open_array("b.zarr", mode="r")[:], quantize(PICTURE, 12).image)
-    assert cli.main(["quantize", "a.zarr", "-k", "12", "-o", "b.zarr"]) == 1
-    assert cli.main(["quantize", "a.zarr", "-k", "2", "-o", "b.zarr", "--overwrite", "--quiet"]) == 0
-    assert len(np.unique(zarr.open_array("b.zarr", mode="r")[:].reshape(-1, 3), axis=0)) == 2
-    assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr"}
 
 
 def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
@@ -202,20 +195,6 @@ def test_profile_and_place_on_earth_stay() -> None:
         assert (page.tags.valueof(33550), page.tags.valueof(33922)) == (scale, points)
 
 
-@pytest.mark.parametrize("option", ["--palette", "--lock"])
-def test_given_colors_are_brought_to_16_bits(monkeypatch: pytest.MonkeyPatch, option: str) -> None:
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
-    write(PICTURE[::3, ::3].astype(np.uint16) * 257, tile=(64, 64))
-    Path("three.hex").write_text("000000\n808080\nffffff\n")
-    given = ["--palette", "three.hex"] if option == "--palette" else ["-k", "2", "--lock", "#808080"]
-    assert cli.main(["quantize", "a.tif", "-o", "b.tif", "--quiet", *given]) == 0
-    found = {tuple(color) for color in np.unique(read_image("b.tif").reshape(-1, 3), axis=0).tolist()}
-    if option == "--palette":
-        assert found == {(0,) * 3, (0x80 * 257,) * 3, (65535,) * 3}
-    else:
-        assert (0x80 * 257,) * 3 in found
-
-
 def test_what_cannot_be_read_in_tiles_says_why() -> None:
     write(np.moveaxis(PICTURE, 2, 0), planarconfig="separate", tile=(64, 64))
     with pytest.raises(OSError, match=r"a\.tif: cannot be read in tiles|holds"):
@@ -292,15 +271,3 @@ def test_a_folder_is_replaced_only_by_a_whole_one() -> None:
     with pytest.raises(OSError, match=r"c\.tif"):
         quantize_file("c.tif", "b.zarr", 3, overwrite=True)
     np.testing.assert_array_equal(zarr.open_array("b.zarr", mode="r")[:], before)
-
-
-def test_a_folder_that_a_killed_program_left_is_cleared() -> None:
-    write(PICTURE, tile=(64, 64))
-    left = Path(".cvtimg-0123456789abcdef.part")
-    left.mkdir()
-    (left / "zarr.json").write_text("{}")
-    with whole_folder("c.zarr") as folder:
-        assert cli.main(["quantize", "a.tif", "-k", "4", "-o", "b.zarr", "--quiet"]) == 0
-        assert not left.exists()
-        assert folder.exists()
-    assert {path.name for path in Path().iterdir()} == {"a.tif", "b.zarr", "c.zarr"}

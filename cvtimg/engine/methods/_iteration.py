@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +69,25 @@ class Iteration:
     labels: NDArray[np.int32] | None = None
 
 
+class Ends(NamedTuple):
+    """The ends of iterations from n sets of generators.
+
+    Attributes
+    ----------
+    generators : (n, K, D) float64 array
+        In the frame of the points.
+    energies : (n,) float64 array
+        At the ends, weighted by `Conditions.volume_power`.
+    """
+
+    generators: NDArray[np.float64]
+    energies: NDArray[np.float64]
+
+
 #: Takes points, initial generators (K, D) and conditions, and returns the end of the iteration.
 Iterate = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
+#: The same for n sets (n, K, D) of initial generators.
+IterateSets = Callable[[Points, NDArray[np.float64], Conditions], Ends]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +108,9 @@ class Method:
     over_few : callable or None
         The same iteration, faster for so few points that a pass takes less time than calling for it; it locks no
         generator. By default `iterate`.
+    of_sets : callable or None
+        The same iteration from many sets of generators at once, over few points; empty cells may stay empty. By
+        default one `iterate` after the other.
     """
 
     iterate: Iterate
@@ -97,7 +118,15 @@ class Method:
     takes_locked: bool = True
     exact_in_one_dimension: bool = False
     over_few: Iterate | None = None
+    of_sets: IterateSets | None = None
 
     def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
         """Iterate from these generators."""
         return self.iterate(points, generators, conditions)
+
+    def descend_all(self, points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
+        """Iterate from each of (n, K, D) sets of generators."""
+        if self.of_sets is not None:
+            return self.of_sets(points, sets, conditions)
+        ends = [self.iterate(points, generators, conditions) for generators in sets]
+        return Ends(np.stack([end.generators for end in ends]), np.array([end.energies[-1] for end in ends]))

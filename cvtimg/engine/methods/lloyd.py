@@ -5,12 +5,15 @@ S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import iterate
+from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
-from cvtimg.engine.methods._iteration import Conditions, Iteration
+from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
 
@@ -46,17 +49,66 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
     """Iterate as `lloyd` does, with no locked generators, checking only every few moves whether to stop."""
     # For so few points that a pass over them takes less time than the call that starts it.
-    n_generators, n_dims = generators.shape
-    moved = generators.copy()
-    sums, single = np.empty((n_generators, n_dims + 1)), np.empty((n_generators, n_dims), np.float32)
-    half_norms, labels = np.empty(n_generators, np.float32), np.empty(len(points.density), np.int32)
+    moved = generators[None].copy()
     energies: list[float] = []
     while True:
-        some = np.empty(_MOVES + 1)
-        _kernels.move_often(points.tiles, points.density, moved, sums, single, half_norms, labels, some)
-        if not sums[:, -1].all():
-            return lloyd(points, moved, conditions)  # which refills empty cells
-        measured = np.maximum(points.energy_about_origin + some, 0.0).tolist()
-        energies += measured[1:] if energies else measured
+        round_ = _move_sets(points, moved, 0)
+        if not round_.masses.all():
+            return lloyd(points, moved[0], conditions)  # which refills empty cells
+        energies += round_.energies[0, bool(energies) :].tolist()
         if conditions.ended(energies):
-            return Iteration(moved, energies, conditions.stopping.converged(energies))
+            return Iteration(moved[0], energies, conditions.stopping.converged(energies))
+
+
+def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
+    """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
+    stopping = conditions.stopping
+    ends, energies = sets.copy(), np.empty(len(sets))
+    moving = np.arange(len(sets))
+    for _ in range(-(-stopping.max_iterations // _MOVES)):
+        moved = ends[moving]
+        before, last = _move_sets(points, moved, conditions.n_locked).energies[:, -2:].T
+        ends[moving], energies[moving] = moved, last
+        moving = moving[before - last > stopping.tolerance * before]
+        if not moving.size:
+            break
+    return Ends(ends, energies)
+
+
+def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (n, K) masses of the cells of (n, K, D) sets, and (n, M) squared distances to the own generator."""
+    _, masses, labels = _move_sets(points, sets, len(sets[0]), 0)
+    distances = np.empty(labels.shape)
+
+    def measure(start: int, stop: int) -> None:
+        own = slice(start, stop)
+        _kernels.distances_to_own(points.tiles, sets[own], labels[own], distances[own])
+
+    in_parts(measure, len(sets), work=len(sets) * points.tiles.size)
+    return masses, distances
+
+
+class _Moved(NamedTuple):
+    """What some moves of n sets of generators leave: energies before each and at the end, last masses and labels."""
+
+    energies: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    labels: NDArray[np.int32]
+
+
+def _move_sets(points: Points, sets: NDArray[np.float64], n_locked: int, n_moves: int = _MOVES) -> _Moved:
+    """Move (n, K, D) sets of generators in place."""
+    n_sets, n_generators, n_dims = sets.shape
+    sums = np.empty((n_sets, n_generators, n_dims + 1))
+    labels = np.empty((n_sets, len(points.density)), np.int32)
+    energies = np.empty((n_sets, n_moves + 1))
+
+    def move(start: int, stop: int) -> None:
+        own = slice(start, stop)
+        single, half_norms = np.empty((n_generators, n_dims), np.float32), np.empty(n_generators, np.float32)
+        _kernels.move_often(
+            points.tiles, points.density, n_locked, sets[own], sums[own], single, half_norms, labels[own], energies[own]
+        )
+
+    in_parts(move, n_sets, work=n_sets * (n_moves + 1) * points.tiles.size / 8 * n_generators)
+    return _Moved(np.maximum(points.energy_about_origin + energies, 0.0), sums[:, :, -1], labels)

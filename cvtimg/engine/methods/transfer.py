@@ -48,7 +48,8 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
 
 def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], volume_power: float) -> float:
     """Sum the energies of the cells, each times its fraction of the mass to the power `volume_power`."""
-    return float((masses / masses.sum()) ** volume_power @ energies)
+    # Not by BLAS, whose bits depend on the processor.
+    return float(np.einsum("k,k->", (masses / masses.sum()) ** volume_power, energies))
 
 
 def _labels_of_full_cells(

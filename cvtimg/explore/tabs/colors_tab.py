@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -33,8 +32,8 @@ from cvtimg.explore.opened import N_CURVE, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
 from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
 from cvtimg.options.common import color_bits
-from cvtimg.pictures import Frames, encode_image
-from cvtimg.quantization import Quantized, QuantizedFrames, map_to_palette
+from cvtimg.pictures import Frames
+from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
 #: Formats of palettes that are offered, with their labels.
@@ -51,12 +50,6 @@ _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 _PAGES = {"Pages, TIFF": ".tif"}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
 _KILO = 1000
-_SIZE = """
-def size(result):
-    pixels, palette = result.content
-    return len(cvtimg.pictures.encode_image("{}", pixels, palette=palette))
-
-"""
 
 
 class ColorsTab(Tab):
@@ -153,7 +146,6 @@ class ColorsTab(Tab):
         settings, picture = request.settings, request.picture
         call = self._call(request)
         known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
-        size = _SIZE.format(_suffix(picture)) if settings["aim"] == "max_bytes" else ""
         words = ["-k", "auto"] if settings["aim"] == "auto" else []
         if settings["aim"] == "palette":
             words = ["--palette", request.files.palette(settings["palette"])[0]]
@@ -165,7 +157,7 @@ class ColorsTab(Tab):
             lines = f"import cvtimg\n\nframes = cvtimg.pictures.{read}\nresult = {call.text('frames')}"
             return Recipe(self.words(request, *words), lines, always="" if is_film else "{}-quantized.tif")
         start = reading(picture) + known.format(picture.header.nodata) + self.map_lines(request)
-        return Recipe(self.words(request, *words), f"{start}\n{size}result = {call.text()}")
+        return Recipe(self.words(request, *words), f"{start}\nresult = {call.text()}")
 
     def _call(self, request: Request) -> Call:
         settings, picture = request.settings, request.picture
@@ -187,6 +179,8 @@ class ColorsTab(Tab):
             if dtype != np.uint8:
                 text = f"cvtimg.colors.to_depth({text}, image.dtype)"
             return Call(function, (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
+        if (own := self._own_palette(request)) is not None and "weights" not in keywords:
+            return Call(function, (), {"palette": own, **keywords})
         if settings["locked"]:
             keywords["locked"] = to_depth(rgb(settings["locked"]), dtype)
         keywords |= _bits(settings)
@@ -195,13 +189,19 @@ class ColorsTab(Tab):
         if settings["aim"] == "psnr":
             return Call(function, (), {"psnr": settings["psnr"], **keywords})
         if settings["aim"] == "max_bytes":
-            size = Named("size", partial(_file_size, suffix=_suffix(picture)))
-            return Call("quantization.quantize_to_size", (settings["max_bytes"] * _KILO, size), keywords)
+            return Call(function, (), {"max_bytes": settings["max_bytes"] * _KILO, **keywords})
         n_colors = settings["k"] if settings["aim"] == "k" else "auto"
-        if picture.header.mode == "P" and not request.source.frames and not settings["locked"]:
-            text = f"cvtimg.read_palette({quoted(picture.name)})"
-            keywords["palette_hint"] = Named(text, picture.kept("own palette", lambda: read_palette(picture.path)))
         return Call(function, (n_colors,), keywords)
+
+    def _own_palette(self, request: Request) -> Named | None:
+        """Return the palette of an indexed picture of few colors, which it keeps."""
+        settings, picture = request.settings, request.picture
+        found = settings["aim"] == "k" and not settings["locked"] and not _bits(settings)
+        if not found or picture.header.mode != "P" or request.source.frames:
+            return None
+        colors = picture.kept("own palette", lambda: read_palette(picture.path))
+        fits = len(colors) <= settings["k"] and colors.shape[1:] == picture.array.shape[2:]
+        return Named(f"cvtimg.read_palette({quoted(picture.name)})", colors) if fits else None
 
     def _mapping(self, settings: Settings) -> dict[str, Any]:
         """Return how pixels get their colors."""
@@ -266,7 +266,7 @@ class ColorsTab(Tab):
         result: Quantized = call.run(request.picture.array)
         return self._outcome(request.picture, result, outputs)
 
-    def _animated(self, request: Request, result: QuantizedFrames, outputs: Sequence[Output]) -> Outcome:
+    def _animated(self, request: Request, result: QuantizedSeries, outputs: Sequence[Output]) -> Outcome:
         seen = [self._outcome(request.picture, one) for one in result.results]
         frames = [(one.layer, one.facts) for one in seen]
         return Outcome(result, seen[0].layer, seen[0].facts, outputs, request.stem, frames=frames)
@@ -296,11 +296,6 @@ def _suffix(picture: Picture) -> str:
     shape, dtype = picture.array.shape, picture.array.dtype
     deep = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
     return ".png" if deep else ".npy"
-
-
-def _file_size(result: Quantized, suffix: str) -> int:
-    pixels, palette = result.content
-    return len(encode_image(suffix, pixels, palette=palette))
 
 
 def _bits(settings: Settings) -> dict[str, Any]:
@@ -340,7 +335,7 @@ def _palette_output(suffix: str, label: str, counted: str = _COUNTED) -> Output:
     return Output(label, "--save-palette", "{}-palette" + suffix, _save_palette, lines)
 
 
-def _save_palette(result: Quantized | QuantizedFrames, path: Path) -> None:
-    results = result.results if isinstance(result, QuantizedFrames) else (result,)
+def _save_palette(result: Quantized | QuantizedSeries, path: Path) -> None:
+    results = result.results if isinstance(result, QuantizedSeries) else (result,)
     n_pixels: Any = sum(np.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in results)
     write_palette(path, result.palette, density=n_pixels)

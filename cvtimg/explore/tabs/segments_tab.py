@@ -58,9 +58,11 @@ class SegmentsTab(Tab):
         ("number", {**_CELLS, "name": "cells", "default": 400, "slider": (16, 4000), "auto": False}),
         ("threshold", {"when": {"regions": ["auto"]}}),
         ("compactness", {"always": False}),
+        "shading",
         "averaging",
         "kernel",
         ("radius", {"default": 2, "low": 1}),
+        "smallest_detail",
         "edge_weight",
         "edge_radius",
         Switches(
@@ -224,7 +226,8 @@ def _cut_text(settings: Settings) -> str:
 
 def _scaled(settings: Settings, step: int) -> Mapping[str, Any]:
     """Return settings for every step-th pixel: lengths and areas shrink with the picture."""
-    lengths = {"radius": max(round(settings["radius"] / step), 1), "neck_depth": settings["neck_depth"] / step}
+    lengths = {"radius": max(round(settings["radius"] / step), 1)}
+    lengths |= {name: settings[name] / step for name in ("neck_depth", "smallest_detail")}
     return {**settings, **lengths, "min_size": settings["min_size"] // step**2}
 
 

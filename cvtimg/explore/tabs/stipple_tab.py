@@ -29,7 +29,7 @@ def _radius(name: str, label: str, default: float, largest: float) -> Number:
         slider=(0.1, largest),
         step=0.1,
         unit="px",
-        when={"dots": ["sized"], "limited": [True]},
+        when={"by": ["n"], "dots": ["sized"], "limited": [True]},
     )
 
 
@@ -45,22 +45,14 @@ class StippleTab(Tab):
         Choice(name="by", label="Dots by", default="n", choices={"n": "their number", "pen": "the width of the pen"}),
         ("number", {"name": "n_dots", "always": False, "when": {"by": ["n"]}}),
         ("pen", {"when": {"by": ["pen"]}, "always": True, "keyword": ""}),
-        "dots",
-        Switch(name="limited", label="Limit radii", when={"dots": ["sized"]}),
+        ("dots", {"when": {"by": ["n"]}}),  # those of a pen are of one size
+        Switch(name="limited", label="Limit radii", when={"by": ["n"], "dots": ["sized"]}),
         _radius("least", "Least radius", 0.5, 10),
         _radius("greatest", "Greatest radius", 4.0, 20),
         "tones",
         "max_ink",
         "white_cutoff",
-        Choice(
-            name="layers",
-            label="Pens",
-            default="one",
-            choices={"one": "one", "cmyk": "CMYK", "colors": "image's colors"},
-        ),
-        Number(
-            name="pens", label="Pens in all", default=4, low=1, high=64, slider=(2, 16), when={"layers": ["colors"]}
-        ),
+        Choice(name="layers", label="Pens", default="one", choices={"one": "one", "cmyk": "CMYK"}),
         ("invert", {"when": {"layers": ["one"]}}),
         "marks",
         "width",
@@ -73,7 +65,7 @@ class StippleTab(Tab):
         drawing = _drawing(self, request.settings)
         more = "".join(f", {name}={literal(value)}" for name, value in drawing.items())
         write, lines = partial(_save, drawing=drawing), f"result.save({{}}{more})"
-        kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV", ".npy": "Dots, NumPy"}
+        kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
         return [Output(label, "-o", f"{{}}-stippled{suffix}", write, lines) for suffix, label in kinds.items()]
 
     def recipe(self, request: Request) -> Recipe:
@@ -83,7 +75,7 @@ class StippleTab(Tab):
         if "least" in self.in_effect(settings):
             words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
         if settings["layers"] != "one":
-            words += ["--layers", "cmyk" if settings["layers"] == "cmyk" else str(settings["pens"])]
+            words += ["--layers", "cmyk"]
         return Recipe(self.words(request, *words), f"{reading(request.picture)}\nresult = {call.text()}")
 
     def exact(self, request: Request) -> Outcome:
@@ -108,7 +100,7 @@ def _call(tab: StippleTab, request: Request) -> Call:
     if "least" in tab.in_effect(settings):
         keywords["radius_range"] = (settings["least"], settings["greatest"])
     if settings["layers"] != "one":
-        keywords["layers"] = "cmyk" if settings["layers"] == "cmyk" else settings["pens"]
+        keywords["layers"] = "cmyk"
     has_number = settings["by"] == "n" and settings["n_dots"] != "auto"
     number = (settings["n_dots"],) if has_number else ()
     return Call("stipple", number, keywords)

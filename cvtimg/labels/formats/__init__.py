@@ -1,8 +1,7 @@
 """Files of contours, a format per module.
 
 A module of this package has a function ``write(path, drawings, overwrite)`` that takes a `Drawing` of each page. To add
-a format, add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there. COCO, which
-holds masks and not contours, is in `coco`.
+a format, add a module and a line of `CONTOUR_FORMATS`; the command line takes its suffixes from there.
 """
 
 from __future__ import annotations

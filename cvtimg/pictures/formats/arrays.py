@@ -1,4 +1,4 @@
-"""Arrays of numbers: samples of any type in native byte order, .npy files, and FITS files of telescopes."""
+"""Arrays of numbers: samples of any type in native byte order, and .npy files."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
 
 NPY_MAGIC = b"\x93NUMPY"
-FITS_MAGIC = b"SIMPLE "
 #: A last axis of at most this length holds bands, however small the image is.
 _FEW_BANDS = 4
 #: A first axis so many times as short as the others is doubtful: it may hold bands or pages.
@@ -79,33 +77,3 @@ def _checked(values: NDArray[Any]) -> NDArray[Any]:
         )
     check_size(values.shape[0] * values.shape[1])
     return values
-
-
-def decode_fits(file: BinaryIO) -> NDArray[Any]:
-    """Read the first image of a FITS file, (H, W), which must have a single plane."""
-    planes: list[NDArray[Any]] = list(decode_planes(file))
-    if len(planes) > 1:
-        raise UnfitContentError(f"has {len(planes)} planes, where one image is expected; --page N chooses one")
-    return planes[0]
-
-
-def decode_planes(file: BinaryIO) -> NDArray[Any]:
-    """Read the planes of the first image of a FITS file, (P, H, W), in physical values.
-
-    Astropy reads them, for Pillow ignores their zero point, sign and orientation: the bottom row comes first.
-    """
-    try:
-        from astropy.io import fits
-    except ImportError as error:
-        raise UnfitContentError(f"is a FITS file, which needs {needs('astropy', 'fits')}") from error
-    file.seek(0)
-    with fits.open(file, memmap=False) as units:
-        for unit in units:
-            header = unit.header
-            sides = [int(header[f"NAXIS{axis + 1}"]) for axis in range(int(header.get("NAXIS", 0)))]
-            if len(sides) < 2 or not unit.is_image or 0 in sides:
-                continue
-            check_size(int(np.prod(sides, dtype=float)))
-            planes: NDArray[Any] = unit.data.reshape(-1, *unit.data.shape[-2:])
-            return as_samples(planes.astype(planes.dtype.newbyteorder("="))[:, ::-1])
-    raise UnfitContentError("holds no image")

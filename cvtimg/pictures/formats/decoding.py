@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
-from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, as_samples, decode_fits, decode_npy
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
@@ -39,8 +39,6 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
         return decode_npy(file)
-    if magic.startswith(FITS_MAGIC):
-        return decode_fits(file)
     try:
         image = open_picture(file)
     except UnidentifiedImageError:

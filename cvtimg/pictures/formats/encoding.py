@@ -111,11 +111,6 @@ def encode_image(
     -------
     bytes
 
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown, or the array or palette does not fit the format.
-
     Examples
     --------
     >>> from cvtimg.pictures import encode_image

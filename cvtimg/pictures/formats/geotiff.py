@@ -7,13 +7,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from PIL.ExifTags import Base
+
 #: Tags of a TIFF by their code.
 Tags = Mapping[int, Any]
 #: Tags in `GEO_TYPES`, which georeference an upright image; empty if a file has no georeferencing.
 GeoTags: TypeAlias = Mapping[int, Any]
 
 NODATA = 42113
-_ORIENTATION = 274
 _PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS = 33550, 33922, 34264, 34735
 #: Georeferencing tags, with the types of their values in TIFF and in Python's struct.
 GEO_TYPES = {
@@ -49,7 +50,7 @@ class Place:
         epsg = code if 0 < code < _USER_DEFINED else None
         with suppress(TypeError, ValueError, IndexError):
             # Rotated maps are rare, and the transform in the file does not apply to the upright image.
-            if tags.get(_ORIENTATION, 1) == 1:
+            if tags.get(Base.Orientation, 1) == 1:
                 transform = _transform(tags, point=keys.get(_RASTER_TYPE) == _PIXEL_IS_POINT)
         with suppress(TypeError, ValueError):
             nodata = float(str(tags[NODATA]).strip("\0 ")) if NODATA in tags else None

@@ -9,9 +9,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
+from PIL.ExifTags import Base
 
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.arrays import FITS_MAGIC, NPY_MAGIC, decode_planes, named_planes, npy_header
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, named_planes, npy_header
 from cvtimg.pictures.formats.axes import Stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
@@ -30,8 +31,6 @@ from cvtimg.pictures.formats.tiff import (
     tags_of,
     tiff_tags,
 )
-
-_DESCRIPTION = 270
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +91,7 @@ class ImageInfo:
     @property
     def has_pages(self) -> bool:
         """Whether the file has several pages; frames of an animation are none."""
-        return self.format in ("TIFF", "FITS", "NPY", "OME-Zarr", "CZI", "ND2") and self.frames > 1
+        return self.format in ("TIFF", "NPY", "OME-Zarr", "CZI", "ND2") and self.frames > 1
 
 
 def read_header(file: BinaryIO) -> ImageInfo:
@@ -143,9 +142,6 @@ def _read(file: BinaryIO) -> ImageInfo:
             return replace(_of_array(planes.shape[-2:], 1, planes.dtype), **stack)
         shape, dtype = npy_header(file)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
-    if magic.startswith(FITS_MAGIC):
-        planes = decode_planes(file)
-        return replace(_of_array(planes.shape[1:], 1, planes.dtype), format="FITS", **_as_stack(len(planes)))
     try:
         image = open_picture(file)
     except UnidentifiedImageError:
@@ -209,7 +205,7 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
 
 def _of_pages(image: ImageFile.ImageFile, file: BinaryIO) -> dict[str, Any]:
     n_pages = count_pages(file)
-    said = str(tags_of(image).get(_DESCRIPTION, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
+    said = str(tags_of(image).get(Base.ImageDescription, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
     return _measured(file, n_pages) if n_pages > 1 or said else _as_stack(n_pages)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from PIL import Image, ImageFile, UnidentifiedImageError
+from PIL.ExifTags import IFD, Base
 
 from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
@@ -20,17 +21,18 @@ from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-_EXIF_PART, _GPS_PART = 0x8769, 0x8825
 #: Tags of the main EXIF directory that describe the image, not its file: description, make and model, software, date,
 #: artist, copyright, and the title, comment, author, keywords and subject of Windows.
-_ABOUT_THE_PICTURE = (270, 271, 272, 305, 306, 315, 33432, *range(0x9C9B, 0x9CA0), _EXIF_PART, _GPS_PART)
-_SIZE = (0xA002, 0xA003)
+_ABOUT_THE_PICTURE = (
+    *(Base.ImageDescription, Base.Make, Base.Model, Base.Software, Base.DateTime, Base.Artist, Base.Copyright),
+    *range(Base.XPTitle, Base.XPSubject + 1),
+    *(IFD.Exif, IFD.GPSInfo),
+)
+_SIZE = (Base.ExifImageWidth, Base.ExifImageHeight)
 #: How descriptions begin by which programs describe the file: its pages, axes and sizes, which are others in a new one.
 _OF_THE_FILE = ("ImageJ=", "SCIFIO=", "<?xml", "<OME", '{"shape"', '{"axes"')
 _ASCII = 2
 _INCHES_A_METER = 39.3701
-_MOST_OF_JPEG = 65535
-_DESCRIPTION, _ACROSS, _DOWN, _UNIT = 270, 282, 283, 296
 #: Units of length, in inches.
 _LENGTHS = {"nm": 1 / 25.4e6, "um": 1 / 25400, "micron": 1 / 25400, "mm": 1 / 25.4, "cm": 1 / 2.54, "m": 1 / 0.0254}
 _LENGTHS |= {"\u00b5m": 1 / 25400, "\u03bcm": 1 / 25400, "\\u00B5m": 1 / 25400, "inch": 1.0}
@@ -78,7 +80,7 @@ class Metadata:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
         icc = self.icc if _serves(self.icc, mode) else None
         values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
-        if form == "JPEG" and self.dpi and max(self.dpi) > _MOST_OF_JPEG:
+        if form == "JPEG" and self.dpi and max(self.dpi) >= 1 << 16:
             values["dpi"] = None
         given = {name: values[name] for name in kept if values[name]}
         if form == "TIFF":
@@ -101,13 +103,13 @@ class Metadata:
         about = Image.Exif()
         about.load(exif or b"")
         for code in about:
-            if code not in (_EXIF_PART, _GPS_PART):
+            if code not in (IFD.Exif, IFD.GPSInfo):
                 tags[code] = about[code]
         if self.scale:
-            tags[_ACROSS], tags[_DOWN] = self.scale["resolution"]
-            tags[_UNIT] = 1  # that of the description
+            tags[Base.XResolution], tags[Base.YResolution] = self.scale["resolution"]
+            tags[Base.ResolutionUnit] = 1  # that of the description
             named = [f"{name}={value}" for name, value in self.scale.items() if name in OF_IMAGEJ]
-            tags[_DESCRIPTION] = "\n".join(["ImageJ=1.11a", *named, ""]).replace("\u00b5", "\\u00B5")
+            tags[Base.ImageDescription] = "\n".join(["ImageJ=1.11a", *named, ""]).replace("\u00b5", "\\u00B5")
         return tags
 
     def png_chunks(self, mode: str) -> bytes:
@@ -143,7 +145,7 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
         icc = image.info.get("icc_profile")
         exif, tags = image.getexif(), tags_of(image)
         dpi = _dpi(image)
-        if dpi and exif.get(0x0112, 1) >= 5:
+        if dpi and exif.get(Base.Orientation, 1) >= 5:
             dpi = dpi[::-1]
         if icc:
             from cvtimg.pictures.profiles import kept_profile, profile_space
@@ -177,7 +179,7 @@ def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
 
 def _scale_of(tags: Tags) -> dict[str, Any]:
     """Return the pixels per unit of an ImageJ or OME file with what names the unit; empty without either."""
-    description = str(tags.get(_DESCRIPTION, ""))
+    description = str(tags.get(Base.ImageDescription, ""))
     with suppress(UnicodeError):
         description = description.encode("latin-1").decode()  # Pillow reads bytes as Latin-1
     if "<OME" in description:
@@ -188,7 +190,7 @@ def _scale_of(tags: Tags) -> dict[str, Any]:
     pairs = (line.partition("=")[::2] for line in description.splitlines())
     scale: dict[str, Any] = {name: value for name, value in pairs if name in OF_IMAGEJ}
     with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
-        across, down = float(tags[_ACROSS]), float(tags[_DOWN])
+        across, down = float(tags[Base.XResolution]), float(tags[Base.YResolution])
         if scale.get("unit") and 0 < across < math.inf and 0 < down < math.inf:
             return {"resolution": (across, down), **scale}
     return {}
@@ -206,10 +208,10 @@ def dpi_of(scale: Mapping[str, Any]) -> tuple[float, float] | None:
 def _about_the_picture(exif: Image.Exif) -> bytes | None:
     kept = Image.Exif()
     for tag in _ABOUT_THE_PICTURE:
-        if tag in (_EXIF_PART, _GPS_PART):
+        if tag in (IFD.Exif, IFD.GPSInfo):
             part = {name: value for name, value in exif.get_ifd(tag).items() if name not in _SIZE}
             if part:
                 kept[tag] = part
-        elif tag in exif and not (tag == _DESCRIPTION and str(exif[tag]).lstrip().startswith(_OF_THE_FILE)):
+        elif tag in exif and not (tag == Base.ImageDescription and str(exif[tag]).lstrip().startswith(_OF_THE_FILE)):
             kept[tag] = exif[tag]
     return kept.tobytes() if len(kept) else None

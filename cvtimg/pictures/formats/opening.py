@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
+from PIL.ExifTags import Base
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 _BYTES_PER_PIXEL = 16
 #: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+#: First bytes of FITS files.
+_FITS_MAGIC = b"SIMPLE "
 #: First bytes of textures, whose files Pillow closes.
 _CLOSED_BY_PILLOW = b"FTEX"
 
@@ -118,11 +121,25 @@ def _opened(source: Source) -> Iterator[BinaryIO]:
                 raise IsADirectoryError(errno.EISDIR, "is a directory, not a file")
             with developed(path, check_size) if path.suffix.lower() in RAW_SUFFIXES else path.open("rb") as file:
                 # Some decoders need to seek, which pipes do not support.
-                yield file if file.seekable() else BytesIO(_all_of(file))
+                yield _plain(file if file.seekable() else BytesIO(_all_of(file)))
     elif isinstance(source, (bytes, bytearray, memoryview)):
-        yield BytesIO(source)
+        yield _plain(BytesIO(source))
     else:
-        yield BytesIO(_all_of(source))
+        yield _plain(BytesIO(_all_of(source)))
+
+
+def _plain(file: BinaryIO) -> BinaryIO:
+    """Return a file that is read as it is, or as the TIFF that it becomes first."""
+    magic = file.read(len(_FITS_MAGIC))
+    file.seek(0)
+    if magic != _FITS_MAGIC:
+        return file
+    from cvtimg.pictures.formats.fits import fits_as_tiff
+
+    found = fits_as_tiff(file, check_size)
+    if found is None:
+        raise UnfitContentError("holds no image")
+    return found
 
 
 def _all_of(file: BinaryIO) -> bytes:
@@ -156,7 +173,7 @@ def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
 def orientation(image: Image.Image) -> int:
     """Return the EXIF orientation, 1..8; 1 is upright."""
     try:
-        return int(image.getexif().get(0x0112, 1))
+        return int(image.getexif().get(Base.Orientation, 1))
     except Exception:  # damaged metadata, for which Pillow raises many kinds of errors, does not affect the pixels
         return 1
 

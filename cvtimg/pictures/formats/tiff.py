@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.ExifTags import Base
 
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import n_threads
@@ -30,16 +31,16 @@ if TYPE_CHECKING:
 #: First bytes of TIFF and BigTIFF files, little and big endian.
 TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
-_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES = 258, 262, 274, 277
-_EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC = 338, 339, 34675
-_OF_SAMPLES = (_BITS, _PHOTOMETRIC, _ORIENTATION, _N_SAMPLES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _ICC)
+_OF_SAMPLES = (
+    *(Base.BitsPerSample, Base.PhotometricInterpretation, Base.Orientation, Base.SamplesPerPixel),
+    *(Base.ExtraSamples, Base.SampleFormat, Base.InterColorProfile),
+)
 _GREYS, _RGB = (0, 1), 2
 _UNSIGNED = 1
 _PREMULTIPLIED = 1
 #: The description of an ImageJ file begins within this many bytes.
 _START = 1 << 12
-_SUBFILE, _REDUCED, _MASK = 254, 1, 4
-_X_RESOLUTION, _Y_RESOLUTION, _RESOLUTION_UNIT = 282, 283, 296
+_REDUCED, _MASK = 1, 4
 #: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
 OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
 _OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
@@ -62,14 +63,14 @@ class Layout:
     @classmethod
     def of(cls, tags: Tags) -> Layout:
         """Derive the layout from the tags of a page."""
-        photometric = tags.get(_PHOTOMETRIC)
-        n_samples, bits = int(_first(tags.get(_N_SAMPLES, 1))), max(_numbers(tags.get(_BITS, 1)))
-        extra = _numbers(tags.get(_EXTRA_SAMPLES, ()))
+        photometric = tags.get(Base.PhotometricInterpretation)
+        n_samples, bits = int(_first(tags.get(Base.SamplesPerPixel, 1))), max(_numbers(tags.get(Base.BitsPerSample, 1)))
+        extra = _numbers(tags.get(Base.ExtraSamples, ()))
         n_colors = 3 if photometric == _RGB else 1
         # An unspecified fourth sample is a band, such as near infrared.
         alpha = n_samples == n_colors + 1 and extra in _ALPHA
         bands = n_samples > n_colors + alpha
-        deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(_SAMPLE_FORMAT, 1)) != _UNSIGNED
+        deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(Base.SampleFormat, 1)) != _UNSIGNED
         for_pillow = photometric not in (*_GREYS, _RGB) or not (bands or deep)
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
 
@@ -82,14 +83,14 @@ def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> tuple[NDArray[
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
         values = _channels_last(page.asarray(maxworkers=n_threads()), page.axes)
-    values = upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(_ORIENTATION, 1)))
+    values = upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(Base.Orientation, 1)))
     return values, Layout.of(tags).alpha
 
 
 def is_plain(tags: Tags) -> bool:
     """Whether samples are gray from black or RGB, of at least 8 bits, and upright."""
-    upright = _first(tags.get(_ORIENTATION, 1)) == 1
-    return tags.get(_PHOTOMETRIC) in (1, _RGB) and Layout.of(tags).bits >= 8 and upright
+    upright = _first(tags.get(Base.Orientation, 1)) == 1
+    return tags.get(Base.PhotometricInterpretation) in (1, _RGB) and Layout.of(tags).bits >= 8 and upright
 
 
 def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) -> NDArray[Any]:
@@ -175,7 +176,7 @@ def main_pages(file: BinaryIO) -> list[int]:
             tag, _, _, kind = struct.unpack_from(f"{order}HH{pointer}I", file.read(size_of))
             file.seek((n_entries - 1) * size_of, 1)
             (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
-            if not (tag == _SUBFILE and kind & (_REDUCED | _MASK)):
+            if not (tag == Base.NewSubfileType and kind & (_REDUCED | _MASK)):
                 found.append(len(seen))
             seen.add(at)
             at = following
@@ -184,7 +185,7 @@ def main_pages(file: BinaryIO) -> list[int]:
 
 def is_subordinate(page: Any) -> bool:
     """Return whether a page is a reduced-size copy or a mask of another page."""
-    return bool(page.aspage().tags.valueof(_SUBFILE, 0) & (_REDUCED | _MASK))
+    return bool(page.aspage().tags.valueof(Base.NewSubfileType, 0) & (_REDUCED | _MASK))
 
 
 def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Stack:
@@ -233,7 +234,7 @@ def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
 
 def icc_profile(tags: Tags) -> bytes | None:
     """Return the embedded color profile, if any."""
-    return bytes(tags[_ICC]) if _ICC in tags else None
+    return bytes(tags[Base.InterColorProfile]) if Base.InterColorProfile in tags else None
 
 
 def tags_of(image: Image.Image) -> Tags:
@@ -243,7 +244,7 @@ def tags_of(image: Image.Image) -> Tags:
 
 def is_turned(tags: Tags) -> bool:
     """Return whether width and height are swapped in the upright image."""
-    return _first(tags.get(_ORIENTATION, 1)) in (5, 6, 7, 8)
+    return _first(tags.get(Base.Orientation, 1)) in (5, 6, 7, 8)
 
 
 def encode_tiff(
@@ -281,10 +282,10 @@ def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
     """Collect the physical sizes that the file states."""
     tags = tiff.pages.first.aspage().tags
     scale: dict[str, Any] = {}
-    across, down = tags.valueof(_X_RESOLUTION), tags.valueof(_Y_RESOLUTION)
+    across, down = tags.valueof(Base.XResolution), tags.valueof(Base.YResolution)
     if across and down and across[1] and down[1]:
         scale["resolution"] = (across[0] / across[1], down[0] / down[1])
-        scale["resolutionunit"] = int(tags.valueof(_RESOLUTION_UNIT, 1))
+        scale["resolutionunit"] = int(tags.valueof(Base.ResolutionUnit, 1))
     if tiff.is_imagej:
         given = tiff.imagej_metadata or {}
         scale |= {name: given[name] for name in OF_IMAGEJ if name in given}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
+from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.hierarchy.leaves import COMPACTNESS, Leaves, without_gaps
@@ -93,13 +94,8 @@ def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> ND
 
 def _known_strengths(leaves: Leaves, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
     """(B,) strengths of borders between leaves; 0 within one, and the mean where two have met only now."""
-    n_leaves = len(leaves.sizes)
-    known = leaves.borders.pairs[:, 0].astype(np.int64) * n_leaves + leaves.borders.pairs[:, 1]
-    wanted = pairs.min(axis=1) * n_leaves + pairs.max(axis=1)
-    strengths = np.full(len(pairs), leaves.strengths.mean() if len(known) else 0.0)
-    if len(known):
-        places = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-        met = known[places] == wanted
-        strengths[met] = leaves.strengths[places[met]]
+    found = EdgeTable(leaves.borders.pairs, len(leaves.sizes)).find(pairs)
+    strengths = np.full(len(pairs), leaves.strengths.mean() if len(leaves.strengths) else 0.0)
+    strengths[found >= 0] = leaves.strengths[found[found >= 0]]
     strengths[pairs[:, 0] == pairs[:, 1]] = 0
     return strengths

@@ -19,19 +19,10 @@ from cvtimg.labels.components import find_borders
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation._segments import label_pixels
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
-from cvtimg.segmentation.hierarchy.objects import cheapest_cut, shares_that_part
 from cvtimg.segmentation.values import dark_to_bright
 
 _KIND = "region hierarchy"
 _ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
-#: Objects differ by this part of the standard deviation of the image from their surroundings, and fill no more than
-#: this part of it.
-_CONTRAST, _LARGEST = 0.5, 0.25
-#: They do so along this share of their border.
-_MOST_OF_BORDER = 2 / 3
-#: They are regions of their own up to this part of the default threshold; grain of wood or fur is not.
-_LASTING = 0.45
-_TINY = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -153,72 +144,6 @@ class RegionHierarchy(ReadOnly):
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
         return label_pixels(self.leaves, np.append(np.int32(0), new_label[leaf_labels]))
-
-    def find_objects(
-        self,
-        *,
-        contrast: float | None = None,
-        min_size: int = 30,
-        max_size: float | None = None,
-        polarity: Literal["any", "bright", "dark"] = "any",
-    ) -> NDArray[np.int32]:
-        """Find the regions that stand out from what surrounds them, wherever in the tree they are.
-
-        Every branch is cut by itself: a region is divided where its parts differ by about `contrast` and have
-        `min_size` pixels. Of these regions, objects are those that differ from their surroundings and are still regions
-        of their own in coarser cuts.
-
-        Parameters
-        ----------
-        contrast : float, optional
-            Least distance between the mean of an object and those of its neighbors, along two thirds of its border,
-            where white is 255. By default, half the standard deviation of the image.
-        min_size : int
-            Least number of pixels of an object.
-        max_size : float, optional
-            Largest number of pixels of an object; by default, a quarter of the image.
-        polarity : {"any", "bright", "dark"}
-            Keep objects that are brighter than those neighbors, or darker, or both, by the sum of the bands. Rims
-            between bright and dark are none. Ground that objects enclose may count as an object: say which are meant
-            if you can.
-
-        Returns
-        -------
-        (H, W) int32 array
-            Objects from 1, from dark to bright; 0 elsewhere.
-
-        References
-        ----------
-        L. Guigues, J. Cocquerez, H. Le Men, Int. J. Computer Vision 68 (2006) 289-317, doi
-        10.1007/s11263-005-6299-0: the cheapest cut of a tree.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cvtimg import segment_hierarchy
-        >>> image = np.zeros((80, 80), np.uint8)
-        >>> image[10:30, 10:30], image[40:70, 40:60] = 250, 60
-        >>> objects = segment_hierarchy(image, n_leaves=64).find_objects()
-        >>> objects[[5, 20, 50], [5, 20, 50]].tolist()
-        [0, 2, 1]
-        """
-        check_choice("polarity", polarity, ("any", "bright", "dark"))
-        least = check_count("min_size", min_size, 1 << 31, "a number of pixels")
-        n_pixels = float(self.sizes[: self.n_leaves].sum())
-        largest = _LARGEST * n_pixels if max_size is None else check_non_negative("max_size", max_size)
-        if contrast is None:
-            whole = self._cut(self.n_parts)[0]
-            contrast = _CONTRAST * float(np.sqrt(self.energies[whole].sum() / n_pixels))
-        apart = check_non_negative("contrast", contrast)
-        nodes, leaf_labels = cheapest_cut(self.merges, self.energies, apart**2 * least)
-        regions = np.append(np.int32(0), leaf_labels)[self.leaves]
-        colors, sizes = self.colors[nodes], self.sizes[nodes]
-        brighter, darker = shares_that_part(regions, self.means[nodes], colors.sum(axis=1), max(apart, _TINY)).T
-        standing_out = {"any": np.maximum(brighter, darker), "bright": brighter, "dark": darker}[polarity]
-        are_objects = (standing_out >= _MOST_OF_BORDER) & (sizes >= least) & (sizes <= largest)
-        are_objects &= self._lasting()[nodes] > _LASTING * self.default_threshold
-        labels = dark_to_bright(colors, np.where(are_objects, sizes, 0))
-        return np.append(np.int32(0), labels)[regions]
 
     def contour_map(self, kind: Literal["pixels", "cracks"] = "pixels") -> NDArray[np.float32]:
         """Map how strongly the regions at the two sides of each border differ.
@@ -374,12 +299,6 @@ class RegionHierarchy(ReadOnly):
         check_alone("n_regions", ["threshold"] if threshold is not None else [])
         check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
         return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
-
-    def _lasting(self) -> NDArray[np.float64]:
-        """(N + M,) altitudes up to which nodes are regions of their own; infinite for what never merges."""
-        lasting = np.full(len(self.sizes), np.inf)
-        lasting[self.merges.ravel()] = np.repeat(self.altitudes, 2)
-        return lasting
 
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)

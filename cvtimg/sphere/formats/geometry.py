@@ -225,11 +225,6 @@ class GridContent:
 
         return sha256(self.points.tobytes() + self.triangles.tobytes()).hexdigest()[:10]
 
-    @property
-    def full_triangles(self) -> Indices:
-        """The triangles whose three cells are there."""
-        return self.triangles
-
     @cached_property
     def geometry(self) -> Geometry:
         """Measures on the unit sphere."""
@@ -259,11 +254,6 @@ class CulledContent(GridContent):
         older = whole.attributes.get("parent_id")
         attributes = {**whole.attributes, "parent_id": "\n".join(filter(None, [whole.identity, older]))}
         return cls(points, whole.triangles, density, whole.radius, flags, attributes, whole=whole, kept=kept)
-
-    @property
-    def full_triangles(self) -> Indices:
-        """The triangles whose three cells are there."""
-        return self.around.cells_on_vertex[(self.around.cells_on_vertex >= 0).all(axis=1)]
 
     @cached_property
     def _edges(self) -> NDArray[np.bool_]:

@@ -99,11 +99,11 @@ def test_a_color_image_stays_one_of_colors(viewer: Any) -> None:
 
 def test_segments_are_those_of_each_plane(viewer: Any, film: Any) -> None:
     image = viewer.add_image(film, name="film", **PLACE)
-    layer = made_by(segments.segment(), image=image, n_segments=2, by_noise=True)
+    layer = made_by(segments.segment(), image=image, n_segments=2)
     assert isinstance(layer, Labels)
     assert np.array_equal(layer.scale, image.scale)
     for t, z in np.ndindex(2, 3):
-        assert np.array_equal(layer.data[t, z], cvtimg.segment(film[t, z], 2, edge_weight="auto").labels)
+        assert np.array_equal(layer.data[t, z], cvtimg.segment(film[t, z], 2).labels)
         assert (layer.data[t, z] == 2).sum() == pytest.approx(400, abs=8)
 
 
@@ -112,7 +112,7 @@ def test_segments_can_be_the_same_in_all_planes(viewer: Any, film: Any) -> None:
     brighter[1] = 255 - (255 - brighter[1]) // 3  # by itself, each time has a dark and a bright segment
     image = viewer.add_image(brighter)
     layer = made_by(segments.segment(), image=image, n_segments=2, together=True)
-    pooled = cvtimg.segment(brighter.reshape(-1, 50), 2).labels
+    pooled = cvtimg.segment(brighter.reshape(-1, 50), 2, edge_weight=0).labels
     assert np.array_equal(layer.data.reshape(-1, 50), pooled)
 
 

@@ -23,8 +23,7 @@ _FIRST_CUT = 20
 @magic_factory(
     call_button="Segment",
     n_segments={"label": "Segments", "min": 1, "max": 65536},
-    by_noise={"label": "Smooth by the noise"},
-    edge_weight={"label": "Edge weight", "min": 0, "max": 1e9},
+    smallest_detail={"label": "Smallest detail", "min": 0, "max": 1000},
     min_size={"label": "Least size", "max": 1 << 30},
     components={"label": "Connected components"},
     together={"label": "Same segments in all planes"},
@@ -33,18 +32,17 @@ def segment(
     image: Image,
     n_segments: int = 3,
     space: Space = "rgb",
-    by_noise: bool = False,
-    edge_weight: float = 0,
+    smallest_detail: float = 1,
     min_size: int = 0,
     components: bool = False,
     together: bool = False,
     mask: Labels | None = None,
 ) -> FunctionWorker[LayerDataTuple]:
     """Divide an image into segments of similar color, numbered from dark to bright."""
-    if together and (by_noise or edge_weight or min_size or components):
-        raise ValueError("the same segments in all planes exclude edge weights, least sizes and components")
-    options: dict[str, Any] = {"space": space, "edge_weight": "auto" if by_noise else edge_weight}
-    options |= {"min_size": min_size, "components": components}
+    if together and (min_size or components):
+        raise ValueError("the same segments in all planes exclude least sizes and components")
+    options: dict[str, Any] = {"space": space, "min_size": min_size, "components": components}
+    options |= {"edge_weight": 0} if together else {"smallest_detail": smallest_detail}
 
     @thread_worker(start_thread=True)
     def work() -> LayerDataTuple:
@@ -66,13 +64,9 @@ def segment(
     return work()
 
 
-@magic_factory(
-    call_button="Find superpixels",
-    n_superpixels={"label": "Superpixels", "min": 1, "max": 1 << 24},
-    compactness={"min": 0, "max": 1000},
-)
+@magic_factory(call_button="Find superpixels", n_superpixels={"label": "Superpixels", "min": 1, "max": 1 << 24})
 def superpixels(
-    image: Image, n_superpixels: int = 400, compactness: float = 10, space: Space = "rgb", mask: Labels | None = None
+    image: Image, n_superpixels: int = 400, space: Space = "rgb", mask: Labels | None = None
 ) -> FunctionWorker[LayerDataTuple]:
     """Divide an image into about so many connected superpixels of similar size in each plane."""
 
@@ -81,7 +75,7 @@ def superpixels(
         planes, labels = Planes.of(image), []
         for pair in zip(planes.arrays, _masks(mask, len(planes.arrays)), strict=True):
             plane, inside = shown_part(*pair)
-            found = cvtimg.superpixels(plane, n_superpixels, compactness=compactness, space=space, mask=inside)
+            found = cvtimg.superpixels(plane, n_superpixels, space=space, mask=inside)
             labels.append(found.labels)
         return planes.put_together(number_apart(labels)), placed(image, "superpixels", "labels"), "labels"
 

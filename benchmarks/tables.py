@@ -1,0 +1,108 @@
+"""Tables of few rows: energy over that of scikit-learn's KMeans(n_init=10), and processor seconds.
+
+Tables are of scikit-learn, standardized, or made. Energies are computed from labels, for every rival alike. `optima`
+counts the proven least energies of the iris table that are found, for 2 to 10 generators.
+
+    python benchmarks/tables.py [--quick] [--parts energies optima]
+
+Rivals that cannot be imported are left out; `hgmeans`, which is HG-means, is built from its source.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from common import Rows, parser, run, timed
+from numpy.typing import NDArray
+
+import cvtimg
+
+Table = NDArray[np.float64]
+Find = Callable[[Table, int], Any]
+#: Least energies of the iris table for 2, 3, ... generators: SIAM J. Scientific Computing 21 (2000), 1485-1505.
+IRIS = (152.347951760, 78.851441426, 57.228473214, 46.446182051, 39.039987246, 34.298229665, 29.988943950,
+        27.786092417, 25.834054819)  # fmt: skip
+
+
+def tables() -> dict[str, Table]:
+    """Make all tables; columns of real ones with mean 0 and deviation 1, without constant ones."""
+    from sklearn import datasets
+
+    found = {}
+    for name in ("iris", "wine", "breast_cancer", "diabetes", "digits"):
+        rows = getattr(datasets, f"load_{name}")().data
+        varied = rows[:, rows.std(axis=0) > 0]
+        found[name] = (varied - varied.mean(axis=0)) / varied.std(axis=0)
+    rng = np.random.default_rng(5)
+    centers = rng.normal(0, 3, (60, 8))
+    found["uniform"] = rng.random((2000, 3))
+    found["normal"] = rng.standard_normal((1000, 100))
+    found["blobs"] = centers[rng.integers(0, 60, 5000)] + rng.standard_normal((5000, 8))
+    return found
+
+
+def rivals() -> dict[str, Find]:
+    """Name what is installed, each from rows and K to labels; scikit-learn's ten starts are first."""
+    from sklearn.cluster import KMeans, MiniBatchKMeans
+
+    def by_faiss(rows: Table, k: int) -> Any:
+        model = import_module("faiss").Kmeans(rows.shape[1], k, nredo=10, seed=1, min_points_per_centroid=1)
+        model.train(rows.astype(np.float32))
+        return model.index.search(rows.astype(np.float32), 1)[1][:, 0]
+
+    def by_hgmeans(rows: Table, k: int) -> Any:
+        return import_module("hgmeans").PyHGMeans().run(rows.tolist(), [0] * len(rows), 10, 1000, 1, [k])[0]
+
+    known: dict[str, tuple[str, Find]] = {
+        "KMeans(n_init=10)": ("sklearn", lambda rows, k: KMeans(k, n_init=10, random_state=0).fit(rows).labels_),
+        "MiniBatchKMeans": ("sklearn", lambda rows, k: MiniBatchKMeans(k, n_init=10, random_state=0).fit(rows).labels_),
+        "cvtimg balanced": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, rng=0).labels),
+        "cvtimg best": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, effort="best", rng=0).labels),
+        "bkmeans": ("bkmeans", lambda rows, k: import_module("bkmeans").BKMeans(k, random_state=0).fit(rows).labels_),
+        "faiss, 10 starts": ("faiss", by_faiss),
+        "HG-means": ("hgmeans", by_hgmeans),
+    }
+    return {name: find for name, (module, find) in known.items() if find_spec(module)}
+
+
+def energy(rows: Table, labels: Any) -> float:
+    """Sum the squared distances of rows to the means of their clusters."""
+    groups = (rows[np.asarray(labels) == label] for label in np.unique(labels))
+    return float(sum(len(some) * some.var(axis=0).sum() for some in groups))
+
+
+def energies(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Energy in percent over that of KMeans(n_init=10), and processor seconds."""
+    found, shown = [], []
+    for name, rows in list(tables().items())[: 2 if given.quick else None]:
+        for k in (10, 30):
+            shown.append({"table": f"{name}, {rows.shape[0]} x {rows.shape[1]}", "k": k})
+            for rival, find in rivals().items():
+                find(rows[:100], 3)  # imports are not timed
+                labels, seconds = timed(lambda f=find, x=rows, k=k: f(x, k), time.process_time)
+                case = {"table": name, "k": k, "rival": rival}
+                found.append({**case, "energy": energy(rows, labels), "seconds": seconds})
+                base = found[-len(shown[-1]) + 1]["energy"]  # of the first rival
+                shown[-1][rival] = f"{found[-1]['energy'] / base - 1:+.2%}, {seconds:.2g} s"
+    return found, shown
+
+
+def optima(given: argparse.Namespace) -> Rows:
+    """Proven optima of iris that were found, of nine."""
+    from sklearn.datasets import load_iris
+
+    rows, bounds = load_iris().data, 1.000001 * np.array(IRIS)
+    return [
+        {"rival": name, "found": sum(energy(rows, find(rows, 2 + n)) < bound for n, bound in enumerate(bounds))}
+        for name, find in rivals().items()
+    ]
+
+
+if __name__ == "__main__":
+    run(parser(__doc__), energies, optima)

@@ -1,0 +1,253 @@
+"""Where tasks of a batch are done: in processes or on a Dask cluster. A worker that dies fails only its own task."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from multiprocessing import active_children, get_context, parent_process
+from pathlib import Path
+from time import time
+from typing import Any, NoReturn, TypeAlias
+
+from cvtimg._shared.extras import needs
+from cvtimg.batch.report import reason
+from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
+
+#: Address of a temporary cluster on this machine.
+LOCAL = "local"
+#: Settings of temporary workers. Profiling takes a tenth of the time, and Dask's default environment makes workers
+#: return memory to the system after every image, only to request it again.
+_FOR_SHORT = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(
+        ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+    ),
+}
+#: Seconds that a worker has to clean up after it is told to stop, and a scheduler to answer.
+_PATIENCE = 8
+
+
+#: A place where one task is done at a time.
+_Seat: TypeAlias = Callable[[Attempt, Task], Future[Outcome]]
+
+
+def in_processes(
+    attempt: Attempt, tasks: Sequence[Task], n_workers: int, n_threads: int
+) -> Generator[tuple[int, Outcome]]:
+    """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
+    seats = [_Process(n_threads) for _ in range(n_workers)]
+    try:
+        yield from _performed(attempt, tasks, [seat.submit for seat in seats])
+    finally:
+        for seat in seats:
+            seat.end()
+
+
+def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
+    """Yield the index and the outcome of each task as it completes, on a cluster."""
+    # The address of the scheduler is "tcp://HOST:PORT", whose workers need the same paths of inputs and outputs as this
+    # process, or "local" for a cluster of `n_workers` processes, each with one thread.
+    with _client(address, n_workers) as client:
+        executor, started = client.get_executor(pure=False), time()
+
+        def alone(attempt: Attempt, task: Task) -> Future[Outcome]:
+            found: Future[Outcome] = executor.submit(_alone, attempt, task, started)
+            return found
+
+        suspects = []
+        for place, outcome in _performed(attempt, tasks, [alone] * len(tasks)):
+            if outcome.result is _LOST:
+                suspects.append(place)
+            else:
+                yield place, outcome
+        # One of them ends its workers. One after the other, the others are done without it.
+        for place in suspects:
+            outcome = _outcome(alone(attempt, tasks[place]), tasks[place])
+            yield place, replace(outcome, result=None) if outcome.result is _LOST else outcome
+
+
+def _performed(attempt: Attempt, tasks: Sequence[Task], seats: Sequence[_Seat]) -> Generator[tuple[int, Outcome]]:
+    free, waiting = [*seats], iter(enumerate(tasks))
+    busy: dict[Future[Outcome], tuple[int, _Seat]] = {}
+    try:
+        while True:
+            while free and (task := next(waiting, None)):
+                seat = free.pop()
+                busy[seat(attempt, task[1])] = task[0], seat
+            if not busy:
+                return
+            for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                place, seat = busy.pop(future)
+                free.append(seat)
+                yield place, _outcome(future, tasks[place])
+    except KeyboardInterrupt:  # what is done is told
+        for future, (place, _) in busy.items():
+            if future.done():
+                yield place, _outcome(future, tasks[place])
+        raise
+
+
+#: Result of a task whose workers were lost, perhaps because of another.
+_LOST = object()
+
+
+def _outcome(future: Future[Outcome], task: Task) -> Outcome:
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        why = "its worker process was lost, as the system ends one when memory runs out"
+    except CancelledError:
+        why = "the Dask cluster was lost"
+    except Exception as error:  # results that cannot be pickled, or a worker with another version of cvtimg
+        if type(error).__name__ == "KilledWorker":
+            n_lost = getattr(error, "allowed_failures", 0) + 1
+            return Outcome(_LOST, ((task.name, f"{n_lost} workers were lost while they worked on it"),))
+        why = reason(task.name, error)
+    return Outcome.failed(task, why)
+
+
+class _Process:
+    """A worker process, spawned and never forked, because a forked program with threads can hang.
+
+    Each has an executor of its own: one of several processes would fail all its tasks if one process died.
+    """
+
+    def __init__(self, n_threads: int) -> None:
+        self._n_threads = n_threads
+        self._pool: ProcessPoolExecutor | None = None
+        self._last: Future[Outcome] | None = None
+        self._processes: list[Any] = []
+
+    def submit(self, attempt: Attempt, task: Task) -> Future[Outcome]:
+        if self._last is not None and self._last.done() and isinstance(self._last.exception(), BrokenProcessPool):
+            self.end()
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (self._n_threads,))
+            before = active_children()
+            with _interrupts_held():
+                self._last = self._pool.submit(_work, attempt, task)
+            self._processes = [one for one in active_children() if one not in before]
+        else:
+            self._last = self._pool.submit(_work, attempt, task)
+        return self._last
+
+    def end(self) -> None:
+        """Stop at once, leaving neither a partial file nor a zombie."""
+        if self._pool is None:
+            return
+        if self._last is not None and not self._last.done():
+            for process in self._processes:
+                process.terminate()
+                process.join(_PATIENCE)
+                process.kill()
+        self._pool.shutdown()
+        self._pool = None
+
+
+def _begin(n_threads: int) -> None:
+    """Prepare a worker process."""
+    from cvtimg._shared.threads import limit_threads
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _stop)  # so that partial files are removed
+    limit_threads(n_threads)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _work(attempt: Attempt, task: Task) -> Outcome:
+    try:
+        return attempt(task)
+    except SystemExit:  # after which an executor would go on
+        os._exit(0)
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _stop(*_: object) -> NoReturn:
+    sys.exit(0)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Block SIGINT in processes started in this block: Ctrl-C reaches the whole terminal, but we stop the workers."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _alone(attempt: Attempt, task: Task, started: float) -> Outcome:
+    """Do a task with one thread, because the cluster runs a task on each of its own; its row tells by which worker."""
+    from distributed import get_worker
+
+    from cvtimg._shared.threads import limit_threads, n_threads
+
+    if n_threads() != 1:
+        limit_threads(1)
+    for path in task.outputs.values():
+        _remove_own(path, started)
+    outcome = attempt(task)
+    if not isinstance(outcome.result, dict):
+        return outcome
+    return replace(outcome, result={**outcome.result, "worker": str(get_worker().name)})
+
+
+def _remove_own(path: Path, started: float) -> None:
+    """Remove an output that was written since this run started: by a worker that was lost before it could say so."""
+    with suppress(OSError):
+        if path.is_file() and path.stat().st_mtime > started:
+            path.unlink()
+
+
+@contextmanager
+def on_cluster_of_task() -> Iterator[None]:
+    """Let what a task computes with Dask be done by all workers of the cluster that the task is on, if it is on one."""
+    if "distributed" not in sys.modules:
+        yield
+        return
+    from distributed import get_worker, worker_client
+
+    try:
+        get_worker()
+    except ValueError:
+        yield
+        return
+    with worker_client():
+        yield
+
+
+@contextmanager
+def _client(address: str, n_workers: int) -> Iterator[Any]:
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise WrongUsageError(f"--dask needs {needs('distributed', 'dask')}") from error
+    library: Any = distributed
+    if address == LOCAL:
+        options = {"n_workers": n_workers, "threads_per_worker": 1, "dashboard_address": ":0"}
+        with dask.config.set(_FOR_SHORT), library.LocalCluster(**options) as cluster, library.Client(cluster) as client:
+            yield client
+        return
+    try:
+        client = library.Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise WrongUsageError(f"--dask: no scheduler answers at {address!r}") from error
+    with client:
+        yield client

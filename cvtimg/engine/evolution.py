@@ -1,0 +1,131 @@
+"""Evolution: cross tessellations of few points with each other for the lowest energy.
+
+D. Gribel, T. Vidal, HG-means: A scalable hybrid genetic algorithm for minimum sum-of-squares clustering, Pattern
+Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the children of a generation descend side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.progress import tell
+from cvtimg.engine.methods import METHODS, Conditions, Ends, Method
+from cvtimg.engine.methods.lloyd import masses_and_distances
+from cvtimg.engine.points import Points
+from cvtimg.engine.seeding import random
+
+#: When children rest: the best end descends further afterwards.
+_RESTING = Stopping(tolerance=1e-3, max_iterations=100)
+#: Energies nearer to each other than this fraction are taken to be of the same tessellation.
+_SAME = 1e-9
+#: A child improves on its elders by lowering the least energy by more than this fraction.
+_IMPROVEMENT = 1e-6
+#: Of so many generators of a child, drawn at random, the one that would be missed least is replaced.
+_CANDIDATES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Evolution:
+    """How much to evolve.
+
+    Attributes
+    ----------
+    n_kept : int
+        Number of tessellations that become parents.
+    n_children : int
+        Number of children in each generation.
+    patience : int
+        Evolution ends after so many children without an improvement.
+    """
+
+    n_kept: int
+    n_children: int
+    patience: int
+
+
+def evolve(
+    points: Points, first: NDArray[np.float64], method: Method, conditions: Conditions, effort: Evolution
+) -> NDArray[np.float64]:
+    """Return the (K, D) generators of lowest energy among descendants of some given ones and of random ones."""
+    descend, resting = method.descend_all, conditions.until(_RESTING)
+    fixed, n_free = first[: conditions.n_locked], len(first) - conditions.n_locked
+    draws = [np.concatenate([fixed, random(points, n_free, conditions.rng)]) for _ in range(effort.n_kept - 1)]
+    elders = descend(points, np.stack([first, *draws]), resting)
+    n_idle = 0
+    while True:
+        elders = _survivors(elders, effort.n_kept)
+        least = float(elders.energies[0])
+        if conditions.watch(least) or n_idle >= effort.patience or least == 0:
+            break
+        children = descend(points, _children(points, elders, effort.n_children, conditions), resting)
+        improved = children.energies.min() < least * (1 - _IMPROVEMENT)
+        n_idle = 0 if improved else n_idle + effort.n_children
+        elders = Ends(*(np.concatenate(both) for both in zip(elders, children, strict=True)))
+        tell(n_idle / effort.patience)
+    # Transfers of single points lower many ends of Lloyd's method further.
+    ends = METHODS["transfer"].descend_all(points, elders.generators, resting)
+    best: NDArray[np.float64] = ends.generators[np.argmin(ends.energies)]
+    return best
+
+
+def _survivors(ends: Ends, n_kept: int) -> Ends:
+    """Return the best ends in order, each tessellation once."""
+    order = np.argsort(ends.energies, kind="stable")
+    energies = ends.energies[order]
+    new = np.diff(energies, prepend=-np.inf) > _SAME * energies
+    kept = order[new][:n_kept]
+    return Ends(*(values[kept] for values in ends))
+
+
+def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> NDArray[np.float64]:
+    """Cross pairs of elders, and replace one free generator of each child by a point that is drawn by its energy."""
+    rng, n_locked = conditions.rng, conditions.n_locked
+    n_generators = elders.generators.shape[1]
+    # Each parent is the better of two elders, which are in order.
+    pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
+    children, others = elders.generators[pairs[:, 0]], elders.generators[pairs[:, 1]]
+    inherited = rng.random((n_children, n_generators - n_locked, 1)) < 0.5
+    children[:, n_locked:] = np.where(inherited, children[:, n_locked:], _matched(children, others, n_locked))
+    masses, distances = masses_and_distances(points, children)
+    every = np.arange(n_children)
+    candidates = rng.integers(n_locked, n_generators, (n_children, _CANDIDATES))
+    costs = _merging_costs(children, masses)[every[:, None], candidates]
+    replaced = candidates[every, costs.argmin(axis=1)]
+    children[every, replaced] = points.rows(_drawn(points.density * distances, rng))
+    return children
+
+
+def _merging_costs(sets: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much the energy rises, about, if a generator of (n, K, D) sets is merged with its neighbor."""
+    # J. Ward, J. American Statistical Association 58 (1963), doi 10.1080/01621459.1963.10500845.
+    norms = np.einsum("nkd,nkd->nk", sets, sets)
+    apart = norms[:, :, None] + norms[:, None] - 2 * np.einsum("nkd,njd->nkj", sets, sets)
+    both = masses[:, :, None] + masses[:, None]
+    shared = np.divide(masses[:, :, None] * masses[:, None], both, out=np.zeros_like(both), where=both > 0)
+    costs = shared * apart
+    same = np.arange(sets.shape[1])
+    costs[:, same, same] = np.inf
+    return costs.min(axis=2)
+
+
+def _matched(generators: NDArray[np.float64], others: NDArray[np.float64], n_locked: int) -> NDArray[np.float64]:
+    """Return the free ones of `others`, (n, K, D), in the order that pairs them with the nearest of `generators`."""
+    from scipy.optimize import linear_sum_assignment  # takes a while to import
+
+    own, partners = generators[:, n_locked:], others[:, n_locked:]
+    crossed = np.einsum("nkd,njd->nkj", own, partners)
+    costs = np.einsum("njd,njd->nj", partners, partners)[:, None] - 2 * crossed
+    order = np.stack([linear_sum_assignment(cost)[1] for cost in costs])
+    return np.take_along_axis(partners, order[:, :, None], axis=1)
+
+
+def _drawn(weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
+    """Draw one index from each row of (n, M) weights."""
+    cumulative = np.cumsum(weights, axis=1)
+    draws = cumulative[:, -1:] * rng.random((len(weights), 1))
+    # The last cumulated weight may be rounded to the draw.
+    return np.minimum(np.count_nonzero(cumulative <= draws, axis=1), np.argmax(cumulative, axis=1))

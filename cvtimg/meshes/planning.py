@@ -1,0 +1,179 @@
+"""What is known before any vertex moves: those on borders, and sizes with which there are as many as are wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.checks import check_count, check_positive, check_that, refuse
+from cvtimg._shared.progress import first_few
+from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
+from cvtimg.meshes.borders import place_on_borders
+from cvtimg.meshes.fields import Field
+from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.periodic import Pairs, Twins
+from cvtimg.meshes.sizes import SizeLike, size_field
+from cvtimg.meshes.triangulation import Borders
+
+Points = NDArray[np.float64]
+
+#: More vertices than this need more memory than machines have.
+_MOST_VERTICES = 1 << 26
+#: Where nothing is said of sizes, edges are no longer than the diagonal of the region by this number.
+_PARTS = 70
+#: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
+_ROUNDS, _NEAR = 8, 0.01
+#: Where more than the root of the excess stays, short edges on borders need it: sizes grow faster then, up to a limit.
+_STUCK, _STEEPER, _STEEPEST = 0.5, 1.5, 1.0
+#: Where that leaves too many on borders, sizes are larger by up to this factor, which is halved so often.
+_COARSEST, _HALVINGS = 100.0, 5
+#: Polygons are said to fit if details are left out until they have no more points than this part of all vertices.
+_FITTING = 0.2
+#: Sizes vary where the logarithms of the metric do by more.
+_VARIES = 0.4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wanted:
+    """How many vertices, or how long edges."""
+
+    n: int | None
+    size: SizeLike
+    grade: float
+    least: float
+    metric: MatrixFunction | None
+
+    @classmethod
+    def checked(
+        cls,
+        n: int | None,
+        edge_length: float | None,
+        size: SizeLike | None,
+        grade: float,
+        least: float,
+        diameter: float,
+        metric: MatrixFunction | None = None,
+    ) -> Wanted:
+        """Check what the user gave."""
+        if n is not None:
+            check_count("n", n, _MOST_VERTICES, "what memory holds")
+        ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
+        given = [name for name, value in ways.items() if value is not None]
+        is_clear = given in ([], ["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
+        check_that(" and ".join(given), is_clear, "be n, edge_length, size, metric, n and size, or n and metric")
+        if edge_length is not None:
+            check_positive("edge_length", edge_length)
+        check_positive("grade", grade)
+        otherwise = 1.0 if given else diameter / _PARTS
+        wanted = next((each for each in (edge_length, size) if each is not None), otherwise)
+        return cls(n, wanted, float(grade), least, metric)
+
+    def field(self, outline: Outline, ends: Points) -> Field:
+        """Make the field of sizes; at some points they may be lower than around."""
+        if self.metric is not None:
+            return MetricField.of(self.metric, outline, self.n, ends)
+        field = size_field(outline, self.size, self.n, self.least, ends)
+        allowed = f"ask for at most {_MOST_VERTICES} vertices, which memory holds, not {field.count:.3g}"
+        check_that("sizes", field.count <= _MOST_VERTICES, allowed)
+        return field
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Vertices on borders, which may be pairs, and sizes around them."""
+
+    borders: Borders
+    field: Field
+    pairs: Pairs | None = None
+
+    @property
+    def number(self) -> int:
+        """About how many vertices a mesh has: two triangles for each inner vertex, by Euler's formula."""
+        n_boundary = int((self.borders.sides.min(axis=1) <= 0).sum())
+        return max(round(self.field.count + n_boundary / 2 + 1), self.n_on_borders)
+
+    @property
+    def n_on_borders(self) -> int:
+        """How many vertices are there already."""
+        return len(self.borders.points)
+
+    @cached_property
+    def varies(self) -> bool:
+        """Whether sizes differ from place to place."""
+        seeds = self.field.seeds(self.number, np.random.default_rng(0))
+        metric = self.field.metric(np.concatenate([self.borders.points, seeds]))
+        return self.field.isotropic and float(np.ptp(np.log(metric[:, 0]))) > _VARIES
+
+
+def plan_mesh(outline: Outline, wanted: Wanted, alone: Points, twins: Twins | None) -> Plan:
+    """Place vertices on borders, and (A, 2) alone, with sizes that come to the wanted number.
+
+    Where borders need too many, first curves get one edge where they had two, then sizes grow faster, and are larger.
+    """
+    ends = np.concatenate([alone, outline.nodes[outline.ends.T.ravel()]])
+    _check_fits(outline, wanted, len(outline.nodes) + len(alone))
+    start = wanted.field(outline, ends)
+    place = partial(_placed, outline, start, wanted.least, alone, twins)
+    if wanted.n is None:
+        return place(1.0, wanted.grade, 2, np.inf)
+    factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
+    for _ in first_few(range(_ROUNDS), 0.5):
+        plan = place(factor, grade, on_curves, 2 * wanted.n)
+        ratio = plan.number / wanted.n
+        if abs(ratio - 1) < _NEAR and plan.n_on_borders <= wanted.n:
+            return plan
+        if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
+            on_curves = 1
+            continue
+        if ratio > max(before, 1) ** _STUCK:
+            grade = min(_STEEPER * grade, max(grade, _STEEPEST))
+        factor, before = factor * ratio**0.5, ratio
+    # The coarsest first: where borders need too many by any sizes, that is known at once.
+    low, high = np.log([factor, _COARSEST * factor])
+    coarser = partial(place, grade=max(grade, _STEEPEST), on_curves=1, most=wanted.n)
+    found = plan if plan.n_on_borders <= wanted.n else coarser(np.exp(high))
+    for _ in range(_HALVINGS if found is not plan else 0):
+        middle = (low + high) / 2
+        plan = coarser(np.exp(middle))
+        is_fit = plan.n_on_borders <= wanted.n
+        found, low, high = (plan, low, middle) if is_fit else (found, middle, high)
+    _check_fits(outline, wanted, found.n_on_borders)
+    return found
+
+
+def _placed(
+    outline: Outline, start: Field, least: float, alone: Points, twins: Twins | None,
+    factor: float, grade: float, on_curves: int, most: float,
+) -> Plan:  # fmt: skip
+    """Place vertices for sizes that are larger by a factor."""
+    field, pairs = start.scaled(factor).limited(grade, least), None
+    borders, field = place_on_borders(outline, field, grade, least, most, on_curves)
+    if twins is not None:
+        field = twins.lowered(borders, field, grade)
+        borders, field = place_on_borders(outline, field, grade, least, most, on_curves)
+        borders, pairs = twins.paired(borders)
+    if len(alone):
+        borders, field = _with_alone(borders, field, alone, grade)
+    return Plan(borders, field, pairs)
+
+
+def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:
+    """Add fixed points that are on no border; sizes around them are no larger than their distances."""
+    from scipy.spatial import cKDTree
+
+    points = np.concatenate([borders.points, alone])
+    gaps = cKDTree(points).query(alone, 2)[0][:, 1]
+    corners = np.append(borders.corners, np.ones(len(alone), bool))
+    return replace(borders, points=points, corners=corners), field.lowered(alone, gaps, grade)
+
+
+def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:
+    """Refuse fewer vertices than there must be, and say by how large details there would be less."""
+    if wanted.n is None or n_least <= wanted.n:
+        return
+    size = outline.detail_for(int(_FITTING * wanted.n))
+    hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
+    refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")

@@ -1,0 +1,187 @@
+"""One stack of images, whatever the file holds: a picture, the frames of an animation, pages, or a large image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.files.whole import StrPath
+from cvtimg.pictures.files import image_info, read_image, write_image
+from cvtimg.pictures.formats.header import ImageInfo
+from cvtimg.pictures.formats.metadata import Metadata
+from cvtimg.pictures.formats.opening import pixels_limited
+from cvtimg.pictures.frames import ANIMATED, Frames, read_frames, write_frames
+from cvtimg.pictures.known import Known, known_in_all, known_pixels, with_known
+from cvtimg.pictures.pages import Pages, read_pages, write_pages
+from cvtimg.pictures.tiles import Bands, open_bands, write_bands
+
+__all__ = ["Kind", "Stack", "open_stack"]
+
+T = TypeVar("T")
+#: What a file holds, or that it is read in tiles: some rows at a time.
+Kind: TypeAlias = Literal["image", "frames", "pages", "tiles"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stack:
+    """The images of a file, and which of their pixels count.
+
+    Attributes
+    ----------
+    kind : {"image", "frames", "pages", "tiles"}
+        What the file holds. In tiles, the images are bands of rows, which each iteration reads.
+    content : array, Frames, Pages or Bands
+        What was read. Channels on pages of their own are joined.
+    header : ImageInfo or None
+        None in tiles.
+    nodata : float or None
+        Value of pixels that do not count.
+    mask : path or None
+        Image whose black pixels do not count.
+    known : list of (H, W) bool arrays
+        Pixels that count, for each image; in tiles none is kept.
+    """
+
+    kind: Kind
+    content: Any
+    header: ImageInfo | None
+    nodata: float | None = None
+    mask: StrPath | None = None
+    known: Sequence[Known] = ()
+
+    @property
+    def images(self) -> Iterable[NDArray[Any]]:
+        """The images, or bands of rows."""
+        found: Iterable[NDArray[Any]] = self.content if self.kind == "tiles" else _images_of(self.content)
+        return found
+
+    @property
+    def axes(self) -> str:
+        """Letters of the axes along which there are several images; T for those of an animation."""
+        return {"pages": getattr(self.content, "axes", ""), "frames": "T"}.get(self.kind, "")
+
+    @property
+    def masks(self) -> list[Known] | None:
+        """The pixels that count, or None if all do."""
+        return None if all(one.all() for one in self.known) else [*self.known]
+
+    def __iter__(self) -> Iterator[tuple[NDArray[Any], Known]]:
+        """Yield each image, or band of rows, with its pixels that count."""
+        if self.kind == "tiles":
+            yield from with_known(self.content, self.mask, self.nodata, has_alpha=self.content.form.alpha)
+        else:
+            yield from zip(self.images, self.known, strict=True)
+
+    def map(self, function: Callable[[NDArray[Any], Known | None], T]) -> Iterator[T]:
+        """Yield what a function makes of each image, or band of rows, and of its mask, None if all pixels count."""
+        return (function(image, None if known.all() else known) for image, known in self)
+
+    def write(
+        self,
+        path: StrPath,
+        images: Iterable[NDArray[Any]],
+        *,
+        palette: Any = None,
+        alpha: bool | None = None,
+        nodata: float | None = None,
+        metadata: Metadata | None = None,
+        optimize: bool = False,
+        overwrite: bool = False,
+    ) -> None:
+        """Write as many images in the places of these, as files of the kind hold them.
+
+        Parameters
+        ----------
+        path, palette, alpha, metadata, optimize, overwrite
+            As in `write_image`, `write_frames`, `write_pages` or `write_bands`.
+        images : iterable of arrays
+            For a file in tiles, bands of rows from top to bottom, of any height.
+        nodata : float, optional
+            Value that marks pixels without data in tiles.
+        """
+        if self.kind == "frames":
+            frames = replace(self.content, images=tuple(images))
+            write_frames(path, frames, palettes=palette, metadata=metadata, overwrite=overwrite)
+        elif self.kind == "pages":
+            pages = replace(self.content, images=tuple(images), has_alpha=bool(alpha))
+            write_pages(path, pages, palette=palette, overwrite=overwrite)
+        elif self.kind == "tiles":
+            first, *_ = start = [next(bands := iter(images))]
+            form = self.content.form
+            form = replace(form, shape=(*form.shape[:2], *first.shape[2:]), alpha=bool(alpha), nodata=nodata)
+            write_bands(path, form, chain(start, bands), palette=palette, overwrite=overwrite)
+        else:
+            options: dict[str, Any] = {"palette": palette, "alpha": alpha, "metadata": metadata, "optimize": optimize}
+            write_image(path, next(iter(images)), **options, overwrite=overwrite)
+
+
+def open_stack(
+    path: StrPath,
+    mask: StrPath | None = None,
+    nodata: float | None = None,
+    *,
+    tiles: bool = False,
+    frames: bool = True,
+    keep_profile: bool = False,
+    max_pixels: int | None = None,
+) -> Stack:
+    """Open a file as a stack of images.
+
+    Parameters
+    ----------
+    path : path
+        Any file that `read_image`, `read_frames`, `read_pages` or `open_bands` reads.
+    mask : path, optional
+        Image of the same size, whose black pixels do not count. For several images it may have as many.
+    nodata : float, optional
+        Pixels with this value in all bands do not count, nor do those that are not finite; by default what the file
+        declares.
+    tiles : bool
+        Read rows of tiles when they are needed.
+    frames : bool
+        Take all frames of an animation, and not the first alone.
+    keep_profile : bool
+        As in `read_image`.
+    max_pixels : int, optional
+        Refuse images of more pixels.
+
+    Returns
+    -------
+    Stack
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvtimg.pictures import open_stack, write_pages
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_pages(f"{folder}/a.tif", np.arange(60, dtype=np.uint8).reshape(3, 4, 5))
+    ...     stack = open_stack(f"{folder}/a.tif", nodata=0)
+    >>> stack.kind, [int(known.sum()) for image, known in stack]
+    ('pages', [19, 20, 20])
+    """
+    if tiles:
+        bands: Bands = open_bands(path)
+        if max_pixels is not None and bands.form.n_pixels > max_pixels:
+            raise ValueError(f"has over {max_pixels} pixels, the limit of max_pixels")
+        return Stack("tiles", bands, None, bands.form.nodata if nodata is None else nodata, mask)
+    with nullcontext() if max_pixels is None else pixels_limited(max_pixels):
+        header = image_info(path)
+        value = header.nodata if nodata is None else nodata
+        if frames and header.format in ANIMATED and header.frames > 1:
+            film = read_frames(path)
+            return Stack("frames", film, header, value, mask, known_in_all(film.images, header, mask, nodata, "frame"))
+        if header.has_pages:
+            pages = read_pages(path).joined()
+            return Stack("pages", pages, header, value, mask, known_in_all(pages.images, header, mask, nodata, "page"))
+        image = read_image(path, keep_profile=keep_profile)
+        return Stack("image", image, header, value, mask, [known_pixels(image, header, mask, nodata)])
+
+
+def _images_of(content: NDArray[Any] | Frames | Pages) -> tuple[NDArray[Any], ...]:
+    return (content,) if isinstance(content, np.ndarray) else content.images

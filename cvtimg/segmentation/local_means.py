@@ -1,0 +1,77 @@
+"""Means that vary slowly across an image, and light that does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.engine.tessellation import tessellate
+
+#: Light varies over this share of the longer side, and is found on so many pixels.
+_REACH_OF_LIGHT, _ENOUGH_PIXELS = 0.125, 1 << 18
+_BLOCKS_IN_REACH = 4
+_MAX_ROUNDS = 12
+#: Where few pixels are near, the mean of all counts for this share of a neighborhood.
+_PRIOR = 0.02
+
+_Floats = NDArray[np.float32]
+_Inside = NDArray[np.bool_]
+
+
+def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | np.random.Generator) -> _Floats:
+    """Divide (H, W, D) values, 0 for black, by the light: a gain that varies slowly, times the means of segments."""
+    # The values less the gain times the mean of their segment are least in squares, of which those near a place count
+    # there: segments are found in what the gain of the segments before leaves.
+    apart = max(int(np.sqrt(inside.size / _ENOUGH_PIXELS)), 1)
+    some, known = values[::apart, ::apart], inside[::apart, ::apart]
+    reach = [_REACH_OF_LIGHT * max(known.shape)] * 2
+    means: NDArray[Any] = np.broadcast_to(some[known].mean(axis=0), some.shape)
+    light = np.ones(0, np.float32)
+    for _ in range(_MAX_ROUNDS):
+        before = light
+        shared = local_mean((some * means).sum(axis=2), known, reach, _PRIOR)
+        own = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
+        light = np.divide(shared, own, out=np.ones_like(own), where=own > 0)
+        light /= light.mean()
+        if before.size and np.abs(light - before).max() < 1e-3:
+            break
+        even = some / spread(light, known.shape)[..., None]
+        cells = tessellate(even[known], n_segments, effort="fast", rng=rng)
+        means = np.zeros(some.shape, np.float32)
+        means[known] = cells.generators[cells.labels]
+    return np.where(inside[..., None], values / spread(light, inside.shape)[..., None], np.float32(0))
+
+
+def local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: float) -> _Floats:
+    """Return the Gaussian mean of some pixels around each, drawn to the mean of all where there are few, in blocks."""
+    from scipy.ndimage import gaussian_filter
+
+    sizes = [max(int(far / _BLOCKS_IN_REACH), 1) for far in reach]  # fine enough for what varies so slowly
+    sigmas = [far / side for far, side in zip(reach, sizes, strict=True)]
+    sums, counts = values * of, of.astype(np.float32)
+    for axis, side in enumerate(sizes):
+        if side > 1:
+            starts = np.arange(0, of.shape[axis], side)
+            sums, counts = (np.add.reduceat(whole, starts, axis=axis) for whole in (sums, counts))
+    mean = float(sums.sum(dtype=np.float64) / counts.sum(dtype=np.float64))
+    total, mass = (gaussian_filter(blocks / np.prod(sizes), sigmas, mode="nearest") for blocks in (sums, counts))
+    return np.asarray((total + prior * mean) / (mass + prior), np.float32)
+
+
+def spread(blocks: _Floats, shape: tuple[int, ...]) -> _Floats:
+    """Interpolate between the centers of blocks, of which the last one along an axis may be cut off."""
+    across, down, *along = (_shares(length, n) for length, n in zip(shape[::-1], blocks.shape[::-1], strict=True))
+    for shares in along:
+        blocks = np.tensordot(shares, blocks, 1)
+    return np.asarray(down @ blocks @ across.T)
+
+
+@lru_cache(maxsize=8)
+def _shares(length: int, n_blocks: int) -> _Floats:
+    """Return the share of each block in each of the pixels along an axis."""
+    at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
+    return np.maximum(1 - np.abs(at[:, None] - np.arange(n_blocks)), 0).astype(np.float32)

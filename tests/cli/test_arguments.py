@@ -1,0 +1,81 @@
+"""Options that say which argument of the Python function they are arrive there as it takes them."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import Run
+
+from cvtimg import write_image
+from cvtimg.options import options_of
+from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole
+
+#: The function behind each command, and what the command needs beside the option.
+BEHIND = {
+    "quantize": ("cvtimg.quantization.quantize_file", "in.png -o out.png"),
+    "segment": ("cvtimg.segment", "in.png -k 3 -o out.png"),
+    "stipple": ("cvtimg.stipple", "in.png -n 9 -o out.svg"),
+    "mosaic": ("cvtimg.mosaic", "in.png -n 9 -o out.png"),
+    "cluster": ("cvtimg.tessellate", "rows.npy -k 3 -o out.csv"),
+    "elbow": ("cvtimg.energy_curve", "in.png"),
+    "basis": ("cvtimg.reduced_basis", "rows.npy -n 2 -o out.npz"),
+}
+#: What some options need before they can be given, and values of those that are texts.
+WITH = {
+    "dither_strength": "-k 3 --dither blue-noise",
+    "per_frame": "-k 3",
+    "ramp": "--palette game-boy",
+    "radius_range": "--dots sized",
+    "tones": "--layers cmyk",
+    "border_price": "--components",
+}
+
+
+def values(option: Option) -> list[str]:
+    """Return words for a value of an option that is not its default."""
+    kind = option.kind
+    if isinstance(kind, Choice):
+        return [[name for name in kind.names if name not in (option.default, "none", "auto")][-1]]
+    if isinstance(kind, Whole):
+        return [str(kind.low + 4)]
+    if isinstance(kind, Real):
+        return [str(min(max(kind.low, kind.above, 0) + 0.25, kind.high))]
+    return ["1", "2"] if isinstance(kind, Pair) else []
+
+
+def known() -> list[tuple[str, Option]]:
+    kinds = (Choice, Whole, Real, Pair, Switch)
+    behind = ((verb, one) for verb in BEHIND for one in options_of(verb))
+    return [(verb, one) for verb, one in behind if one.keyword and isinstance(one.kind, kinds)]
+
+
+@pytest.mark.parametrize(("verb", "option"), known(), ids=lambda one: getattr(one, "name", one))
+def test_an_option_arrives_as_an_argument(verb: str, option: Option, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_image("in.png", np.random.default_rng(0).integers(0, 256, (12, 16, 3), np.uint8))
+    np.save("rows.npy", np.random.default_rng(0).normal(size=(20, 3)))
+    arrived: dict[int | str, Any] = {}
+
+    def take(name: int | str, value: Any) -> None:
+        inner = {field.name: getattr(value, field.name) for field in fields(value)} if is_dataclass(value) else value
+        for each in inner.items() if isinstance(inner, dict) else ():
+            take(*each)
+        arrived[name] = value
+
+    def function(*given: Any, **named: Any) -> None:
+        for one in (*enumerate(given), *named.items()):
+            take(*one)
+        raise ValueError("is far enough")
+
+    name, words = BEHIND[verb]
+    monkeypatch.setattr(name, function)
+    value = values(option)
+    needed = WITH.get(option.keyword, "").split()
+    if verb == "quantize" and not needed and option.name not in ("number", "psnr", "quality", "max_bytes"):
+        needed = ["-k", "3"]
+    outcome = run(verb, *words.split(), *needed, option.flag, *value)
+    assert "is far enough" in outcome.err
+    expected = option.parse(value if isinstance(option.kind, Pair) else value[0] if value else True)
+    assert arrived[option.keyword] == expected != option.default

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import reference
+from numpy.typing import NDArray
+
+from cvtimg import tessellate
+
+#: E. Ruspini, Information and Control 15 (1969) 22-32, doi 10.1016/S0019-9958(69)90591-9.
+RUSPINI = [
+    4, 53, 5, 63, 10, 59, 9, 77, 13, 49, 13, 69, 12, 88, 15, 75, 18, 61, 19, 65, 22, 74, 27, 72, 28, 76, 24, 58, 27,
+    55, 28, 60, 30, 52, 31, 60, 32, 61, 36, 72, 28, 147, 32, 149, 35, 153, 33, 154, 38, 151, 41, 150, 38, 145, 38,
+    143, 32, 143, 34, 141, 44, 156, 44, 149, 44, 143, 46, 142, 47, 149, 49, 152, 50, 142, 53, 144, 52, 152, 55, 155,
+    54, 124, 60, 136, 63, 139, 86, 132, 85, 115, 85, 96, 78, 94, 74, 96, 97, 122, 98, 116, 98, 124, 99, 119, 99, 128,
+    101, 115, 108, 111, 110, 111, 108, 116, 111, 126, 115, 117, 117, 115, 70, 4, 77, 12, 83, 21, 61, 15, 69, 15, 78,
+    16, 66, 18, 58, 13, 64, 20, 69, 21, 66, 23, 61, 25, 76, 27, 72, 31, 64, 30,
+]  # fmt: skip
+#: Least energies for 2, 3, ... generators, proven by O. du Merle, P. Hansen, B. Jaumard, N. Mladenović, SIAM J.
+#: Scientific Computing 21 (2000) 1485-1505, doi 10.1137/S1064827597328327.
+OPTIMA = {
+    "ruspini": (89337.83, 51063.48, 12881.05, 10126.72, 8575.41, 7126.20, 6149.64, 5181.65, 4446.28),
+    "iris": (152.347951760, 78.851441426, 57.228473214, 46.446182051, 39.039987246, 34.298229665, 29.988943950,
+             27.786092417, 25.834054819),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, NDArray[Any]]:
+    from sklearn.datasets import load_iris
+
+    return {"ruspini": np.array(RUSPINI).reshape(-1, 2), "iris": load_iris().data}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", OPTIMA)
+def test_the_best_effort_reaches_proven_optima(name: str, seed: int, tables: dict[str, NDArray[Any]]) -> None:
+    found = [tessellate(tables[name], 2 + n, effort="best", rng=seed).energy for n in range(len(OPTIMA[name]))]
+    np.testing.assert_allclose(found, OPTIMA[name], rtol=1e-6)
+
+
+@pytest.mark.parametrize("effort", ["balanced", "best"])
+def test_evolution_is_rarely_above_and_often_below_ten_starts(effort: str) -> None:
+    from sklearn.cluster import KMeans
+    from sklearn.datasets import load_wine
+
+    rows = load_wine().data
+    rows = (rows - rows.mean(axis=0)) / rows.std(axis=0)
+    for n_generators in (5, 10, 30):
+        ten = KMeans(n_generators, n_init=10, random_state=0).fit(rows).inertia_
+        assert tessellate(rows, n_generators, effort=effort).energy < 1.005 * ten
+
+
+def test_evolution_keeps_locked_generators_and_counts_weights(tables: dict[str, NDArray[Any]]) -> None:
+    rows = tables["iris"]
+    locked, density = rows[[0, 100]] + 0.5, np.arange(len(rows)) % 3
+    result = tessellate(rows, 6, locked=locked, density=density, effort="best")
+    np.testing.assert_allclose(result.generators[:2], locked, rtol=1e-6)
+    np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-6)
+    alone = tessellate(rows, 6, locked=locked, density=density, effort="fast")
+    assert result.energy <= alone.energy
+
+
+def test_evolution_lowers_the_energy_that_weights_cells_by_volume(tables: dict[str, NDArray[Any]]) -> None:
+    found = [
+        tessellate(tables["iris"], 25, volume_power=2, effort=effort).weighted_energy for effort in ("fast", "best")
+    ]
+    assert found[1] < found[0]
+
+
+def test_equal_rows_may_be_fewer_than_asked_for() -> None:
+    rows = np.repeat(np.eye(3), 50, axis=0)
+    assert tessellate(rows, 3, effort="best").energy == 0
+    with pytest.raises(ValueError, match=r"must be in 1\.\.3"):
+        tessellate(rows, 4, effort="best")
+
+
+def test_the_callback_stops_evolution(tables: dict[str, NDArray[Any]]) -> None:
+    seen: list[float] = []
+    tessellate(
+        tables["iris"], 10, effort="best", callback=lambda _, energy: bool(seen.append(energy)) or len(seen) > 60
+    )
+    assert len(seen) == 61
