@@ -215,7 +215,7 @@ def read_pages(path: Source) -> Pages:
         with named(path):
             return _chosen(_of_stored(open_stored(path)))
     with reading(path) as file:
-        return _chosen(_decode(file))
+        return _chosen(_pages_or_frames(file, selected().page))
 
 
 def _chosen(pages: Pages) -> Pages:
@@ -358,9 +358,14 @@ def _kind_of(tiff: tifffile.TiffFile) -> str:
 
 def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:
     """Decode one page, from 1, of a file that may have several, or one frame; None for the only one that is chosen."""
+    return one_page(_pages_or_frames(file, page), page)
+
+
+def _pages_or_frames(file: BinaryIO, page: int | None) -> Pages:
+    """Read the pages that are chosen, or the frames of an animation of which one is."""
     if page is not None and (frames := decode_frames(file)) is not None:
-        return one_page(Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,)), page)
-    return one_page(_decode(file), page)
+        return Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,))
+    return _decode(file)
 
 
 def one_page(pages: Pages, page: int | None) -> NDArray[Any]:

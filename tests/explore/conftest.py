@@ -38,7 +38,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("pictures")
     with Image.open(SAMPLES / "astronaut.png") as photograph:
         photograph.convert("RGB").crop((40, 0, 200, 120)).save(made / "photo.png")
-        photograph.convert("RGB").resize((512, 512)).save(made / "large.png")
+        noise = np.random.default_rng(7).normal(0, 12, (512, 512, 3))
+        large = np.clip(np.asarray(photograph.convert("RGB").resize((512, 512))) + noise, 0, 255)
+        Image.fromarray(large.astype(np.uint8)).save(made / "large.png")
     scene = Image.open(made / "photo.png")
     for number in range(3):
         noise = np.random.default_rng(number).normal(0, 12, (120, 160, 3))

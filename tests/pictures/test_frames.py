@@ -20,8 +20,9 @@ from PIL import GifImagePlugin, Image, ImageSequence
 
 from cvtimg import find_palette, quantize, quantize_frames, read_image
 from cvtimg.colors import color_samples
-from cvtimg.pictures import Frames, read_frames, write_frames
+from cvtimg.pictures import Frames, read_frames, read_pages, write_frames
 from cvtimg.pictures.files import write_image
+from cvtimg.pictures.formats.opening import Selection, selecting
 from cvtimg.pictures.frames import is_animated
 
 SUFFIXES = [".gif", ".png", ".webp"]
@@ -51,6 +52,15 @@ def assert_same(path: Path, images: Any, durations: Any = DURATIONS, plays: int 
     assert len(again.images) == len(images)
     for got, wanted in zip(again.images, images, strict=True):
         np.testing.assert_array_equal(got, wanted)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_frame_that_is_chosen_is_read_as_a_page(tmp_path: Path, suffix: str) -> None:
+    write_frames(tmp_path / f"a{suffix}", animation(), palettes=PALETTE)
+    with selecting(Selection(page=2)):
+        page, frame = read_pages(tmp_path / f"a{suffix}").images[0], read_image(tmp_path / f"a{suffix}")
+    np.testing.assert_array_equal(page, frame)
+    np.testing.assert_array_equal(page, read_frames(tmp_path / f"a{suffix}").images[1])
 
 
 @pytest.mark.parametrize("plays", [0, 1, 3])
