@@ -182,49 +182,24 @@ def move_often(
                 energies[s, n] = total
 
 
-cdef inline double squared_distance(
-    const float *point, const double *generator, Py_ssize_t dims
-) noexcept nogil:
-    """Return that of a point, whose coordinates in a tile are LANES apart, to a generator."""
-    cdef double total = 0, step
-    cdef Py_ssize_t d
-    for d in range(dims):
-        step = point[d * LANES] - generator[d]
-        total = total + step * step
-    return total
-
-
-def measure(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
-    const double[::1] density,      # IN (n_tiles * LANES,)
+def distances_to_own(
+    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[:, ::1] generators,  # IN (K, D)
-    const int32_t[::1] labels,      # IN (n_tiles * LANES,)
-    double[::1] energies,           # INOUT (K,): += density times squared distance to the own generator
+    const int32_t[::1] labels,        # IN (n_tiles * LANES,)
+    double[::1] distances,            # OUT (n_tiles * LANES,): squared, to the own generator
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i
-    cdef int32_t label
+    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
+    cdef const double *own
+    cdef double step, total
     with nogil:
         for t in range(n_tiles):
             for i in range(LANES):
-                label = labels[t * LANES + i]
-                energies[label] += density[t * LANES + i] * squared_distance(
-                    &tiles[t, 0, i], &generators[label, 0], dims)
-
-
-def distances_to_own(
-    const float[:, :, ::1] tiles,        # IN (n_tiles, D, LANES)
-    const double[:, :, ::1] generators,  # IN (n_sets, K, D)
-    const int32_t[:, ::1] labels,        # IN (n_sets, n_tiles * LANES)
-    double[:, ::1] distances,            # OUT (n_sets, n_tiles * LANES): squared, to the own generator of each set
-):
-    cdef Py_ssize_t n_sets = generators.shape[0], n_tiles = tiles.shape[0], dims = tiles.shape[1], s, t, i
-    cdef int32_t label
-    with nogil:
-        for s in range(n_sets):
-            for t in range(n_tiles):
-                for i in range(LANES):
-                    label = labels[s, t * LANES + i]
-                    distances[s, t * LANES + i] = squared_distance(&tiles[t, 0, i], &generators[s, label, 0], dims)
+                own = &generators[labels[t * LANES + i], 0]
+                total = 0
+                for d in range(dims):
+                    step = tiles[t, d, i] - own[d]
+                    total = total + step * step
+                distances[t * LANES + i] = total
 
 
 def transfer(

@@ -18,19 +18,15 @@ from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stoppi
 from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import SMALL_ENERGY, Points, assign, cell_energies, cell_moments
-from cvtimg.engine.search import EFFORTS, SearchEffort, fewer_points, search
+from cvtimg.engine.search import EFFORTS, SEARCHED, Fewer, SearchEffort, fewer_points, search
 from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
 
-#: Minimum number of points, per generator and in total.
-_POINTS_PER_GENERATOR = 36
-_ENOUGH_POINTS = 1 << 11
+_FEWER = Fewer(per_generator=36, at_least=1 << 11)
 #: Little moves from one number of generators to the next.
 _LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)
 #: On all points, from generators found with fewer.
 _LAST = Stopping(tolerance=0, max_iterations=1)
-#: Part of the time for fewer points.
-_FEWER = 0.7
 
 
 def chain(
@@ -40,7 +36,7 @@ def chain(
     # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
     # better end kept.
     ends: list[Iteration] = []
-    with part(0, _FEWER if effort is None else 0.0):
+    with part(0, SEARCHED if effort is None else 0.0):
         links = _over_fewer(points, n_max, method, conditions)
     for found in each(links):
         end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)
@@ -56,12 +52,11 @@ def chain(
 
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
-    fewer = fewer_points(points, max(_POINTS_PER_GENERATOR * n_max, _ENOUGH_POINTS), conditions.rng)
-    iterate = method.over_few or method
-    links = _links(fewer, n_max, iterate, conditions)
+    fewer = fewer_points(points, n_max, _FEWER, conditions.rng)
+    links = _links(fewer, n_max, method.over_few, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
-    return _links(points, n_max, iterate, conditions)  # fewer points may lack rare samples
+    return _links(points, n_max, method.over_few, conditions)  # fewer points may lack rare samples
 
 
 def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions) -> list[Iteration]:

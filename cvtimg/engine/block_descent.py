@@ -8,10 +8,11 @@ depends on nothing but the samples, their blocks and the seed: it has the same b
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from cvtimg._shared.checks import as_samples, check_count, check_that, raise_uns
 from cvtimg._shared.iteration import iterate
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
-from cvtimg.engine.methods import Conditions
+from cvtimg.engine.methods import Conditions, Iteration
 from cvtimg.engine.points import (
     SMALL_ENERGY,
     Frame,
@@ -43,8 +44,6 @@ _CHECKPOINT = "checkpoint"
 _SAMPLE_ROWS = 1 << 20
 _SAMPLE_VALUES = 1 << 25
 _ROWS_PER_GENERATOR = 64
-#: Random numbers that are drawn together, whichever of them are needed.
-_PAGE = 1 << 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +71,13 @@ class Survey:
             return Frame(center, scale_within(self.low, self.high, center))
         return Frame(np.rint(center), 1.0)
 
+    def fingerprint(self, *options: object) -> str:
+        """Name the samples and some options, for `Checkpoint`."""
+        digest = hashlib.sha256(repr((self.mass, self.rows.dtype, *options)).encode())
+        for array in (self.lengths, self.sums, self.rows, self.weights):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
     @staticmethod
     def total(parts: Sequence[Survey]) -> Survey:
         """Join the surveys of consecutive blocks."""
@@ -86,37 +92,12 @@ class Survey:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockMoments:
+class BlockMoments(NamedTuple):
     """Sums over the cells of some points: masses (K,), density times point (K, D), and the spread about the origin."""
 
     masses: NDArray[np.float64]
     sums: NDArray[np.float64]
     about_origin: float
-
-    def energy(self, generators: NDArray[np.float64]) -> float:
-        """Sum of density times squared distance to the own generator."""
-        return energy(self.about_origin, generators, self.masses, self.sums)
-
-    @staticmethod
-    def total(parts: Sequence[BlockMoments]) -> BlockMoments:
-        """Add moments in their order."""
-        masses, sums, about_origin = parts[0].masses, parts[0].sums, parts[0].about_origin
-        for part in parts[1:]:
-            masses, sums = masses + part.masses, sums + part.sums
-            about_origin += part.about_origin
-        return BlockMoments(masses, sums, about_origin)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockDescent:
-    """The end of a descent over all blocks, in the frame."""
-
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    energy: float
-    energies: list[float]
-    converged: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +140,7 @@ def sample_points(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Poi
     """Return the sample, with rows that it lacks if it has too few that differ."""
     rows, weights = found.rows, found.weights
     if len(_some_distinct([rows], n_generators)) < n_generators:
-        rare = over_blocks(blocks, _distinct_block, _Distinct(n_generators), n_generators)
+        rare = over_blocks(blocks, _distinct_block, partial(_some_distinct, most=n_generators), n_generators)
         if len(rare) < n_generators:
             raise TooFewSamplesError(n_generators, len(rare))
         rows, weights = np.concatenate([rows, rare]), np.append(weights, np.ones(len(rare)))
@@ -178,11 +159,14 @@ def descend(
     blocks: Blocks,
     sample: Points,
     generators: NDArray[np.float64],
+    energies: Sequence[float],
     conditions: Conditions,
     checkpoint: Checkpoint,
-    energies: Sequence[float] = (),
-) -> BlockDescent:
-    """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them."""
+) -> tuple[Iteration, NDArray[np.float64], float]:
+    """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them.
+
+    Also return the (K,) masses of the cells, and the energy to all its digits.
+    """
     # Empty cells, which are rare after a search, are refilled from the sample.
     free = np.arange(len(generators)) >= conditions.n_locked
     frame = sample.frame
@@ -192,8 +176,8 @@ def descend(
     def measure() -> float:
         nonlocal found
         checkpoint.save(generators, known)
-        found = over_blocks(blocks, _moments_of_block, BlockMoments.total, generators, frame)
-        known.append(found.energy(generators))
+        found = over_blocks(blocks, _moments_of_block, _total, generators, frame)
+        known.append(energy(found.about_origin, generators, found.masses, found.sums))
         return known[-1]
 
     def step() -> float:
@@ -208,22 +192,14 @@ def descend(
     history = iterate(measure(), step, conditions.stopping, conditions.watch, energies)
     lowest = known[-1]
     if lowest <= SMALL_ENERGY * found.about_origin:
-        lowest = over_blocks(blocks, _energy_of_block, _added, generators, frame)
-    return BlockDescent(generators, found.masses, lowest, *history)
+        lowest = over_blocks(blocks, _energy_of_block, math.fsum, generators, frame)
+    return Iteration(generators, *history), found.masses, lowest
 
 
 def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
     """Return the (N,) int32 labels as a Dask array, in the same blocks, which is computed when it is needed."""
     label = partial(_label_rows, generators=generators, frame=frame)
     return map_rows(blocks, label, np.int32, lengths=tuple(lengths.tolist()))
-
-
-def job_of(found: Survey, *options: object) -> str:
-    """Name samples and options by a fingerprint, for `Checkpoint`."""
-    digest = hashlib.sha256(repr((found.mass, found.rows.dtype, *options)).encode())
-    for array in (found.lengths, found.sums, found.rows, found.weights):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
 
 
 def _length(block: Block) -> tuple[int, ...]:
@@ -234,8 +210,10 @@ def _chained(parts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
     return tuple(length for part in parts for length in part)
 
 
-def _added(parts: Sequence[float]) -> float:
-    return sum(parts)
+def _total(parts: Sequence[BlockMoments]) -> BlockMoments:
+    """Add moments in their order."""
+    masses, sums, spreads = zip(*parts, strict=True)
+    return BlockMoments(np.sum(masses, axis=0), np.sum(sums, axis=0), sum(spreads))
 
 
 def _survey_block(block: Block, seed: int, ends: NDArray[np.int64], most: int) -> Survey:
@@ -262,29 +240,30 @@ def drawn_rows(n_rows: int, most: int, start: int, stop: int, seed: int) -> NDAr
     So the sample is the same for any blocks of the same rows.
     """
     first, last = max(start * most // n_rows - 1, 0), min(stop * most // n_rows + 2, most)
-    pages = range(first // _PAGE, -(-last // _PAGE))
-    places = np.concatenate([np.random.default_rng([seed, page]).random(_PAGE) for page in pages])
     parts = np.arange(first, last)
     begins, ends = parts * n_rows // most, (parts + 1) * n_rows // most
-    rows = begins + (places[parts - pages.start * _PAGE] * (ends - begins)).astype(np.int64)
+    # A number for each part, whichever of them are needed.
+    places = np.random.Generator(np.random.PCG64(seed).advance(first)).random(len(parts))
+    rows = begins + (places * (ends - begins)).astype(np.int64)
     return rows[(rows >= start) & (rows < stop)]
 
 
 def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> BlockMoments:
-    parts = [BlockMoments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
-    for rows, weights in block.pieces():
-        points = pack(rows, weights, frame=frame)
+    found = [BlockMoments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
+    for points in _pieces(block, frame):
         moments = cell_moments(points, assign(points, generators), len(generators))
-        parts = [BlockMoments.total([*parts, BlockMoments(*moments, points.energy_about_origin)])]
-    return parts[0]
+        found.append(BlockMoments(*moments, points.energy_about_origin))
+    return _total(found)
 
 
 def _energy_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> float:
-    total = 0.0
+    pieces = _pieces(block, frame)
+    return sum(float(cell_energies(points, generators, assign(points, generators)).sum()) for points in pieces)
+
+
+def _pieces(block: Block, frame: Frame) -> Iterator[Points]:
     for rows, weights in block.pieces():
-        points = pack(rows, weights, frame=frame)
-        total += float(cell_energies(points, generators, assign(points, generators)).sum())
-    return total
+        yield pack(rows, weights, frame=frame)
 
 
 def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
@@ -292,20 +271,9 @@ def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: F
 
 
 def _distinct_block(block: Block, most: int) -> NDArray[Any]:
-    weighted = [rows[weights > 0] for rows, weights in block.pieces()]
-    return _some_distinct(weighted, most)
+    return _some_distinct([rows[weights > 0] for rows, weights in block.pieces()], most)
 
 
 def _some_distinct(several: Sequence[NDArray[Any]], most: int) -> NDArray[Any]:
     """Return some of the distinct rows, as many as there are if these are fewer than `most`."""
     return np.unique(np.concatenate(several), axis=0)[:most]
-
-
-@dataclass(frozen=True, slots=True)
-class _Distinct:
-    """Joins distinct rows."""
-
-    most: int
-
-    def __call__(self, parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        return _some_distinct(parts, self.most)

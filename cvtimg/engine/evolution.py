@@ -21,30 +21,17 @@ from cvtimg.engine.seeding import random
 #: When children rest: the best end descends further afterwards.
 _RESTING = Stopping(tolerance=1e-3, max_iterations=100)
 #: Energies nearer to each other than this fraction are taken to be of the same tessellation.
-_SAME = 1e-9
-#: A child improves on its elders by lowering the least energy by more than this fraction.
-_IMPROVEMENT = 1e-6
-#: Of so many generators of a child, drawn at random, the one that would be missed least is replaced.
-_CANDIDATES = 4
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Evolution:
-    """How much to evolve.
+    """How much to evolve."""
 
-    Attributes
-    ----------
-    n_kept : int
-        Number of tessellations that become parents.
-    n_children : int
-        Number of children in each generation.
-    patience : int
-        Evolution ends after so many children without an improvement.
-    """
-
-    n_kept: int
-    n_children: int
-    patience: int
+    n_kept: int  # tessellations that become parents
+    n_children: int  # in each generation
+    patience: int  # evolution ends after so many children without an improvement
+    n_candidates: int = 4  # generators of a child, drawn at random, of which the one that is missed least is replaced
 
 
 def evolve(
@@ -61,14 +48,14 @@ def evolve(
         least = float(elders.energies[0])
         if conditions.watch(least) or n_idle >= effort.patience or least == 0:
             break
-        children = descend(points, _children(points, elders, effort.n_children, conditions), resting)
-        improved = children.energies.min() < least * (1 - _IMPROVEMENT)
+        children = descend(points, _children(points, elders, effort, conditions), resting)
+        improved = children.energies.min() < least * (1 - _SAME)
         n_idle = 0 if improved else n_idle + effort.n_children
         elders = Ends(*(np.concatenate(both) for both in zip(elders, children, strict=True)))
         tell(n_idle / effort.patience)
     # Transfers of single points lower many ends of Lloyd's method further.
     ends = METHODS["transfer"].descend_all(points, elders.generators, resting)
-    best: NDArray[np.float64] = ends.generators[np.argmin(ends.energies)]
+    best: NDArray[np.float64] = ends.generators[ends.energies.argmin()]
     return best
 
 
@@ -81,9 +68,9 @@ def _survivors(ends: Ends, n_kept: int) -> Ends:
     return Ends(*(values[kept] for values in ends))
 
 
-def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> NDArray[np.float64]:
+def _children(points: Points, elders: Ends, effort: Evolution, conditions: Conditions) -> NDArray[np.float64]:
     """Cross pairs of elders, and replace one free generator of each child by a point that is drawn by its energy."""
-    rng, n_locked = conditions.rng, conditions.n_locked
+    rng, n_locked, n_children = conditions.rng, conditions.n_locked, effort.n_children
     n_generators = elders.generators.shape[1]
     # Each parent is the better of two elders, which are in order.
     pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
@@ -92,7 +79,7 @@ def _children(points: Points, elders: Ends, n_children: int, conditions: Conditi
     children[:, n_locked:] = np.where(inherited, children[:, n_locked:], _matched(children, others, n_locked))
     masses, distances = masses_and_distances(points, children)
     every = np.arange(n_children)
-    candidates = rng.integers(n_locked, n_generators, (n_children, _CANDIDATES))
+    candidates = rng.integers(n_locked, n_generators, (n_children, effort.n_candidates))
     costs = _merging_costs(children, masses)[every[:, None], candidates]
     replaced = candidates[every, costs.argmin(axis=1)]
     children[every, replaced] = points.rows(_drawn(points.density * distances, rng))

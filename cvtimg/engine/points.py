@@ -18,16 +18,16 @@ from cvtimg.engine import _kernels
 _MAX_PARTS = 32
 _MIN_TILES = 256
 #: Ruling out generators that cannot be nearest pays off from this number of generators on.
-_GROUPED_FROM = 40
+GROUPED_FROM = 40
 #: Any center near the points will do: the mean of at most this many rows.
 _CENTER_ROWS = 1 << 20
-_TILES_AT_ONCE = 1 << 12
 #: Energies below this fraction of the energy about the origin are rounding errors in float64.
 _ROUNDING = 1e-24
 #: Energies, sums of squares, of values this far from their mean are out of the range of float64.
 _TOO_LARGE = 1e140
-#: Energies below this fraction of the energy about the origin are summed point by point, as their moments cancel.
-SMALL_ENERGY = 1e-7
+#: Energies below this fraction of the energy about the origin are summed point by point: half the digits of their
+#: moments cancel.
+SMALL_ENERGY = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +69,7 @@ class Points:
         """Number of coordinates, D."""
         return int(self.tiles.shape[1])
 
-    def rows(self, members: NDArray[np.intp] | slice = slice(None)) -> NDArray[np.float64]:
+    def rows(self, members: NDArray[np.intp] | list[int] | slice = slice(None)) -> NDArray[np.float64]:
         """Return the (m, D) places of some points in the frame, all by default."""
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
@@ -148,11 +148,9 @@ def _points(
     boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
     # In parts: the squares of all points at once would be a second copy of them.
     total = 0.0
-    for start in range(0, len(tiles), _TILES_AT_ONCE):
-        part = tiles[start : start + _TILES_AT_ONCE]
-        squares = np.einsum("tdi,tdi->ti", part, part, dtype=np.float64).reshape(-1)
-        first = start * _kernels.TILE
-        total += float(np.einsum("n,n->", density[first : first + len(squares)], squares))
+    for part, ends in _fixed_parts(tiles):
+        squares = np.einsum("tdi,tdi->ti", tiles[part], tiles[part], dtype=np.float64).reshape(-1)
+        total += float(np.einsum("n,n->", density[ends], squares))
     return Points(tiles, boxes, density, frame, n_points, in_order, total)
 
 
@@ -209,7 +207,7 @@ def assign(
     labels = np.empty(len(points.density), np.int32)
     columns = np.full((points.n_dims, -(-len(single) // _kernels.TILE) * _kernels.TILE), 1e18, np.float32)
     columns[:, : len(single)] = single.T
-    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= _GROUPED_FROM and offsets is None
+    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= GROUPED_FROM and offsets is None
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
@@ -219,7 +217,7 @@ def assign(
             _kernels.assign(points.tiles[part], single, half_norms, labels[ends])
 
     # With many generators only a few dozen are compared with each point.
-    n_compared = _GROUPED_FROM if grouped else len(single)
+    n_compared = GROUPED_FROM if grouped else len(single)
     in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * n_compared)
     return labels
 
@@ -245,7 +243,7 @@ def cell_moments(
     points: Points, labels: NDArray[np.int32], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
-    slices = _fixed_parts(points)
+    slices = _fixed_parts(points.tiles)
     parts = np.zeros((len(slices), n_cells, points.n_dims + 1))
 
     def accumulate(start: int, stop: int) -> None:
@@ -267,17 +265,22 @@ def energy(
     return float(max(about_origin - 2 * cross + norms, 0.0))
 
 
-def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
-    slices = _fixed_parts(points)
-    parts = np.zeros((len(slices), len(generators)))
+def distances_to_own(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the squared distance of each point, padding included, to the generator that its label names."""
+    distances = np.empty(len(labels))
 
     def measure(start: int, stop: int) -> None:
-        for (tiles, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
-            _kernels.measure(points.tiles[tiles], points.density[ends], generators, labels[ends], part)
+        ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
+        _kernels.distances_to_own(points.tiles[start:stop], generators, labels[ends], distances[ends])
 
-    in_parts(measure, len(parts), work=points.tiles.size)
-    energies: NDArray[np.float64] = parts.sum(axis=0)
+    in_parts(measure, len(points.tiles), work=points.tiles.size)
+    return distances
+
+
+def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
+    weighted = points.density * distances_to_own(points, generators, labels)
+    energies = np.bincount(labels, weighted, len(generators))
     # Distinct points are farther apart than this: the rest is the rounding of means.
     return np.where(energies > _ROUNDING * points.energy_about_origin, energies, 0.0)
 
@@ -288,8 +291,8 @@ def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], 
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
 
 
-def _fixed_parts(points: Points) -> list[tuple[slice, slice]]:
+def _fixed_parts(tiles: NDArray[np.float32]) -> list[tuple[slice, slice]]:
     """Return the tiles, and the points, of each part that is summed by itself."""
-    n_parts = min(max(len(points.tiles) // _MIN_TILES, 1), _MAX_PARTS)
-    bounds = [len(points.tiles) * part // n_parts for part in range(n_parts + 1)]
+    n_parts = min(max(len(tiles) // _MIN_TILES, 1), _MAX_PARTS)
+    bounds = [len(tiles) * part // n_parts for part in range(n_parts + 1)]
     return [(slice(*ends), slice(ends[0] * _kernels.TILE, ends[1] * _kernels.TILE)) for ends in pairwise(bounds)]

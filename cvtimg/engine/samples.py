@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
-from cvtimg.engine.points import Frame, Points, pack
+from cvtimg.engine.points import GROUPED_FROM, Frame, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
 MAX_ORDERED_DIMS = 4
@@ -18,7 +18,6 @@ _INSERT_ZEROS = ((24, 0x000000FF000000FF), (12, 0x000F000F000F000F), (6, 0x03030
 
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
 #: are enough generators for a gain and not so many rows that sorting costs more.
-_MANY_GENERATORS = 40
 _FEW_ENOUGH_TO_SORT = 1 << 23
 
 
@@ -56,7 +55,7 @@ def pack_in_order(
 ) -> tuple[Points, NDArray[np.intp] | None]:
     """Pack the (N, D) rows of a table; also return their order, if it is not the given one."""
     sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
-    if not sortable or n_generators < _MANY_GENERATORS:
+    if not sortable or n_generators < GROUPED_FROM:
         return pack(rows, weights, frame=frame), None
     order = along_curve(rows)
     return pack(rows[order], weights[order], frame=frame, in_order=True), order

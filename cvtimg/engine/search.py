@@ -22,25 +22,22 @@ from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 
 @dataclass(frozen=True, slots=True)
 class SearchEffort:
-    """How much work to spend on finding a low energy.
+    """How much work to spend on finding a low energy."""
 
-    Attributes
-    ----------
-    n_starts : int
-        Maximum number of searches over fewer points, each from its own seeds; the lowest end is continued on all
-        points. From 43 generators on there are fewer, down to a third: each costs more, and the ends differ less.
-    breaths : tuple of float
-        Largest and smallest breath in such a search, as fractions of the generators; (0, 0) for no breathing.
-    stopping : Stopping
-        When the descent on all samples stops.
-    evolution : Evolution or None
-        How much to evolve where the rows of a table are few.
-    """
-
+    # Maximum number of searches over fewer points, each from its own seeds; the lowest end is continued on all points.
+    # From 43 generators on there are fewer, down to a third: each costs more, and the ends differ less.
     n_starts: int
-    breaths: tuple[float, float]
-    stopping: Stopping
-    evolution: Evolution | None = None
+    breaths: tuple[float, float]  # largest and smallest in such a search, as fractions of the generators; 0 for none
+    stopping: Stopping  # of the descent on all samples
+    evolution: Evolution | None = None  # where the rows of a table are few
+
+
+@dataclass(frozen=True, slots=True)
+class Fewer:
+    """How many points a search needs: some for each generator, and enough in total."""
+
+    per_generator: int
+    at_least: int
 
 
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
@@ -56,11 +53,10 @@ _FAR_MORE = 8
 #: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
-_COARSER = (32, 16, 8, 4, 2)
-#: Minimum number of points of a search, per generator and in total.
-_POINTS_PER_GENERATOR = 50
-_ENOUGH_POINTS = 1 << 14
 _STARTS_TIMES_GENERATORS = 512
+_FEWER = Fewer(per_generator=50, at_least=1 << 14)
+#: Part of the time that the search over fewer points takes.
+SEARCHED = 0.7
 
 
 def effort_beyond(effort: SearchEffort, n_rows: int, n_searched: int) -> SearchEffort:
@@ -79,7 +75,7 @@ def search(
     conditions: Conditions,
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
-    some = fewer_points(points, max(_POINTS_PER_GENERATOR * n_generators, _ENOUGH_POINTS), conditions.rng)
+    some = fewer_points(points, n_generators, _FEWER, conditions.rng)
     evolution = effort.evolution if some is points and n_generators > len(fixed) else None
     n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
     if evolution is not None:
@@ -110,9 +106,10 @@ def _agree(ends: list[Iteration]) -> bool:
     return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
 
 
-def fewer_points(points: Points, n_enough: int, rng: np.random.Generator) -> Points:
-    """Return the fewest points that are enough, or the points themselves."""
-    for factor in _COARSER:
-        if points.n_points >= factor * n_enough:
-            return coarsen(points, factor) if points.in_order else thin(points, factor, rng)
-    return points
+def fewer_points(points: Points, n_generators: int, fewer: Fewer, rng: np.random.Generator) -> Points:
+    """Return one of 2, 4, .. 32 points, the fewest that are enough, or the points themselves."""
+    spare = points.n_points // max(fewer.per_generator * n_generators, fewer.at_least)
+    factor = 1 << min(max(spare, 1).bit_length() - 1, 5)
+    if factor == 1:
+        return points
+    return coarsen(points, factor) if points.in_order else thin(points, factor, rng)

@@ -146,13 +146,13 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
     # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
     n_draws = 2 + int(np.log(n_generators))
     chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
-    nearest = _distances(points, chosen[0], np.full(len(points.density), np.inf, np.float32))
+    nearest = _distances(points, points.rows(chosen)[0], np.full(len(points.density), np.inf, np.float32))
     while len(chosen) < n_generators:
         cumulative = np.cumsum(points.density * nearest)
         if cumulative[-1] == 0:
             raise TooFewSamplesError(n_generators, len(chosen))
         draws = np.searchsorted(cumulative, cumulative[-1] * rng.random(n_draws), side="right")
-        candidates = [_distances(points, draw, nearest) for draw in draws]
+        candidates = [_distances(points, place, nearest) for place in points.rows(draws)]
         best = int(np.argmin([np.einsum("n,n->", points.density, distances) for distances in candidates]))
         nearest = candidates[best]
         chosen.append(draws[best])
@@ -164,11 +164,11 @@ def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDAr
     # Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985), doi
     # 10.1016/0304-3975(85)90224-5.
     weighted = points.density > 0
-    from_mean = _distances_to(points, np.zeros(points.n_dims, np.float32), np.full(len(weighted), np.inf, np.float32))
+    from_mean = _distances(points, np.zeros(points.n_dims), np.full(len(weighted), np.inf, np.float32))
     chosen = [int(np.argmin(np.where(weighted, from_mean, np.inf)))]
     nearest = np.where(weighted, np.inf, 0).astype(np.float32)
     while len(chosen) < n_generators:
-        nearest = _distances(points, chosen[-1], nearest)
+        nearest = _distances(points, points.rows(chosen[-1:])[0], nearest)
         chosen.append(int(np.argmax(nearest)))
         if nearest[chosen[-1]] == 0:
             raise TooFewSamplesError(n_generators, len(chosen) - 1)
@@ -219,12 +219,8 @@ def _divide(
     cells.moments[chosen] -= cells.moments[children]
 
 
-def _distances(points: Points, member: int, bound: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return squared distances to a point, or `bound` where that is smaller."""
-    return _distances_to(points, points.rows(slice(member, member + 1))[0].astype(np.float32), bound)
-
-
-def _distances_to(points: Points, place: NDArray[np.float32], bound: NDArray[np.float32]) -> NDArray[np.float32]:
+def _distances(points: Points, place: NDArray[np.float64], bound: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return squared distances to a place, or `bound` where that is smaller."""
     distances = np.empty_like(bound)
-    _kernels.squared_distances(points.tiles, place, bound, distances)
+    _kernels.squared_distances(points.tiles, place.astype(np.float32), bound, distances)
     return distances

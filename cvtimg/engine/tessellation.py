@@ -27,26 +27,14 @@ from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.block_descent import (
-    BlockDescent,
-    Checkpoint,
-    check_by_blocks,
-    descend,
-    job_of,
-    label_blocks,
-    sample_points,
-    survey,
-)
+from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_points, survey
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples, pack_in_order
-from cvtimg.engine.search import EFFORTS, SearchEffort, effort_beyond, search
+from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
 from cvtimg.files.whole import StrPath
-
-#: Part of the time that the search over fewer points takes.
-_SEARCHED = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,16 +146,8 @@ def tessellate(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed, and the number of the block
-        if it is in one.
     ConnectionError
         If the Dask cluster was lost.
-
-    See Also
-    --------
-    cvtimg.energy_curve : Energies of all numbers of generators, to pick one.
-    cvtimg.CVT : The same for scikit-learn.
 
     Notes
     -----
@@ -197,9 +177,9 @@ def tessellate(
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
     points, order = _points(samples, density, n_generators)
     descent = _Descent(points, asked)
-    with part(0, _SEARCHED):
+    with part(0, SEARCHED):
         start = descent.start(settings)
-    with part(_SEARCHED, 1):
+    with part(SEARCHED, 1):
         end = descent.method.iterate(points, start, descent.conditions)
     labels = assign(points, end.generators) if end.labels is None else end.labels
     masses, _ = cell_moments(points, labels, n_generators)
@@ -259,26 +239,21 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
     points, _ = sample_points(blocks, found, asked.n_generators)
     of_sample = _Descent(points, asked)
     init, fixed = np.asarray(asked.init).tolist(), of_sample.fixed.tolist()
-    job = job_of(found, asked.n_generators, effort, init, fixed, asked.rng.bit_generator.state)
-    kept = Checkpoint(checkpoint, job)
+    options = asked.n_generators, effort, init, fixed, asked.rng.bit_generator.state
+    kept = Checkpoint(checkpoint, found.fingerprint(*options))
     state = kept.load()
     if state is None:
         start = of_sample.start(effort_beyond(asked.effort, found.n_rows, len(found.rows)))
         if not of_sample.has_start:  # from given generators the descent starts at once
             start = of_sample.method.iterate(points, start, of_sample.conditions).generators
         state = start, []
-    end = descend(blocks, points, state[0], of_sample.conditions, kept, state[1])
+    end, masses, energy = descend(blocks, points, *state, of_sample.conditions, kept)
     labels = label_blocks(blocks, found.lengths, end.generators, points.frame)
-    return _of_frame(points.frame, end, labels, end.masses, end.energy, end.energy)
+    return _of_frame(points.frame, end, labels, masses, energy, energy)
 
 
 def _of_frame(
-    frame: Frame,
-    end: Iteration | BlockDescent,
-    labels: Any,
-    masses: NDArray[np.float64],
-    energy: float,
-    weighted: float,
+    frame: Frame, end: Iteration, labels: Any, masses: NDArray[np.float64], energy: float, weighted: float
 ) -> Tessellation:
     return Tessellation(
         generators=frame.outward(end.generators),

@@ -9,7 +9,7 @@ from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
 from cvtimg._shared.iteration import Callback, Stopping, Watch
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iterate, Iteration, Method
-from cvtimg.engine.methods.lloyd import lloyd, lloyd_in_rounds, lloyd_of_sets
+from cvtimg.engine.methods.lloyd import lloyd, lloyd_of_sets
 from cvtimg.engine.methods.macqueen import macqueen
 from cvtimg.engine.methods.optimal1d import optimal1d
 from cvtimg.engine.methods.probabilistic import Probabilistic
@@ -17,7 +17,7 @@ from cvtimg.engine.methods.transfer import transfer
 
 #: The registry of methods: the values of `method` and ``--method``. The first that can do a job is the default.
 METHODS: dict[str, Method] = {
-    "lloyd": Method(lloyd, over_few=lloyd_in_rounds, of_sets=lloyd_of_sets),
+    "lloyd": Method(lloyd, of_sets=lloyd_of_sets),
     "transfer": Method(transfer, takes_power=True),
     "macqueen": Method(macqueen),
     "probabilistic": Method(Probabilistic()),

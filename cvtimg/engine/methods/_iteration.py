@@ -15,27 +15,13 @@ from cvtimg.engine.points import Points
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Conditions:
-    """Conditions that a method must respect.
-
-    Attributes
-    ----------
-    stopping : Stopping
-        When to stop.
-    rng : numpy.random.Generator
-        Source of all random numbers.
-    n_locked : int
-        The first `n_locked` generators stay in place.
-    volume_power : float
-        Cells are weighted by their mass to this power; 0 unless the method takes another.
-    watch : Watch
-        To be called with the energy before each step.
-    """
+    """Conditions that a method must respect."""
 
     stopping: Stopping
-    rng: np.random.Generator
-    n_locked: int = 0
-    volume_power: float = 0.0
-    watch: Watch = field(default_factory=Watch)
+    rng: np.random.Generator  # source of all random numbers
+    n_locked: int = 0  # so many generators, the first, stay in place
+    volume_power: float = 0.0  # cells are weighted by their mass to this power; 0 unless the method takes another
+    watch: Watch = field(default_factory=Watch)  # to be called with the energy before each step
 
     def until(self, stopping: Stopping) -> Conditions:
         """Return the same conditions with another stopping rule."""
@@ -49,39 +35,19 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """The end of an iteration.
+    """The end of an iteration."""
 
-    Attributes
-    ----------
-    generators : (K, D) float64 array
-        In the frame of the points.
-    energies : list of float
-        Before each step and at the end, weighted by `Conditions.volume_power`.
-    converged : bool
-        Whether the iteration converged.
-    labels : int32 array or None
-        The cell of each point, padding included, where that is not the cell of its nearest generator.
-    """
-
-    generators: NDArray[np.float64]
-    energies: list[float]
+    generators: NDArray[np.float64]  # (K, D) in the frame of the points
+    energies: list[float]  # before each step and at the end, weighted by `Conditions.volume_power`
     converged: bool
-    labels: NDArray[np.int32] | None = None
+    labels: NDArray[np.int32] | None = None  # of all points, padding included, if not those of the nearest generators
 
 
 class Ends(NamedTuple):
-    """The ends of iterations from n sets of generators.
+    """The ends of iterations from n sets of generators."""
 
-    Attributes
-    ----------
-    generators : (n, K, D) float64 array
-        In the frame of the points.
-    energies : (n,) float64 array
-        At the ends, weighted by `Conditions.volume_power`.
-    """
-
-    generators: NDArray[np.float64]
-    energies: NDArray[np.float64]
+    generators: NDArray[np.float64]  # (n, K, D) in the frame of the points
+    energies: NDArray[np.float64]  # (n,) weighted by `Conditions.volume_power`
 
 
 #: Takes points, initial generators (K, D) and conditions, and returns the end of the iteration.
@@ -92,37 +58,29 @@ IterateSets = Callable[[Points, NDArray[np.float64], Conditions], Ends]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A way to move generators, and what it can do: a line in the registry.
-
-    Attributes
-    ----------
-    iterate : callable
-        The iteration itself.
-    takes_power : bool
-        Whether it minimizes the energy weighted by a `volume_power` other than 0.
-    takes_locked : bool
-        Whether it can leave some generators in place.
-    exact_in_one_dimension : bool
-        Whether it finds the global optimum of samples of one dimension, and works for no others. Of the initial
-        generators only the number matters then.
-    over_few : callable or None
-        The same iteration, faster for so few points that a pass takes less time than calling for it; it locks no
-        generator. By default `iterate`.
-    of_sets : callable or None
-        The same iteration from many sets of generators at once, over few points; empty cells may stay empty. By
-        default one `iterate` after the other.
-    """
+    """A way to move generators, and what it can do: a line in the registry."""
 
     iterate: Iterate
-    takes_power: bool = False
-    takes_locked: bool = True
+    takes_power: bool = False  # whether it minimizes the energy weighted by a `volume_power` other than 0
+    takes_locked: bool = True  # whether it can leave some generators in place
+    # Whether it finds the global optimum in one dimension, and works in no other. Of the initial generators only the
+    # number matters then.
     exact_in_one_dimension: bool = False
-    over_few: Iterate | None = None
+    # The same from many sets of generators, faster over so few points that a pass takes less time than calling for it;
+    # empty cells may stay empty. By default one `iterate` after the other.
     of_sets: IterateSets | None = None
 
     def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
         """Iterate from these generators."""
         return self.iterate(points, generators, conditions)
+
+    def over_few(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+        """Iterate as `of_sets` does from one set."""
+        if self.of_sets is None:
+            return self.iterate(points, generators, conditions)
+        ends = self.of_sets(points, generators[None], conditions)
+        lowest = float(ends.energies[0])
+        return Iteration(ends.generators[0], [lowest], converged=not conditions.watch(lowest))
 
     def descend_all(self, points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
         """Iterate from each of (n, K, D) sets of generators."""

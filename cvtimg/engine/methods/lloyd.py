@@ -14,10 +14,10 @@ from cvtimg._shared.iteration import iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
-from cvtimg.engine.points import Points, assign, cell_moments, energy
+from cvtimg.engine.points import Points, assign, cell_moments, distances_to_own, energy
 from cvtimg.engine.seeding import refill
 
-#: Moves in a round of `lloyd_in_rounds`.
+#: Moves of sets between two looks at whether they rest.
 _MOVES = 4
 
 
@@ -46,20 +46,6 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
     return Iteration(generators, *history)
 
 
-def lloyd_in_rounds(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
-    """Iterate as `lloyd` does, with no locked generators, checking only every few moves whether to stop."""
-    # For so few points that a pass over them takes less time than the call that starts it.
-    moved = generators[None].copy()
-    energies: list[float] = []
-    while True:
-        round_ = _move_sets(points, moved, 0)
-        if not round_.masses.all():
-            return lloyd(points, moved[0], conditions)  # which refills empty cells
-        energies += round_.energies[0, bool(energies) :].tolist()
-        if conditions.ended(energies):
-            return Iteration(moved[0], energies, conditions.stopping.converged(energies))
-
-
 def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
     """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
     stopping = conditions.stopping
@@ -78,14 +64,8 @@ def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditi
 def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (n, K) masses of the cells of (n, K, D) sets, and (n, M) squared distances to the own generator."""
     _, masses, labels = _move_sets(points, sets, len(sets[0]), 0)
-    distances = np.empty(labels.shape)
-
-    def measure(start: int, stop: int) -> None:
-        own = slice(start, stop)
-        _kernels.distances_to_own(points.tiles, sets[own], labels[own], distances[own])
-
-    in_parts(measure, len(sets), work=len(sets) * points.tiles.size)
-    return masses, distances
+    apart = [distances_to_own(points, generators, own) for generators, own in zip(sets, labels, strict=True)]
+    return masses, np.stack(apart)
 
 
 class _Moved(NamedTuple):
