@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each, part
+from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_in_picture
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
@@ -27,20 +28,23 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 DOTS = ("equal", "sized")
-#: How often the density is corrected, and moves after each correction.
-_ROUNDS, _MOVES = 4, 4
-#: The density grows as this power of the ink of a cell, in units of the mean, and at most by this factor.
-_POWER, _LARGEST = 2.0, 4.0
-#: Corrections are smoothed over this part of the distance between dots: the error of a single dot is noise.
-_SMOOTHED = 0.5
-#: Moves, after how many the tones are corrected, and how far dots go to the centers of their cells among all dots.
-_PEN_MOVES, _CORRECTED, _TO_ALL = 20, 4, 0.5
 #: Moves of dots to the centers of the ink of their cells at the end.
 _LAST_MOVES = {"equal": 1, "sized": 2}
-#: Parts of the time: until dots are balanced, until those of pens are placed, until all but the last moves are made.
-_PLACED, _OF_PENS, _SPREAD = 0.3, 0.5, 0.9
-#: Steps of the tones that sizes of dots are told by, and logarithms of the powers by which they may grow.
-_TONES, _POWERS = 1024, (-10.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """How dots are brought into balance with the tones, and those of several pens away from each other."""
+
+    rounds: int = 4  # corrections of the density
+    moves: int = 4  # after each correction
+    largest: float = 4.0  # factor of the density in a correction
+    smoothed: float = 0.5  # distances between dots that it is smoothed over: the error of a single dot is noise
+    pen_moves: int = 20  # of several pens
+    to_all: float = 0.5  # part of the way to the centers of cells among all dots that these go
+
+
+BALANCE = Balance()
 
 
 def balance_tones(amount: Floats32, points: Floats) -> Floats:
@@ -50,10 +54,10 @@ def balance_tones(amount: Floats32, points: Floats) -> Floats:
     """
     amounts = picture_moments(amount, len(points))
     density = amount * amount
-    for _ in each(range(_ROUNDS)):
+    for _ in each(range(BALANCE.rounds)):
         density *= corrections(amounts, points)
         moments = picture_moments(density, len(points))
-        terms = Terms(Stopping(0.0, _MOVES), project=WhereMassIs(moments))
+        terms = Terms(Stopping(0.0, BALANCE.moves), project=WhereMassIs(moments))
         points = DESCENTS["l-bfgs"](moments, points, terms).generators
     return points
 
@@ -63,8 +67,10 @@ def corrections(amounts: PixelMoments, points: Floats) -> Floats32:
     from scipy.ndimage import gaussian_filter
 
     n_points = len(points)
-    factors = np.clip((amounts(points).masses * (n_points / amounts.mass)) ** _POWER, 1 / _LARGEST, _LARGEST)
-    width = _SMOOTHED * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
+    # There are rho^(1/2) dots in an area where the density is rho.
+    lacking = (amounts(points).masses * (n_points / amounts.mass)) ** 2
+    factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
+    width = BALANCE.smoothed * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
     return gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
 
 
@@ -82,29 +88,39 @@ def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Fl
     Amounts are the (H, W) dots that each pixel asks for of each pen, in any unit.
     """
     placed = list(points)
-    used = [pen for pen, own in enumerate(placed) if len(own)]
-    if len(used) < 2:
+    if sum(len(own) > 0 for own in placed) < 2:
         return placed
     # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
-    wanted = {pen: amounts[pen] * (len(placed[pen]) / amounts[pen].sum(dtype=np.float64)) for pen in used}
-    together = np.stack(list(wanted.values())).sum(axis=0, dtype=np.float32)
-    of_all = picture_moments(together * together, sum(len(placed[pen]) for pen in used))
-    of_amount = {pen: picture_moments(amounts[pen], len(placed[pen])) for pen in used}
-    densities = {pen: amounts[pen] * amounts[pen] for pen in used}
-    own = {pen: picture_moments(densities[pen], len(placed[pen])) for pen in used}
-    into_ink = {pen: WhereMassIs(of_amount[pen]) for pen in used}
+    counts = [len(own) for own in placed]
+    together = np.zeros_like(amounts[0])
+    for amount, count in zip(amounts, counts, strict=True):
+        if count:
+            together += amount * np.float32(count / amount.sum(dtype=np.float64))
+    of_all = picture_moments(together * together, sum(counts))
+    pens = {pen: _Pen(amounts[pen], count) for pen, count in enumerate(counts) if count}
     size = np.array(together.shape[::-1])
-    ends = np.cumsum([len(placed[pen]) for pen in used])[:-1]
-    for move in each(range(1, _PEN_MOVES + 1)):
-        centers = np.split(of_all(np.concatenate([placed[pen] for pen in used])).centroids, ends)
-        for pen, center in zip(used, centers, strict=True):
-            if move % _CORRECTED == 0 and move < _PEN_MOVES:
-                densities[pen] *= corrections(of_amount[pen], placed[pen])
-                own[pen] = picture_moments(densities[pen], len(placed[pen]))
-            among_own = own[pen](placed[pen]).centroids
-            moved = np.clip(among_own + _TO_ALL * (center - placed[pen]), 0, size)
-            placed[pen] = into_ink[pen](moved, placed[pen])
+    for move in each(range(1, BALANCE.pen_moves + 1)):
+        centers = np.split(of_all(np.concatenate(placed)).centroids, np.cumsum(counts)[:-1])
+        for pen, own in pens.items():
+            if move % BALANCE.moves == 0 and move < BALANCE.pen_moves:
+                own.correct(placed[pen])
+            among_own = own.moments(placed[pen]).centroids
+            moved = np.clip(among_own + BALANCE.to_all * (centers[pen] - placed[pen]), 0, size)
+            placed[pen] = own.into_ink(moved, placed[pen])
     return placed
+
+
+class _Pen:
+    """The density that the dots of one of several pens follow."""
+
+    def __init__(self, amount: Floats32, n_dots: int) -> None:
+        self._amount, self._density, self._n_dots = picture_moments(amount, n_dots), amount * amount, n_dots
+        self.into_ink = WhereMassIs(self._amount)
+        self.moments = picture_moments(self._density, n_dots)
+
+    def correct(self, points: Floats) -> None:
+        self._density *= corrections(self._amount, points)
+        self.moments = picture_moments(self._density, self._n_dots)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,10 +140,8 @@ def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float,
     if one is given.
     """
     amount = _amount(ink, n_dots, radius_range)
-    with part(0, _SPREAD):
-        points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
-    with part(_SPREAD, 1):
-        return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
+    points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
+    return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
 
 
 def place_pens(
@@ -135,9 +149,9 @@ def place_pens(
 ) -> list[DotLayer]:
     """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
     amounts = [_amount(ink, count, radius_range) for ink, count in zip(inks, counts, strict=True)]
-    with part(0, _OF_PENS):
+    with part(0, 1 / 2):
         placed = [_spread_dots(*pen, balanced=True) for pen in each(list(zip(amounts, counts, strict=True)))]
-    with part(_OF_PENS, 1):
+    with part(1 / 2, 1):
         apart = keep_apart(amounts, placed)
     return [_finished(ink, points, dots, radius_range, 0) for ink, points in zip(inks, apart, strict=True)]
 
@@ -153,12 +167,10 @@ def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
     if n_dots == 0:
         return np.empty((0, 2))
     # In a tessellation of density rho there are rho^(1/2) dots in an area.
-    with part(0, _PLACED if balanced else 1):
+    with part(0, 1 / 2):
         points = place_in_picture(amount * amount, n_dots, effort="fast").points
-    if not balanced:
-        return points
-    with part(_PLACED, 1):
-        return balance_tones(amount, points)
+    with part(1 / 2, 1):
+        return balance_tones(amount, points) if balanced else points
 
 
 def _finished(
@@ -189,20 +201,20 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
     The radius grows as a power of the ink from one to the other; the power is what makes the number right. Where even
     the least or the greatest for all tones does not, the tones will be off.
     """
-    least, greatest = radius_range
-    darkest = float(ink.max())
-    counts, edges = np.histogram(ink, _TONES, (0, darkest))
-    tones = (edges[1:] + edges[:-1]) / 2
-
-    def areas(tone: Floats, exponent: float) -> Floats:
-        return np.pi * (least + (greatest - least) * (tone / darkest) ** exponent) ** 2
-
-    def excess(power: float) -> float:
-        return float((counts * tones / areas(tones, np.exp(power))).sum()) - n_dots
-
     from scipy.optimize import bisect
 
-    low, high = _POWERS
-    power = low if excess(low) > 0 else high if excess(high) < 0 else float(bisect(excess, low, high, xtol=1e-9))
-    table = areas(np.linspace(0, darkest, _TONES), np.exp(power)).astype(np.float32)
-    return table[np.rint(ink * np.float32((_TONES - 1) / darkest)).astype(np.intp)]
+    least, greatest = radius_range
+    darkest = float(ink.max())
+    counts, edges = np.histogram(ink, TABLE_SIZE, (0, darkest))
+    tones = (edges[1:] + edges[:-1]) / 2
+
+    def areas(bent: float) -> Floats:
+        # As a power of the ink: its zeroth makes all dots large, and its last all small.
+        power = bent / (1 - bent) if bent < 1 else np.inf
+        return np.pi * (least + (greatest - least) * (tones / darkest) ** power) ** 2
+
+    def excess(bent: float) -> float:
+        return float((counts * tones / areas(bent)).sum()) - n_dots
+
+    bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else float(bisect(excess, 0, 1))
+    return areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]

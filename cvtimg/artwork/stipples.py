@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
+from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, write_text
@@ -29,92 +30,17 @@ _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 _INCH = 25.4
 MARKS = ("disks", "circles", "points")
-#: Width of the line of circles, in millimeters, where none is given.
+#: Width of the line of circles and cells, in millimeters, where none is given.
 _LINE = 0.3
 #: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
 #: Area that the pen covers for a point, in squared widths of the pen.
 _COVERED = np.pi / 4 + 2**1.5 * _POINT + 2 * _POINT**2
-#: Width of the lines of cells, in millimeters.
-_CELL_LINE = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class Paper:
-    """How dots come onto paper."""
-
-    width: float  # of the drawing, in millimeters
-    marks: str  # what stands for a dot
-    pen_width: float | None  # in millimeters; None for what suits the dots
-
-    def __post_init__(self) -> None:
-        check_choice("marks", self.marks, MARKS)
-        for name, value in (("width", self.width), ("pen_width", self.pen_width)):
-            if value is not None:
-                check_positive(name, value, "in millimeters")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PenDots:
-    """The dots of one pen, in the order in which they are drawn."""
-
-    name: str
-    color: NDArray[np.uint8]
-    points: NDArray[np.float64]  # (N, 2), in pixels
-    radii: NDArray[np.float64]  # (N,), in pixels
-    masses: NDArray[np.float64]
-    cells: Polygons = ()  # empty if they are not asked for
 
 
 def suffixes() -> list[str]:
     """List what dots can be written in."""
     return [".svg", *(suffix for suffix in image_suffixes() if suffix != ".npy"), ".csv"]
-
-
-def write_table(path: StrPath, pens: Sequence[PenDots], *, overwrite: bool) -> None:
-    """Write dots as text."""
-    points, radii, masses = (
-        np.concatenate([getattr(pen, name) for pen in pens]) for name in ("points", "radii", "masses")
-    )
-    layers = np.repeat(np.arange(len(pens)), [len(pen.radii) for pen in pens])
-    columns = (points[:, 0], points[:, 1], radii, masses, layers)
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
-
-
-def write_svg(
-    path: StrPath,
-    pens: Sequence[PenDots],
-    size: tuple[int, int],
-    ground: NDArray[np.uint8],
-    paper: Paper,
-    *,
-    overwrite: bool,
-) -> None:
-    """Write dots as a drawing in millimeters, with a layer for each pen."""
-    scale = paper.width / size[1]
-    body = _layers(pens, ground, paper, scale)
-    write_text(path, drawing(paper.width, size[0] * scale, body, unit="mm", attributes=LAYERED), overwrite=overwrite)
-
-
-def _layers(pens: Sequence[PenDots], ground: NDArray[np.uint8], paper: Paper, scale: float) -> Iterator[str]:
-    if not ground.all():
-        yield f'<rect width="100%" height="100%" fill="{hexadecimal(ground)}"/>\n'
-    for place, pen in enumerate(pens, 1):
-        radii = pen.radii * scale
-        line = _suiting_line(paper.marks, radii) if paper.pen_width is None else paper.pen_width
-        ink = hexadecimal(pen.color)
-        look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
-        look += ' stroke-linecap="round" stroke-linejoin="round"'
-        attributes = f'fill="{ink}"' if paper.marks == "disks" else look
-        # Inks on white paper let the light of others through.
-        blend = ' style="mix-blend-mode:multiply"' if len(pens) > 1 and ground.all() else ""
-        yield from layer(place, pen.name, attributes + blend, _marks(paper.marks, pen.points * scale, radii, line))
-
-
-def _suiting_line(marks: str, radii: NDArray[np.float64]) -> float:
-    """Choose a width of the pen: for points, so that they cover what the dots do."""
-    return float(radii.mean() * np.sqrt(np.pi / _COVERED)) if marks == "points" and len(radii) else _LINE
 
 
 def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float) -> Iterator[str]:
@@ -131,40 +57,10 @@ def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], 
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
 
 
-def write_cells(
-    path: StrPath, pens: Sequence[PenDots], size: tuple[int, int], width: float, *, overwrite: bool
-) -> None:
-    """Write the cells of dots as lines, or as polygons with what is known of each dot."""
-    if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".geojson":
-        _write_geojson(path, pens, overwrite)
-        return
-    scale = Paper(width, "circles", None).width / size[1]
-    body = _cell_layers(pens, scale)
-    write_text(path, drawing(width, size[0] * scale, body, unit="mm", attributes=LAYERED), overwrite=overwrite)
-
-
-def _cell_layers(pens: Sequence[PenDots], scale: float) -> Iterator[str]:
-    for place, pen in enumerate(pens, 1):
-        look = f'fill="none" stroke="{hexadecimal(pen.color)}" stroke-width="{_CELL_LINE}" stroke-linejoin="round"'
-        yield from layer(place, pen.name, look, _outlines(pen.cells, scale))
-
-
 def _outlines(cells: Iterable[NDArray[np.float64]], scale: float) -> Iterator[str]:
     for cell in cells:
         if len(cell):
             yield f'<path d="M{" ".join(numbers(cell.ravel() * scale, 3))}Z"/>\n'
-
-
-def _write_geojson(path: StrPath, pens: Sequence[PenDots], overwrite: bool) -> None:
-    polygons: list[Polygon] = []
-    properties: dict[int, dict[str, float | str]] = {}
-    for pen in pens:
-        values = zip(*pen.points.T.tolist(), pen.radii.tolist(), pen.masses.tolist(), pen.cells, strict=True)
-        for x, y, radius, mass, cell in values:
-            if len(cell):
-                polygons.append(Polygon(len(polygons), (np.concatenate([cell, cell[:1]]),)))
-                properties[len(properties)] = {"x": x, "y": y, "radius": radius, "mass": mass, "pen": pen.name}
-    write_geojson(path, polygons, properties, overwrite=overwrite)
 
 
 def draw_dots(
@@ -304,8 +200,8 @@ class Stipples(ReadOnly):
             else:
                 light += covered * (ink - light)
         # A table in place of powers of each pixel: 12 bits of light tell 8-bit levels apart where edges are.
-        levels = from_space(np.linspace(0, 1, 4096)[:, np.newaxis], "linear", _BYTE)[:, 0]
-        drawn: NDArray[np.uint8] = levels[np.rint(light * 4095).astype(np.uint16)]
+        levels = from_space(np.linspace(0, 1, TABLE_SIZE)[:, np.newaxis], "linear", _BYTE)[:, 0]
+        drawn: NDArray[np.uint8] = levels[np.rint(light * (TABLE_SIZE - 1)).astype(np.uint16)]
         return drawn[:, :, 0] if channels == 1 else drawn
 
     def default_scale(self) -> float:
@@ -346,13 +242,17 @@ class Stipples(ReadOnly):
         overwrite : bool
             Replace an existing file.
         """
-        paper = Paper(width, marks, pen_width)
+        check_choice("marks", marks, MARKS)
+        check_positive("width", width, "in millimeters")
+        pen = None if pen_width is None else check_positive("pen_width", pen_width, "in millimeters")
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
-        pens = self._pens(self.order if tour else np.arange(len(self)))
+        order = self.order if tour else np.arange(len(self))
         if suffix == ".svg":
-            write_svg(path, pens, self.size, self.paper, paper, overwrite=overwrite)
+            self._write_svg(path, width, self._marked_layers(order, width / self.size[1], marks, pen), overwrite)
         elif suffix == ".csv":
-            write_table(path, pens, overwrite=overwrite)
+            columns = (*self.points[order].T, self.radii[order], self.masses[order], self.layers[order])
+            rows = zip(*(column.tolist() for column in columns), strict=True)
+            write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
         else:
             drawn = self.draw(scale=scale)
             dpi = drawn.shape[1] / width * _INCH
@@ -360,17 +260,51 @@ class Stipples(ReadOnly):
 
     def save_cells(self, path: StrPath, *, width: float = 200.0, overwrite: bool = False) -> None:
         """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson)."""
-        pens = self._pens(self.order, self.cells())
-        write_cells(path, pens, self.size, width, overwrite=overwrite)
+        if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".svg":
+            scale = check_positive("width", width, "in millimeters") / self.size[1]
+            self._write_svg(path, width, self._cell_layers(scale), overwrite)
+            return
+        cells = self.cells()
+        polygons: list[Polygon] = []
+        properties: dict[int, dict[str, float | str]] = {}
+        for dot in self.order.tolist():
+            if len(cells[dot]):
+                about = {"radius": float(self.radii[dot]), "mass": float(self.masses[dot])}
+                x, y = self.points[dot].tolist()
+                properties[len(polygons)] = {"x": x, "y": y, **about, "pen": self.names[self.layers[dot]]}
+                polygons.append(Polygon(len(polygons), (np.concatenate([cells[dot], cells[dot][:1]]),)))
+        write_geojson(path, polygons, properties, overwrite=overwrite)
 
-    def _pens(self, order: NDArray[np.intp], cells: Polygons = ()) -> list[PenDots]:
-        """Take the dots apart by their pens."""
-        pens = []
-        for pen, (name, color) in enumerate(zip(self.names, self.colors, strict=True)):
+    def _write_svg(self, path: StrPath, width: float, layers: Iterable[str], overwrite: bool) -> None:
+        """Write a drawing in millimeters, with a layer for each pen."""
+        height = self.size[0] * width / self.size[1]
+        write_text(path, drawing(width, height, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
+
+    def _marked_layers(
+        self, order: NDArray[np.intp], scale: float, marks: str, pen_width: float | None
+    ) -> Iterator[str]:
+        if not self.paper.all():
+            yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'
+        for pen, name in enumerate(self.names):
             own = order[self.layers[order] == pen]
-            around = tuple(cells[dot] for dot in own) if cells else ()
-            pens.append(PenDots(name, color, self.points[own], self.radii[own], self.masses[own], around))
-        return pens
+            radii, ink = self.radii[own] * scale, hexadecimal(self.colors[pen])
+            # By default points cover what the dots do.
+            suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(own) else _LINE
+            line = suiting if pen_width is None else pen_width
+            look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
+            look += ' stroke-linecap="round" stroke-linejoin="round"'
+            look = f'fill="{ink}"' if marks == "disks" else look
+            # Inks on white paper let the light of others through.
+            blend = ' style="mix-blend-mode:multiply"' if len(self.names) > 1 and self.paper.all() else ""
+            yield from layer(pen + 1, name, look + blend, _marks(marks, self.points[own] * scale, radii, line))
+
+    def _cell_layers(self, scale: float) -> Iterator[str]:
+        cells = self.cells()
+        for pen, name in enumerate(self.names):
+            look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_LINE}"'
+            own = self.order[self.layers[self.order] == pen]
+            outlines = _outlines((cells[dot] for dot in own), scale)
+            yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())

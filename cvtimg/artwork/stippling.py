@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -29,8 +29,6 @@ from cvtimg.placement.pictures import enlarge
 _USUAL_DOTS = 20_000
 #: Least diameter of dots in pixels, finer than which an image is enlarged, to so many pixels at most.
 _FINEST, _MOST_PIXELS = 1.25, 1 << 28
-#: Coverage of black by default: dots nearly touch there, and hardly overlap.
-MAX_INK = 0.9
 
 
 @hints_at_keywords
@@ -39,7 +37,7 @@ def stipple(
     n_dots: int | None = None,
     *,
     dots: str = "equal",
-    max_ink: float = MAX_INK,
+    max_ink: float = 0.9,
     white_cutoff: float = 0.0,
     dot_diameter: float | None = None,
     radius_range: tuple[float, float] | None = None,
@@ -67,7 +65,8 @@ def stipple(
     dots : {"equal", "sized"}
         "equal": dots of one size. "sized": each as large as the ink of its cell, for print.
     max_ink : float
-        Share of the paper that black covers, in (0, 1]; lighter tones in proportion. Dots overlap beyond 0.907.
+        Share of the paper that black covers, in (0, 1]; lighter tones in proportion. Dots overlap beyond 0.907, so
+        that by default they nearly touch.
     white_cutoff : float
         Coverage in 0..1 up to which paper stays free.
     radius_range : (float, float), optional
@@ -86,10 +85,6 @@ def stipple(
     Returns
     -------
     Stipples
-
-    See Also
-    --------
-    cvtimg.mosaic, cvtimg.placement.place_in_picture
 
     References
     ----------
@@ -112,7 +107,9 @@ def stipple(
     check_in_range("white_cutoff", white_cutoff, 0 <= white_cutoff <= 1, "in 0..1")
     check_in_range("max_ink", max_ink, 0 < max_ink <= 1, "> 0 and <= 1")
     if radius_range is not None:
-        _check_radii(radius_range, dots)
+        check_needs(f"radius_range={radius_range}", True, f'dots="sized", not {dots!r}', dots == "sized")
+        ordered = 0 < radius_range[0] <= radius_range[1] < np.inf
+        check_in_range("radius_range", radius_range, ordered, "two finite numbers > 0, the least first")
     if dot_diameter is not None:
         check_positive("dot_diameter", dot_diameter, "in pixels")
         check_excluded("dot_diameter", True, n_dots=n_dots, radius_range=radius_range)
@@ -121,32 +118,21 @@ def stipple(
     if layers is not None:
         check_choice("layers", layers, ("cmyk",))
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
-        return _in_colors(image, count, dots, max_ink, white_cutoff, radius_range, tones)
-    coverage = ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones)
-    coverage *= np.float32(max_ink)
-    area = disk_area(count.enlarged(coverage))
-    layer = place_dots(area, count.of(area), dots, radius_range)
-    ink, paper = ([255] * 3, [0] * 3) if invert else ([0] * 3, [255] * 3)
-    about = _Drawn(["white" if invert else "black"], [ink], paper, coverage.shape, max_ink)
-    return _together([layer], about, count.factor)
-
-
-def _in_colors(
-    image: Any,
-    count: _Count,
-    dots: str,
-    max_ink: float,
-    white_cutoff: float,
-    radius_range: tuple[float, float] | None,
-    tones: str,
-) -> Stipples:
-    """Stipple with the pens of process colors."""
-    coverages = process_coverages(image, white_cutoff, max_ink, tones)
-    inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
-    counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
-    placed = place_pens(inks, counts.tolist(), dots, radius_range)
-    about = _Drawn(list(PROCESS_COLORS), list(PROCESS_COLORS.values()), [255] * 3, coverages[0].shape, max_ink)
-    return _together(placed, about, count.factor)
+        coverages, pens = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
+        inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
+        counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
+        placed = place_pens(inks, counts.tolist(), dots, radius_range)
+    else:
+        coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
+        pens = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}
+        area = disk_area(count.enlarged(coverages[0]))
+        placed = [place_dots(area, count.of(area), dots, radius_range)]
+    height, width = coverages[0].shape
+    paper = np.full(3, 0 if invert else 255, np.uint8)
+    colors = np.array(list(pens.values()), np.uint8)
+    return _together(
+        placed, count.factor, names=tuple(pens), colors=colors, paper=paper, size=(height, width), max_ink=max_ink
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,42 +178,17 @@ def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.diff(ends, prepend=0)
 
 
-def _check_radii(radius_range: tuple[float, float], dots: str) -> None:
-    check_needs(f"radius_range={radius_range}", True, f'dots="sized", not {dots!r}', dots == "sized")
-    least, greatest = radius_range
-    ordered = 0 < least <= greatest < np.inf
-    check_in_range("radius_range", radius_range, ordered, "two finite numbers > 0, the least first")
-
-
-class _Drawn(NamedTuple):
-    """What `Stipples` says beside its dots."""
-
-    names: list[str]
-    colors: ArrayLike
-    paper: ArrayLike
-    size: tuple[int, ...]
-    max_ink: float
-
-
-def _together(layers: list[DotLayer], about: _Drawn, factor: int) -> Stipples:
+def _together(layers: list[DotLayer], factor: int, **about: Any) -> Stipples:
     """Put layers, found on an image enlarged by a factor, into one value, and find a tour through each."""
     counts = [len(layer.points) for layer in layers]
     starts = np.cumsum([0, *counts])
     tours = [find_tour(layer.points) + start for layer, start in zip(layers, starts, strict=False) if len(layer.points)]
-
-    def joined(name: str) -> NDArray[np.float64]:
-        return np.concatenate([getattr(layer, name) for layer in layers])
-
     return Stipples(
-        points=joined("points") / factor,
-        radii=joined("radii") / factor,
-        masses=joined("masses") / factor**2,
+        points=np.concatenate([layer.points for layer in layers]) / factor,
+        radii=np.concatenate([layer.radii for layer in layers]) / factor,
+        masses=np.concatenate([layer.masses for layer in layers]) / factor**2,
         layers=np.repeat(np.arange(len(layers), dtype=np.int32), counts),
         order=np.concatenate(tours) if tours else np.empty(0, np.intp),
-        colors=np.asarray(about.colors, np.uint8),
-        names=tuple(about.names),
-        paper=np.asarray(about.paper, np.uint8),
-        size=(about.size[0], about.size[1]),
-        max_ink=about.max_ink,
         energy=sum(layer.energy for layer in layers) / factor**4,
+        **about,
     )

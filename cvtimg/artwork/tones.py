@@ -6,6 +6,7 @@ its light. Paper is whatever is white, transparent or masked.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,16 +23,22 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 TOUCHING = np.pi / np.sqrt(12)
 #: Summed area of the disks of a hexagonal lattice, per area, that leaves no paper between them.
 COVERING = 2 * np.pi / np.sqrt(27)
-_TABLE_SIZE = 4096
+#: Steps of tables of tones.
+TABLE_SIZE = 4096
 #: Ways to come from an image to the tones of a drawing.
 TONES = ("light", "true")
-#: Shares of the pixels that are darker than black and than white of a light drawing, and the least range of lightness
-#: that is stretched.
-_ENDS, _FLAT = (0.0, 0.98), 0.05
-#: Mean ink of a light drawing at most, and the powers of it that are tried, on so many pixels.
-_LIGHT, _STEEPEST, _POWERS, _ENOUGH = 0.38, 2.0, 21, 1 << 16
 #: Pens of process colors: what each name draws.
 PROCESS_COLORS = {"cyan": (0, 255, 255), "magenta": (255, 0, 255), "yellow": (255, 255, 0), "black": (0, 0, 0)}
+
+
+@dataclass(frozen=True, slots=True)
+class LightDrawing:
+    """What makes a drawing of a photograph easy on the eye."""
+
+    white: float = 0.98  # share of the pixels that are darker than what becomes paper
+    least_range: float = 0.05  # of lightness: with less, tones are left as they are
+    most_ink: float = 0.38  # mean
+    steepest: float = 2.0  # power that thins the ink
 
 
 def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
@@ -46,17 +53,11 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
     n_channels = samples.shape[2]
     check_channels("image", n_channels, (1, 2, 3, 4), "gray or RGB, perhaps with alpha")
     n_colors = n_channels - (n_channels in (2, 4))
-    light = np.empty((*samples.shape[:2], n_colors), np.float32)
     if samples.dtype.kind == "u":
         levels = np.arange(int(peak(samples.dtype)) + 1, dtype=samples.dtype)
-        table = to_space(levels[:, np.newaxis], "linear")[:, 0].astype(np.float32)
-        for channel in range(n_colors):
-            np.take(table, samples[:, :, channel], out=light[:, :, channel])
-    else:
-        for row, decoded in zip(samples, light, strict=True):  # by rows, for the sake of memory
-            decoded[:, :] = to_space(np.ascontiguousarray(row[:, :n_colors]).reshape(-1, 1), "linear").reshape(
-                decoded.shape
-            )
+        light = to_space(levels[:, np.newaxis], "linear").astype(np.float32)[samples[:, :, :n_colors], 0]
+    else:  # by rows, for the sake of memory
+        light = np.stack([to_space(row[:, :n_colors], "linear").astype(np.float32) for row in samples])
     opacity: Floats32 | None = None
     if n_colors < n_channels:
         opacity = (samples[:, :, -1] / peak(samples.dtype)).astype(np.float32)
@@ -90,10 +91,7 @@ def luminance(light: Floats32) -> Floats32:
     """Add linear light up to luminance, (H, W)."""
     if light.shape[2] == 1:
         return np.ascontiguousarray(light[:, :, 0])
-    total: Floats32 = light[:, :, 0] * np.float32(_LUMINANCE[0])
-    for channel in (1, 2):
-        total += light[:, :, channel] * np.float32(_LUMINANCE[channel])
-    return np.minimum(total, 1, out=total)
+    return np.minimum(np.einsum("hwc,c->hw", light, np.array(_LUMINANCE, np.float32)), 1)
 
 
 def light_tones(
@@ -106,24 +104,27 @@ def light_tones(
     paper, it is raised to a power, which lightens shades in between and leaves white and black as they are. Inverted,
     light is the ink; of colors, only white is paper.
     """
-    counts = slice(None) if opacity is None else opacity > 0.5
+    from scipy.optimize import bisect
+
+    counts, how = slice(None) if opacity is None else opacity > 0.5, LightDrawing()
     # CIE lightness, of which the linear part near black would change next to nothing.
     lightness = np.cbrt(luminance)
     seen = lightness[counts]
     if not seen.size:
         return luminance
-    dark, light = np.quantile(seen, _ENDS)
-    light = 1.0 if colors else light
-    if light - dark < _FLAT:
+    dark, light = seen.min(), 1.0 if colors else float(np.quantile(seen, how.white))
+    if light - dark < how.least_range:
         return luminance
     ink = np.clip((lightness - dark) / (light - dark), 0, 1, dtype=np.float32)
     if not invert:
         np.subtract(1, ink, out=ink)
-    powers = np.linspace(1, _STEEPEST, _POWERS)
-    few = ink[counts].ravel()
-    few = few[:: -(-few.size // _ENOUGH)]
-    power = next((power for power in powers if float((few**power).mean()) <= _LIGHT), _STEEPEST)
-    ink **= np.float32(power)
+    shares, edges = np.histogram(ink[counts], TABLE_SIZE, (0, 1))
+
+    def excess(power: float) -> float:
+        return float(np.average(edges[1:] ** power, weights=shares)) - how.most_ink
+
+    if excess(1) > 0:
+        ink **= np.float32(how.steepest if excess(how.steepest) > 0 else bisect(excess, 1, how.steepest))
     return ink if invert else np.subtract(1, ink, out=ink)
 
 
@@ -190,7 +191,7 @@ def disk_area(coverage: Floats32) -> Floats32:
     areas = coverage.copy()
     dense = coverage > TOUCHING
     if dense.any():
-        table = np.linspace(TOUCHING, COVERING, _TABLE_SIZE)
+        table = np.linspace(TOUCHING, COVERING, TABLE_SIZE)
         areas[dense] = np.interp(coverage[dense], _lattice_coverage(table), table)
     return areas
 

@@ -12,7 +12,6 @@ from cvtimg.artwork._artwork import improve, join, walk
 _N_NEAR = 8
 #: Points of the longest part that a move may turn. Longer ones gain next to nothing and take most of the time.
 _REACH = 25_000
-_MAX_PASSES = 50
 
 
 def find_tour(points: ArrayLike) -> NDArray[np.intp]:
@@ -49,9 +48,8 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     where = np.empty_like(tour)
     where[tour] = np.arange(len(tour), dtype=np.int32)
     settled = np.zeros(len(tour), np.uint8)
-    for _ in range(_MAX_PASSES):
-        if not improve(places, near, tour, where, settled, _REACH):
-            break
+    while improve(places, near, tour, where, settled, _REACH):
+        pass
     first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
