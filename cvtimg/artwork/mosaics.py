@@ -131,7 +131,7 @@ class Mosaic(ReadOnly):
             with another and has no cell.
         """
         if self.triangles is not None:
-            return _triangle_polygons(self.points, self.triangles)
+            return tuple(self.points[self.triangles])
         return power_cells(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
 
     def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
@@ -183,7 +183,10 @@ class Mosaic(ReadOnly):
         check_non_negative("outline", outline)
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
         if suffix == ".svg":
-            write_text(path, self._svg(outline), overwrite=overwrite)
+            line = f'stroke="{_LINES}" stroke-width="{number(outline, 3)}"' if outline else _SEAM
+            look = f' stroke-linejoin="round" {line}'
+            height, width = self.labels.shape
+            write_text(path, drawing(width, height, self._paths(outline), attributes=look), overwrite=overwrite)
         elif suffix == ".geojson":
             self._write_geojson(path, overwrite)
         else:
@@ -196,11 +199,6 @@ class Mosaic(ReadOnly):
         check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
         colors = to_depth(self.colors, np.dtype(np.uint8))
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
-
-    def _svg(self, outline: float) -> Iterator[str]:
-        height, width = self.labels.shape
-        line = f'stroke="{_LINES}" stroke-width="{number(outline, 3)}"' if outline else _SEAM
-        return drawing(width, height, self._paths(outline), attributes=f' stroke-linejoin="round" {line}')
 
     def _paths(self, outline: float) -> Iterator[str]:
         colors = self._eight_bits()
@@ -287,10 +285,6 @@ def mosaic(
     -------
     Mosaic
 
-    See Also
-    --------
-    cvtimg.stipple, cvtimg.superpixels
-
     Notes
     -----
     The error of a tessellation, the sum of the integrals of abs(u - c)**2 over its cells with c their mean colors,
@@ -350,33 +344,29 @@ def _descended(
     on_step: Callable[[int, float], None],
 ) -> tuple[Tiling, NDArray[np.float64], list[float]]:
     """Start from the detail of the image and a uniform share, and descend."""
-    with part(0, _STARTED):
-        tiling, points = _started(bands, n_cells, shape, uniform)
-    with part(_STARTED, 1):
-        return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
-
-
-def _started(
-    bands: NDArray[np.float32], n_cells: int, shape: str, uniform: float
-) -> tuple[Tiling, NDArray[np.float64]]:
     density = detail_density(bands, n_cells, uniform)
     size = (bands.shape[0], bands.shape[1])
-    if shape == "cells":
-        return VoronoiTiling(size, n_cells), place_in_picture(density, n_cells, effort="fast").points
-    points = place_corners(density, n_cells)
-    return DelaunayTiling(size, points), points
+    tiling: Tiling = VoronoiTiling(size, n_cells)
+    with part(0, _STARTED):
+        if shape == "cells":
+            points = place_in_picture(density, n_cells, effort="fast").points
+        else:
+            points = place_corners(density, n_cells)
+            tiling = DelaunayTiling(size, points)
+    with part(_STARTED, 1):
+        return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 
 def _bands(samples: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.float32], bool]:
     """Return what colors are averaged in, (H, W, C) and whether the last is alpha; others are then times alpha."""
     has_alpha = samples.shape[2] in (2, 4)
     rows = samples.reshape(-1, samples.shape[2])
-    colors = rows[:, :-1] if has_alpha else rows
-    bands = (to_space(np.ascontiguousarray(colors), space) / _unit(samples.dtype, space)).astype(np.float32)
+    colors = np.ascontiguousarray(rows[:, : rows.shape[1] - has_alpha])
+    bands = (to_space(colors, space) / _unit(samples.dtype, space)).astype(np.float32)
     if has_alpha:
         opacity = rows[:, -1:] / np.float32(peak(samples.dtype))
         # Alpha counts as much as white does.
-        bands = np.concatenate([bands * opacity, opacity * _white(samples.dtype, space)], axis=1)
+        bands = np.concatenate([bands * opacity, opacity * _white(space)], axis=1)
     return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha
 
 
@@ -385,18 +375,15 @@ def _unit(dtype: np.dtype[Any], space: SpaceName) -> float:
     return peak(dtype) if space == "rgb" else 1.0
 
 
-def _white(dtype: np.dtype[Any], space: SpaceName) -> np.float32:
+def _white(space: SpaceName) -> np.float32:
     """Return the largest coordinate of white as bands have it."""
-    white = to_space(np.full((1, 1), peak(dtype), dtype), space)[0, 0]
-    return np.float32(white / _unit(dtype, space))
+    return np.float32(to_space(np.ones((1, 1)), space)[0, 0])
 
 
 def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean of each tile; for one between the centers of pixels, the color of the pixel that it lies in."""
-    height, width = painted.labels.shape
-    empty = painted.areas == 0
-    x, y = np.clip(middles[empty], 0, [width - 1, height - 1]).astype(np.intp).T
-    means = painted.colors.copy()
+    empty, means = painted.areas == 0, painted.colors.copy()
+    x, y = np.clip(middles[empty], 0, np.array(bands.shape[1::-1]) - 1).astype(np.intp).T
     means[empty] = bands[y, x]
     return means
 
@@ -406,7 +393,7 @@ def _colors(means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], 
     unit = _unit(dtype, space)
     if not has_alpha:
         return from_space(means * unit, space, dtype)
-    opacity = means[:, -1:] / _white(dtype, space)
+    opacity = means[:, -1:] / _white(space)
     colors = from_space(means[:, :-1] * unit / np.maximum(opacity, 1e-6), space, dtype)
     return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
 
@@ -429,11 +416,3 @@ def _restricted(
 
     nearest = cKDTree(chosen.astype(np.float64)).query(shown.astype(np.float64))[1]
     return np.concatenate([chosen[nearest], colors[:, shown.shape[1] :]], axis=1)
-
-
-def _triangle_polygons(points: NDArray[np.float64], triangles: NDArray[np.int32]) -> Polygons:
-    """Return the corners of triangles, all in the sense of `power_cells`."""
-    corners = points[triangles]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    turned = first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]
-    return tuple(triangle[:: -1 if flip else 1] for triangle, flip in zip(corners, turned, strict=True))

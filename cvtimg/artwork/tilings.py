@@ -24,20 +24,27 @@ from cvtimg.placement import pixel_labels, place_in_picture
 Floats = NDArray[np.float64]
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
 _PARTS = 8
-#: At most one cell in so many is relocated at a time: the estimates hold only while few neighbors change.
-_AT_MOST = 20
-#: A relocation must cost less than this part of what it gains, as both are estimates.
-_WORTH = 0.7
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
 #: Side of an equilateral triangle of area 1.
 _TRIANGLE_SIDE = 2 / 3**0.25
-#: Of the last steps, how much counts in the direction and in the length of the next; and the length of a first step,
-#: in sides of a tile.
-_MOMENTUM, _SCALE_MEMORY, _STEP = 0.8, 0.95, 0.25
-#: Steps between relocations, at least and as a part of all, for cells that are moved need steps to settle; and the part
-#: of the descent in which they happen.
-_RELOCATE_EVERY, _RELOCATE_SHARE, _RELOCATE_UNTIL = 8, 0.05, 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """How points descend the error, and are relocated meanwhile."""
+
+    momentum: float = 0.8  # how much of the last steps counts in the direction of the next
+    memory: float = 0.95  # and in its length
+    step: float = 0.25  # length of a first step, in sides of a tile
+    every: int = 8  # steps between relocations at least, for cells that are moved need steps to settle
+    share: float = 0.05  # of all steps between relocations
+    until: float = 0.7  # part of the steps in which they happen
+    at_most: float = 0.05  # of the cells at a time: estimates hold only while few neighbors change
+    worth: float = 0.7  # what a relocation costs must be less than this part of its gain, as both are estimates
+
+
+DESCENT = Descent()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,9 +97,9 @@ def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tu
     Return the points, and the indices of those that moved.
     """
     costs, (gains, middles, offsets) = removal_costs(painted), division_gains(image, painted)
-    n_most = max(1, len(points) // _AT_MOST)
+    n_most = max(1, int(DESCENT.at_most * len(points)))
     removed, divided = np.argsort(costs, kind="stable")[:n_most], np.argsort(-gains, kind="stable")[:n_most]
-    worth = (costs[removed] < _WORTH * gains[divided]) & ~np.isin(removed, divided)
+    worth = (costs[removed] < DESCENT.worth * gains[divided]) & ~np.isin(removed, divided)
     removed, divided = removed[worth], divided[worth]
     points = points.copy()
     points[removed] = middles[divided] + offsets[divided]
@@ -262,20 +269,16 @@ class DelaunayTiling:
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
         """Differentiate along the edges of triangles."""
         gradient = np.zeros_like(points)
-        _artwork.add_edge_gradient(image, points, self._edges(points), painted.colors, gradient)
+        _artwork.add_edge_gradient(image, points, self._edges(), painted.colors, gradient)
         return gradient
 
-    def _edges(self, points: Floats) -> NDArray[np.int32]:
+    def _edges(self) -> NDArray[np.int32]:
         """List each inner edge once: its ends, and the triangles to its right and left, with y down."""
+        # All triangles turn from x to y.
         beside = self._mesh.neighbors
         triangle, corner = np.nonzero(beside > np.arange(len(beside))[:, np.newaxis])
         a, b = (self.triangles[triangle, (corner + turn) % 3] for turn in (1, 2))
-        inner = points[self.triangles[triangle, corner]] - points[a]
-        run = points[b] - points[a]
-        to_the_right = run[:, 0] * inner[:, 1] > run[:, 1] * inner[:, 0]
-        other = beside[triangle, corner]
-        right, left = np.where(to_the_right, [triangle, other], [other, triangle])
-        return np.ascontiguousarray(np.stack([a, b, right, left], axis=1), np.int32)
+        return np.ascontiguousarray(np.stack([a, b, triangle, beside[triangle, corner]], axis=1), np.int32)
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of a square of the mean area of the triangles around each point."""
@@ -311,7 +314,8 @@ def descend_error(
     """
     direction, scale = np.zeros_like(points), np.zeros((len(points), 1))
     best, least, energies = points, np.inf, []
-    between = max(_RELOCATE_EVERY, round(_RELOCATE_SHARE * n_steps))
+    how = DESCENT
+    between = max(how.every, round(how.share * n_steps))
     for step in range(n_steps + 1):
         painted = paint(image, tiling.labels(points), tiling.n_tiles())
         energies.append(painted.energy)
@@ -321,18 +325,18 @@ def descend_error(
             best, least = points, painted.energy
         if step == n_steps or painted.energy == 0:
             break
-        if step and step % between == 0 and step < _RELOCATE_UNTIL * n_steps:
+        if step and step % between == 0 and step < how.until * n_steps:
             points, moved = tiling.relocate(image, points, painted)
             direction[moved] = scale[moved] = 0
             if len(moved):
                 points = tiling.keep_inside(points)
                 continue
         gradient = tiling.gradient(image, points, painted)
-        direction = _MOMENTUM * direction + (1 - _MOMENTUM) * gradient
-        scale = _SCALE_MEMORY * scale + (1 - _SCALE_MEMORY) * (gradient**2).sum(axis=1, keepdims=True)
-        mean = direction / (1 - _MOMENTUM ** (step + 1))
-        spread = np.sqrt(scale / (1 - _SCALE_MEMORY ** (step + 1)))
-        length = _STEP * (1 - step / n_steps) * tiling.spacing(painted, len(points))[:, np.newaxis]
+        direction = how.momentum * direction + (1 - how.momentum) * gradient
+        scale = how.memory * scale + (1 - how.memory) * (gradient**2).sum(axis=1, keepdims=True)
+        mean = direction / (1 - how.momentum ** (step + 1))
+        spread = np.sqrt(scale / (1 - how.memory ** (step + 1)))
+        length = how.step * (1 - step / n_steps) * tiling.spacing(painted, len(points))[:, np.newaxis]
         steps = length * np.divide(mean, spread, out=np.zeros_like(mean), where=spread > 0)
         points = tiling.keep_inside(points - steps)
     return best, energies

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, hints_at_keywords
+from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import ReadOnly
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
@@ -19,29 +20,35 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 
-# --- CVOD: a tessellation whose generators are affine subspaces, each cell with a proper orthogonal basis of its own
-# Q. Du, M. Gunzburger, Centroidal Voronoi tessellation based proper orthogonal decomposition analysis, in: Control and
-# Estimation of Distributed Parameter Systems, Birkhauser (2003) 137-150, doi 10.1007/978-3-0348-8001-5_9.
+_Floats = NDArray[np.float64]
+_KIND = "reduced basis"
 
+#: Kinds of bases, by the names of `kind`.
+KINDS = ("pod", "cvt", "cvod")
+#: Modes that "auto" chooses from.
+_MOST_AUTO_MODES = 32
+#: Coordinates beyond those that are used, which make these precise.
+_OVERSAMPLING = 24
+#: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
+_COORDINATES_PER_MODE = 2
+#: Starts of a CVOD, and when each rests.
 _STARTS = 4
-_MAX_ROUNDS = 100
-_TOLERANCE = 1e-6
+_RESTING = Stopping(tolerance=1e-6, max_iterations=100)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Subspaces:
-    """Affine subspaces and the rows that are nearest to each."""
+def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Tessellate (N, R) rows by `n_cells` affine subspaces of `n_axes` dimensions, each with a basis of its own.
 
-    centers: _Floats  # (C, R) mean of each cell
-    axes: _Floats  # (C, n, R) orthonormal, those of greatest variance first; zeros where a cell has fewer
-    labels: NDArray[np.int64]  # (N,) cell of each row
-    energy: float  # sum of squared distances of the rows to their subspaces
+    Return the (N,) cells of the best of a few starts.
 
-
-def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> Subspaces:
-    """Tessellate (N, R) rows by `n_cells` affine subspaces of `n_axes` dimensions, from the best of a few starts."""
-    ends = (_descend(rows, _start(rows, n_cells, rng), n_cells, n_axes) for _ in range(_STARTS))
-    return min(ends, key=lambda end: end.energy)
+    Q. Du, M. Gunzburger, Centroidal Voronoi tessellation based proper orthogonal decomposition analysis, in: Control
+    and Estimation of Distributed Parameter Systems, Birkhauser (2003) 137-150, doi 10.1007/978-3-0348-8001-5_9.
+    """
+    ends = []
+    for _ in range(_STARTS):
+        start = tessellate(rows, n_cells, init="k-means++", effort="fast", rng=rng).labels
+        ends.append(_descended(rows, start.astype(np.int64), n_cells, n_axes))
+    return min(ends, key=lambda end: end[0])[1]
 
 
 def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
@@ -64,23 +71,19 @@ def principal_axes(rows: _Floats, n_axes: int) -> tuple[_Floats, _Floats]:
     return center, axes
 
 
-def _start(rows: _Floats, n_cells: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    return tessellate(rows, n_cells, init="k-means++", effort="fast", rng=rng).labels.astype(np.int64)
+def _descended(rows: _Floats, labels: NDArray[np.int64], n_cells: int, n_axes: int) -> tuple[float, NDArray[np.int64]]:
+    """Fit each cell's subspace and assign each row to the nearest, in turns; return the energy and the cells."""
+    apart: _Floats
 
-
-def _descend(rows: _Floats, labels: NDArray[np.int64], n_cells: int, n_axes: int) -> Subspaces:
-    """Fit each cell's subspace and assign each row to the nearest, in turns: the energy never rises."""
-    last = np.inf
-    for _ in range(_MAX_ROUNDS):
+    def step() -> float:
+        nonlocal apart, labels
         fitted = [principal_axes(rows[labels == cell], n_axes) for cell in range(n_cells)]
-        centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
-        apart = distances(rows, centers, axes)
+        apart = distances(rows, *(np.stack(parts) for parts in zip(*fitted, strict=True)))
         labels = _without_empty_cells(apart, apart.argmin(axis=1))
-        energy = float(apart.min(axis=1).sum())
-        if energy >= last * (1 - _TOLERANCE):
-            break
-        last = energy
-    return Subspaces(centers, axes, apart.argmin(axis=1), energy)
+        return float(apart.min(axis=1).sum())
+
+    history = iterate(step(), step, _RESTING)
+    return history.energies[-1], apart.argmin(axis=1)
 
 
 def _without_empty_cells(apart: _Floats, labels: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -92,21 +95,6 @@ def _without_empty_cells(apart: _Floats, labels: NDArray[np.int64]) -> NDArray[n
         sizes[labels[farthest]] -= 1
         labels[farthest], sizes[cell] = cell, 1
     return labels
-
-
-# --- bases
-
-_Floats = NDArray[np.float64]
-_KIND = "reduced basis"
-
-#: Kinds of bases, by the names of `kind`.
-KINDS = ("pod", "cvt", "cvod")
-#: Modes that "auto" chooses from.
-_MOST_AUTO_MODES = 32
-#: Coordinates beyond those that are used, which make these precise.
-_OVERSAMPLING = 24
-#: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
-_COORDINATES_PER_MODE = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,13 +179,7 @@ class Basis(ReadOnly):
         return 1 - self.energy / self.variance if self.variance else 1.0
 
     def project(self, snapshots: Any) -> Projection:
-        """Project snapshots, (m, ...) or of any kind that `as_snapshots` takes, onto the nearest subspace.
-
-        Raises
-        ------
-        ValueError
-            If their shape is not that of the training snapshots.
-        """
+        """Project snapshots of the same shape, of any kind that `as_snapshots` takes, onto the nearest subspace."""
         given = as_snapshots(snapshots)
         check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
         parts = [self._project_block(block) for _, block in given.blocks()]
@@ -224,36 +206,14 @@ class Basis(ReadOnly):
         return rows.reshape(-1, *self.shape)
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the basis to a NumPy .npz file, whole or not at all; `read_basis` reads it.
-
-        Raises
-        ------
-        ValueError
-            If `path` does not end in .npz.
-        OSError
-            If the file cannot be written, or exists and `overwrite` is false.
-        """
+        """Write the basis to a NumPy .npz file, whole or not at all; `read_basis` reads it."""
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         save_arrays(path, _KIND, arrays, overwrite=overwrite)
 
 
 def read_basis(path: StrPath) -> Basis:
-    """Read a basis that `Basis.save` wrote.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A .npz file.
-
-    Returns
-    -------
-    Basis
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read or holds no basis.
+    """Read a basis that `Basis.save` wrote to a .npz file; an OSError if it holds none.
 
     Examples
     --------
@@ -301,10 +261,6 @@ def reduced_basis(
     Returns
     -------
     Basis
-
-    See Also
-    --------
-    read_basis : What `Basis.save` wrote.
 
     Notes
     -----
@@ -389,11 +345,11 @@ def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) ->
     return _Reduced(measured.centers, axes, labels, medoids, measured.energies)
 
 
-def _cvod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = found.coordinates
-    end = find_subspaces(rows, n_cells, n_modes, rng)
+def _cvod(sketched: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = sketched.coordinates
+    found = find_subspaces(rows, n_cells, n_modes, rng)
     # Axes are those of the final cells, so that their order is that of the variance in them.
-    fitted = [principal_axes(rows[end.labels == cell], n_modes) for cell in np.unique(end.labels)]
+    fitted = [principal_axes(rows[found == cell], n_modes) for cell in np.unique(found)]
     centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
     labels = distances(rows, centers, axes).argmin(axis=1)
     return _measured(rows, centers, axes, labels, _nearest_members(rows, labels, centers))

@@ -25,24 +25,12 @@ _BLOCK_BYTES = 1 << 26
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshots:
-    """N snapshots of one shape, read in blocks.
-
-    Attributes
-    ----------
-    n_snapshots : int
-        N.
-    shape : tuple of int
-        Shape of one snapshot; it has D values.
-    dtype : numpy.dtype
-        float32 or float64: the type of the blocks.
-    read : callable
-        From start and stop to that part of the snapshots, (stop - start, ...).
-    """
+    """N snapshots of one shape, read in blocks."""
 
     n_snapshots: int
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    read: Callable[[int, int], Any]
+    shape: tuple[int, ...]  # of one snapshot, which has D values
+    dtype: np.dtype[Any]  # of the blocks: float32 or float64
+    read: Callable[[int, int], Any]  # from start and stop to that part of the snapshots, (stop - start, ...)
 
     @property
     def n_dims(self) -> int:

@@ -54,5 +54,5 @@ def test_points_leave_flat_parts_for_detail():
 def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):
     image = cvtimg.read_image(SAMPLES / "bone_texture.png")[::2, ::2]
     relocated = cvtimg.mosaic(image, 300).energy
-    monkeypatch.setattr(tilings, "_RELOCATE_UNTIL", 0)
+    monkeypatch.setattr(tilings, "DESCENT", tilings.Descent(until=0))
     assert relocated < 0.99 * cvtimg.mosaic(image, 300).energy
