@@ -17,25 +17,17 @@ from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.messages import one_line
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.decoding import decode
-from cvtimg.pictures.formats.encoding import encode_image, encoder, image_suffixes, lossless_suffixes
-from cvtimg.pictures.formats.header import ImageInfo, read_header, read_stored
-from cvtimg.pictures.formats.metadata import Metadata, decode_metadata
+from cvtimg.pictures.formats.encoding import encode_image as encode_image
+from cvtimg.pictures.formats.encoding import encoder
+from cvtimg.pictures.formats.encoding import image_suffixes as image_suffixes
+from cvtimg.pictures.formats.encoding import lossless_suffixes as lossless_suffixes
+from cvtimg.pictures.formats.header import ImageInfo as ImageInfo
+from cvtimg.pictures.formats.header import read_header, read_stored
+from cvtimg.pictures.formats.metadata import Metadata as Metadata
+from cvtimg.pictures.formats.metadata import decode_metadata
 from cvtimg.pictures.formats.opening import Source, named, reading, selected, selecting
 from cvtimg.pictures.formats.stored import is_stored
 from cvtimg.pictures.pages import decode_page, one_page, read_pages
-
-__all__ = [
-    "ImageInfo",
-    "Metadata",
-    "encode_image",
-    "image_info",
-    "image_suffixes",
-    "lossless_suffixes",
-    "read_image",
-    "read_indices",
-    "read_metadata",
-    "write_image",
-]
 
 
 def read_image(
@@ -69,12 +61,7 @@ def read_image(
     Raises
     ------
     OSError
-        If the file cannot be read, or has several pages and `page` chooses none; `FileNotFoundError`,
-        `IsADirectoryError` or `PermissionError` where they apply.
-
-    See Also
-    --------
-    read_indices, read_frames, read_pages, image_info, read_metadata, write_image
+        If the file cannot be read, or has several pages and `page` chooses none.
 
     Notes
     -----
@@ -110,18 +97,7 @@ def read_image(
 def read_indices(source: Source) -> NDArray[Any]:
     """Read the indices of an indexed image; read other images as `read_image` does.
 
-    Parameters
-    ----------
-    source : path, bytes or binary file
-        As in `read_image`.
-
-    Returns
-    -------
-    (H, W) or (H, W, C) array
-
-    See Also
-    --------
-    read_image, cvtimg.read_palette
+    Returns (H, W) integers, or as `read_image`, whose `source` it takes; `cvtimg.read_palette` reads the colors.
 
     Examples
     --------
@@ -134,20 +110,7 @@ def read_indices(source: Source) -> NDArray[Any]:
 
 
 def image_info(source: Source) -> ImageInfo:
-    """Read the header of an image file without decoding its pixels.
-
-    Parameters
-    ----------
-    source : path, bytes or binary file
-        As in `read_image`.
-
-    Returns
-    -------
-    ImageInfo
-
-    See Also
-    --------
-    read_image, read_metadata
+    """Read the header of an image file, given as to `read_image`, without decoding its pixels.
 
     Examples
     --------
@@ -166,24 +129,10 @@ def image_info(source: Source) -> ImageInfo:
 
 
 def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
-    """Read the metadata of an image file that `write_image` can write.
+    """Read the metadata of an image file that `write_image` can write, with the arguments of `read_image`.
 
-    Parameters
-    ----------
-    source : path, bytes or binary file
-        As in `read_image`.
-    keep_profile : bool
-        As passed to `read_image`.
-
-    Returns
-    -------
-    Metadata
-        Color profile, pixels per inch, EXIF without orientation, and the georeferencing of a GeoTIFF. For a TIFF whose
-        bands are not colors, only the georeferencing.
-
-    See Also
-    --------
-    image_info, write_image
+    Color profile, pixels per inch, EXIF without orientation, and the georeferencing of a GeoTIFF. For a TIFF whose
+    bands are not colors, only the georeferencing.
 
     Examples
     --------
@@ -235,18 +184,11 @@ def write_image(
 
     Raises
     ------
-    ModuleNotFoundError
-        If `optimize` is set and oxipng is not installed.
     ValueError
         If the suffix is unknown, or the array or palette does not fit the format.
-    FileExistsError
-        If the file exists and `overwrite` is false.
     OSError
-        If the file cannot be written. No partial file remains, and an existing file is unchanged.
-
-    See Also
-    --------
-    read_image, encode_image, write_frames, write_pages
+        If the file cannot be written, or exists and `overwrite` is false. No partial file remains, and an existing
+        file is unchanged.
 
     Examples
     --------

@@ -65,21 +65,9 @@ def is_animated(path: StrPath) -> bool:
 
 
 def read_frames(path: StrPath) -> Frames:
-    """Read all frames of an animation, each composited over the previous ones.
+    """Read all frames of a GIF, APNG or WebP, each composited over the previous ones, as uint8 images.
 
-    Parameters
-    ----------
-    path : str or path-like
-        GIF, APNG or WebP; any other image is read as one frame.
-
-    Returns
-    -------
-    Frames
-        With uint8 images. The default image of an APNG is omitted if it is not part of the animation.
-
-    See Also
-    --------
-    write_frames, is_animated, read_pages
+    Any other image is read as one frame. The default image of an APNG is omitted if it is not part of the animation.
 
     Examples
     --------
@@ -136,23 +124,8 @@ def write_frames(
     palettes : (K, 3) or (K, 4) uint8 array, or one for each frame, 1 <= K <= 256, optional
         Required for .gif, with each color either opaque or fully transparent. A .png is indexed if all frames share one
         palette.
-    metadata : Metadata, optional
-        As in `write_image`; a .gif stores none.
-    overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown, or frames or palettes do not fit the format.
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written. No partial file remains, and an existing file is unchanged.
-
-    See Also
-    --------
-    read_frames
+    metadata, overwrite
+        As in `write_image`, and so are errors; a .gif stores no metadata.
 
     Notes
     -----

@@ -23,7 +23,6 @@ from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, named_planes
 from cvtimg.pictures.formats.axes import Stack, StoredStack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
-from cvtimg.pictures.formats.metadata import dpi_of
 from cvtimg.pictures.formats.opening import (
     Source,
     UnfitContentError,
@@ -38,16 +37,15 @@ from cvtimg.pictures.formats.stored import is_stored, open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
-    colormap_of,
     finished,
     icc_profile,
     is_plain,
     is_subordinate,
     main_pages,
-    sample_options,
     scale_of,
     stack_of,
     tiff_tags,
+    write_tiff,
 )
 from cvtimg.pictures.formats.tiff import count_pages as _count
 from cvtimg.pictures.frames import decode_frames
@@ -180,27 +178,13 @@ def count_pages(path: Source) -> int:
 
 
 def read_pages(path: Source) -> Pages:
-    """Read all pages of a file.
+    """Read all pages of a file, each in the form in which `read_image` returns an image; they must have one size.
 
     Parameters
     ----------
     path : str or path-like
         A multi-page TIFF: plain, ImageJ or OME; an OME-Zarr image; a .czi or .nd2 file of one scene; or a FITS cube,
         whose planes are pages. Any other image is read as one page.
-
-    Returns
-    -------
-    Pages
-        Each page has the form in which `read_image` returns an image.
-
-    Raises
-    ------
-    OSError
-        As `read_image` does; also if the pages differ in size or type.
-
-    See Also
-    --------
-    write_pages, count_pages, read_frames
 
     Examples
     --------
@@ -249,20 +233,7 @@ def write_pages(
     palette : (K, 3) uint8 array, 1 <= K <= 256, optional
         Palette that the pages index. ImageJ and OME files store the colors instead of indices.
     overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown, or the pages or the palette do not fit.
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written. No partial file remains, and an existing file is unchanged.
-
-    See Also
-    --------
-    read_pages
+        As in `write_image`, and so are errors.
     """
     check_choice(f"{path}: suffix", Path(path).suffix.lower(), PAGE_SUFFIXES)
     given = pages.parted() if isinstance(pages, Pages) else Pages(tuple(np.array(page) for page in np.asarray(pages)))
@@ -419,8 +390,6 @@ def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
 
 def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> None:
     """Write pages, following the conventions of ImageJ or OME if `pages.kind` says so."""
-    import tifffile
-
     kind, images = pages.kind, pages.images
     if palette is not None and kind:
         images, palette = tuple(palette[image] for image in images), None
@@ -434,31 +403,26 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
     scale = dict(pages.scale)
     resolution, unit = scale.pop("resolution", None), scale.pop("resolutionunit", None)
     if pages.kind == "imagej" and not kind and "unit" in scale:  # whose name only ImageJ's description holds
-        resolution = dpi_of({**scale, "resolution": resolution or (0, 0)})
+        resolution = pages.pixel_size.dpi if pages.pixel_size else None
         unit = 2 if resolution else None
     described = {"axes": axes + "YX" + "S" * (first.ndim == 3), **(scale if kind else {})}
     if "C" in axes and len(pages.channels) == shape[axes.index("C")]:
         described |= _named_channels(kind, pages.channels, axes, shape)
-    samples = sample_options(first.shape, pages.has_alpha and n_channels in (2, 4))
-    dtype = first.dtype
-    if palette is not None:
-        dtype, samples["photometric"] = np.dtype(np.uint8), "palette"
-    tifffile.imwrite(
+    dtype = first.dtype if palette is None else np.dtype(np.uint8)
+    write_tiff(
         file,
         (images[number].astype(dtype, copy=False) for number in order.tolist()),
-        shape=(*shape, *first.shape),
-        dtype=dtype,
+        first.shape,
+        dtype,
+        before=shape,
+        alpha=pages.has_alpha and n_channels in (2, 4),
+        palette=palette,
         imagej=kind == "imagej",
         ome=kind == "ome",
-        bigtiff=len(images) * first.nbytes > 1 << 31 and kind != "imagej",
-        **samples,
-        colormap=None if palette is None else colormap_of(palette),
-        compression=None if kind == "imagej" else "adobe_deflate",
+        **({"bigtiff": False, "compression": None} if kind == "imagej" else {}),
         resolution=resolution,
         resolutionunit=unit,
         metadata=described,
-        software=False,
-        maxworkers=n_threads(),
     )
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +22,7 @@ from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.ngff import is_ngff
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
-from cvtimg.pictures.formats.tiff import (
-    TIFF_MAGICS,
-    Layout,
-    colormap_of,
-    count_pages,
-    icc_profile,
-    sample_options,
-    size_of,
-    tiff_tags,
-)
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, icc_profile, size_of, tiff_tags, write_tiff
 
 #: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
@@ -48,10 +38,8 @@ Band: TypeAlias = NDArray[Any]
 _MOST_AT_ONCE = 1 << 28
 #: Bytes of tiles that are decoded or encoded in parallel.
 _AT_ONCE = 1 << 24
-_TILE = 256
-#: Images with more bytes before compression are written as BigTIFF.
-_BIG = 1 << 31
-_CHUNK = 1024
+#: Height and width of tiles, and of chunks of Zarr, that are written.
+_TILE, _CHUNK = 256, 1024
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,21 +103,9 @@ def in_heights(bands: Iterable[Band], height: int) -> Iterator[Band]:
 
 
 def open_bands(path: StrPath) -> Bands:
-    """Open a TIFF (tiles or strips, BigTIFF too) or a Zarr array.
+    """Open a TIFF (tiles or strips, BigTIFF too) or a Zarr array: a folder ".zarr", or the array "0" of a group.
 
-    Parameters
-    ----------
-    path : path
-        A TIFF file, or a folder that ends in .zarr. For a Zarr group, its array "0" is opened.
-
-    Returns
-    -------
-    Bands
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or cannot be read in tiles; the message says why.
+    Raises `OSError` if the file cannot be read in tiles; the message says why.
     """
     if Path(path).suffix.lower() == ".zarr":
         return _open_zarr(path)
@@ -144,27 +120,28 @@ def write_bands(
     palette: NDArray[np.uint8] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write an image in tiles, atomically: .tif, or .zarr without palette.
+    """Write bands of rows from top to bottom, of any height, as an image in tiles: .tif, or .zarr without palette.
 
-    Parameters
-    ----------
-    path : path
-        File or folder to write.
-    form : Form
-        Shape, type and metadata of the image.
-    bands : iterable of arrays
-        Bands from top to bottom, of any height.
-    palette : (K, 3) uint8 array, optional
-        Palette that the bands index.
-    overwrite : bool
-        Replace an existing file or folder.
+    With a (K, 3) uint8 palette, the bands are indices.
     """
     if Path(path).suffix.lower() == ".zarr":
         with whole_folder(path, overwrite=overwrite) as folder:
             _write_zarr(folder, form, bands)
         return
     with whole_file(path, overwrite=overwrite) as file:
-        _write_tiff(file, form, bands, palette)
+        write_tiff(
+            file,
+            _tiles(bands, _TILE),
+            form.shape,
+            form.dtype,
+            alpha=form.alpha,
+            palette=palette,
+            tile=(_TILE, _TILE),
+            compressionargs={"level": 3},
+            iccprofile=form.icc,
+            extratags=extra_tags(form.geo, form.nodata),
+            buffersize=_AT_ONCE,
+        )
 
 
 def needs_tiles(source: StrPath, target: StrPath) -> bool:
@@ -252,7 +229,10 @@ def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
     piece = page.tilelength if page.is_tiled else page.rowsperstrip
     height = band_height(width, min(piece, n_rows))
     band, first = np.zeros((min(height, n_rows), *form.shape[1:]), form.dtype), 0
-    for pixels, (_, _, top, left, _), (_, n, m, _) in _pieces(page):
+    # By default, tifffile would read 256 MB before decoding; it counts bytes before that.
+    at_once = _AT_ONCE * sum(page.databytecounts) // page.nbytes
+    pieces = page.segments(maxworkers=n_threads(), buffersize=at_once)
+    for pixels, (_, _, top, left, _), (_, n, m, _) in pieces:
         if top >= first + len(band):
             yield band
             first += len(band)
@@ -263,50 +243,12 @@ def _read_pieces(page: Any, form: Form) -> Iterator[Band]:
     yield band
 
 
-def _pieces(page: Any) -> Iterator[Any]:
-    """Decode tiles or strips in parallel, fewer at a time than tifffile, which would read 256 MB before decoding."""
-    n_pieces = math.prod(page.chunked)
-    at_once = max(n_threads(), _AT_ONCE // (math.prod(page.chunks) * page.dtype.itemsize))
-    of_jpeg = {"jpegtables": page.jpegtables, "jpegheader": page.jpegheader} if page.compression.name == "JPEG" else {}
-    with ThreadPoolExecutor(n_threads()) as pool:
-        for first in range(0, n_pieces, at_once):
-            some = range(first, min(first + at_once, n_pieces))
-            where = (numbers[first : some.stop] for numbers in (page.dataoffsets, page.databytecounts))
-            coded = page.parent.filehandle.read_segments(*where, some, sort=False)
-            yield from pool.map(lambda piece: page.decode(*piece, **of_jpeg), coded)
-
-
-def _write_tiff(file: BinaryIO, form: Form, bands: Iterable[Band], palette: NDArray[np.uint8] | None) -> None:
-    """Write a TIFF in tiles; with a (K, 3) uint8 palette, the bands are indices."""
-    import tifffile
-
-    samples = sample_options(form.shape, form.alpha)
-    tifffile.imwrite(
-        file,
-        _tiles(bands),
-        shape=form.shape,
-        dtype=form.dtype,
-        tile=(_TILE, _TILE),
-        bigtiff=math.prod(form.shape) * form.dtype.itemsize > _BIG,
-        **(samples if palette is None else {**samples, "photometric": "palette"}),
-        colormap=None if palette is None else colormap_of(palette),
-        compression="adobe_deflate",
-        compressionargs={"level": 3},
-        iccprofile=form.icc,
-        extratags=extra_tags(form.geo, form.nodata),
-        metadata=None,
-        software=False,
-        maxworkers=n_threads(),
-        buffersize=_AT_ONCE,
-    )
-
-
-def _tiles(bands: Iterable[Band]) -> Iterator[Band]:
+def _tiles(bands: Iterable[Band], side: int) -> Iterator[Band]:
     """Cut bands into tiles, left to right and top to bottom, padded with zeros at the edges."""
-    for band in in_heights(bands, _TILE):
-        for left in range(0, band.shape[1], _TILE):
-            part = band[:, left : left + _TILE]
-            tile = np.zeros((_TILE, _TILE, *band.shape[2:]), band.dtype)
+    for band in in_heights(bands, side):
+        for left in range(0, band.shape[1], side):
+            part = band[:, left : left + side]
+            tile = np.zeros((side, side, *band.shape[2:]), band.dtype)
             tile[: part.shape[0], : part.shape[1]] = part
             yield tile
 

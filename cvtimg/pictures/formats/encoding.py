@@ -98,18 +98,7 @@ def encode_image(
     metadata: Metadata | None = None,
     optimize: bool = False,
 ) -> bytes:
-    """Encode an image as the bytes of the file that `write_image` would write.
-
-    Parameters
-    ----------
-    suffix : str
-        A suffix that `write_image` supports, such as ``".png"``.
-    image, palette, alpha, metadata, optimize
-        As in `write_image`.
-
-    Returns
-    -------
-    bytes
+    """Encode an image as the bytes of the file with a suffix, such as ``".png"``, that `write_image` would write.
 
     Examples
     --------

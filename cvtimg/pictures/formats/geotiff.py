@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, TypeAlias
 
 from PIL.ExifTags import Base
@@ -14,20 +15,27 @@ Tags = Mapping[int, Any]
 #: Tags in `GEO_TYPES`, which georeference an upright image; empty if a file has no georeferencing.
 GeoTags: TypeAlias = Mapping[int, Any]
 
-NODATA = 42113
-_PIXEL_SCALE, _TIEPOINT, _MATRIX, _GEO_KEYS = 33550, 33922, 34264, 34735
-#: Georeferencing tags, with the types of their values in TIFF and in Python's struct.
+
+class GeoTag(IntEnum):
+    """Tags of GeoTIFF, and that of GDAL for missing pixels."""
+
+    PIXEL_SCALE, TIEPOINT, MATRIX, KEYS = 33550, 33922, 34264, 34735
+    DOUBLES, TEXT = 34736, 34737  # values of keys
+    NODATA = 42113
+
+
+class _GeoKey(IntEnum):
+    """Keys in `GeoTag.KEYS`, and two of their values."""
+
+    RASTER_TYPE, GEOGRAPHIC, PROJECTED = 1025, 2048, 3072
+    PIXEL_IS_POINT, USER_DEFINED = 2, 32767
+
+
+#: Georeferencing tags, with the types of their values in Python's struct.
 GEO_TYPES = {
-    _PIXEL_SCALE: (12, "d"),
-    _TIEPOINT: (12, "d"),
-    _MATRIX: (12, "d"),
-    _GEO_KEYS: (3, "H"),
-    34736: (12, "d"),
-    34737: (2, "s"),
+    **dict.fromkeys((GeoTag.PIXEL_SCALE, GeoTag.TIEPOINT, GeoTag.MATRIX, GeoTag.DOUBLES), "d"),
+    **{GeoTag.KEYS: "H", GeoTag.TEXT: "s"},
 }
-_RASTER_TYPE, _GEOGRAPHIC, _PROJECTED = 1025, 2048, 3072
-_PIXEL_IS_POINT = 2
-_USER_DEFINED = 32767
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +52,16 @@ class Place:
         keys: dict[int, int] = {}
         transform = epsg = nodata = None
         with suppress(TypeError, ValueError, IndexError):
-            flat = [int(value) for value in tags.get(_GEO_KEYS, ())]
+            flat = [int(value) for value in tags.get(GeoTag.KEYS, ())]
             keys = {flat[at]: flat[at + 3] for at in range(4, len(flat) - 3, 4) if flat[at + 1] == 0}
-        code = keys.get(_PROJECTED, keys.get(_GEOGRAPHIC, _USER_DEFINED))
-        epsg = code if 0 < code < _USER_DEFINED else None
+        code = keys.get(_GeoKey.PROJECTED, keys.get(_GeoKey.GEOGRAPHIC, 0))
+        epsg = code if 0 < code < _GeoKey.USER_DEFINED else None
         with suppress(TypeError, ValueError, IndexError):
             # Rotated maps are rare, and the transform in the file does not apply to the upright image.
             if tags.get(Base.Orientation, 1) == 1:
-                transform = _transform(tags, point=keys.get(_RASTER_TYPE) == _PIXEL_IS_POINT)
+                transform = _transform(tags, point=keys.get(_GeoKey.RASTER_TYPE) == _GeoKey.PIXEL_IS_POINT)
         with suppress(TypeError, ValueError):
-            nodata = float(str(tags[NODATA]).strip("\0 ")) if NODATA in tags else None
+            nodata = float(str(tags[GeoTag.NODATA]).strip("\0 ")) if GeoTag.NODATA in tags else None
         return cls(transform, epsg, nodata)
 
 
@@ -68,21 +76,19 @@ def geo_tags(tags: Tags) -> dict[int, Any]:
 
 def extra_tags(geo: GeoTags, nodata: float | None = None) -> list[tuple[int, str, int, Any, bool]]:
     """Format tags for tifffile."""
-    tags = [
-        (code, GEO_TYPES[code][1], 0 if isinstance(value, str) else len(value), value, True)
-        for code, value in geo.items()
-    ]
-    return tags if nodata is None else [*tags, (NODATA, "s", 0, f"{nodata:.17g}", True)]
+    given = {**geo, **({} if nodata is None else {GeoTag.NODATA: f"{nodata:.17g}"})}
+    types = {**GEO_TYPES, GeoTag.NODATA: "s"}
+    return [(code, types[code], 0 if isinstance(one, str) else len(one), one, True) for code, one in given.items()]
 
 
 def _transform(tags: Tags, *, point: bool) -> tuple[float, float, float, float, float, float] | None:
-    if _MATRIX in tags:
-        matrix = [float(value) for value in tags[_MATRIX]]
+    if GeoTag.MATRIX in tags:
+        matrix = [float(value) for value in tags[GeoTag.MATRIX]]
         a, b, c, d, e, f = (matrix[at] for at in (0, 1, 3, 4, 5, 7))
-    elif _PIXEL_SCALE in tags and _TIEPOINT in tags:
-        column, row, _, x, y, _ = (float(value) for value in tags[_TIEPOINT][:6])
-        a, b, d = float(tags[_PIXEL_SCALE][0]), 0.0, 0.0
-        e = -float(tags[_PIXEL_SCALE][1])
+    elif GeoTag.PIXEL_SCALE in tags and GeoTag.TIEPOINT in tags:
+        column, row, _, x, y, _ = (float(value) for value in tags[GeoTag.TIEPOINT][:6])
+        a, b, d = float(tags[GeoTag.PIXEL_SCALE][0]), 0.0, 0.0
+        e = -float(tags[GeoTag.PIXEL_SCALE][1])
         c, f = x - a * column, y - e * row
     else:
         return None

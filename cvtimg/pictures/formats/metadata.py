@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,9 +11,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
-from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Place, Tags, geo_tags
+from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
-from cvtimg.pictures.formats.pixel_size import PixelSize
+from cvtimg.pictures.formats.pixel_size import INCHES, PixelSize
 from cvtimg.pictures.formats.png import chunk
 from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags_of, tiff_tags
 
@@ -31,11 +30,6 @@ _ABOUT_THE_PICTURE = (
 _SIZE = (Base.ExifImageWidth, Base.ExifImageHeight)
 #: How descriptions begin by which programs describe the file: its pages, axes and sizes, which are others in a new one.
 _OF_THE_FILE = ("ImageJ=", "SCIFIO=", "<?xml", "<OME", '{"shape"', '{"axes"')
-_ASCII = 2
-_INCHES_A_METER = 39.3701
-#: Units of length, in inches.
-_LENGTHS = {"nm": 1 / 25.4e6, "um": 1 / 25400, "micron": 1 / 25400, "mm": 1 / 25.4, "cm": 1 / 2.54, "m": 1 / 0.0254}
-_LENGTHS |= {"\u00b5m": 1 / 25400, "\u03bcm": 1 / 25400, "\\u00B5m": 1 / 25400, "inch": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +65,7 @@ class Metadata:
     @classmethod
     def of_size(cls, size: PixelSize | None) -> Metadata | None:
         """Return the size of pixels for files that can tell it; None without one."""
-        if size is None:
-            return None
-        scale = size.scale()
-        return cls(dpi=dpi_of(scale), scale=scale)
+        return cls(dpi=size.dpi, scale=size.scale()) if size else None
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
@@ -95,11 +86,9 @@ class Metadata:
 
         tags = ImageFileDirectory_v2()
         for code, value in self.geo.items():
-            tags.tagtype[code] = GEO_TYPES[code][0]
             tags[code] = value
         if self.nodata is not None:
-            tags.tagtype[NODATA] = _ASCII
-            tags[NODATA] = f"{self.nodata:.17g}"
+            tags[GeoTag.NODATA] = f"{self.nodata:.17g}"
         about = Image.Exif()
         about.load(exif or b"")
         for code in about:
@@ -119,7 +108,7 @@ class Metadata:
         if "icc_profile" in given:
             chunks += chunk(b"iCCP", b"icc\0\0" + zlib.compress(given["icc_profile"]))
         if "dpi" in given:
-            per_meter = [round(value * _INCHES_A_METER).to_bytes(4, "big") for value in given["dpi"]]
+            per_meter = [round(value * INCHES["m"]).to_bytes(4, "big") for value in given["dpi"]]
             chunks += chunk(b"pHYs", b"".join(per_meter) + b"\1")
         if "exif" in given:
             chunks += chunk(b"eXIf", given["exif"].removeprefix(b"Exif\0\0"))
@@ -153,7 +142,8 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
         scale = _scale_of(tags)
-        dpi = dpi_of(scale) or dpi
+        size = PixelSize.of(scale)
+        dpi = (size.dpi if size else None) or dpi
         return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata, scale)
 
 
@@ -190,19 +180,8 @@ def _scale_of(tags: Tags) -> dict[str, Any]:
     pairs = (line.partition("=")[::2] for line in description.splitlines())
     scale: dict[str, Any] = {name: value for name, value in pairs if name in OF_IMAGEJ}
     with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
-        across, down = float(tags[Base.XResolution]), float(tags[Base.YResolution])
-        if scale.get("unit") and 0 < across < math.inf and 0 < down < math.inf:
-            return {"resolution": (across, down), **scale}
-    return {}
-
-
-def dpi_of(scale: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Return the pixels per inch of a file whose unit is one of length."""
-    inches = _LENGTHS.get(str(scale.get("unit")))
-    across, down = scale.get("resolution", (0.0, 0.0))
-    if inches is None or not (0 < across / inches < 1e6 and 0 < down / inches < 1e6):
-        return None
-    return across / inches, down / inches
+        scale["resolution"] = float(tags[Base.XResolution]), float(tags[Base.YResolution])
+    return scale if PixelSize.of(scale) else {}
 
 
 def _about_the_picture(exif: Image.Exif) -> bytes | None:

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["PixelSize"]
-
 _MICROMETER = "um"
 #: Other ways to write units.
 _UNITS = dict.fromkeys(("\u00b5m", "\u03bcm", "\\u00B5m", "micron", "microns", "micrometer"), _MICROMETER)
 _UNITS |= {"nanometer": "nm", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
+#: Units of length, in inches.
+INCHES = {"nm": 1 / 25.4e6, "um": 1 / 25400, "mm": 1 / 25.4, "cm": 1 / 2.54, "m": 1 / 0.0254, "inch": 1.0}
 _NUMBER = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)"
 _SIZE = re.compile(rf"{_NUMBER}(?:x{_NUMBER}(?:x{_NUMBER})?)?\s*([^\W\d_]+)", re.IGNORECASE)
 
@@ -40,6 +40,12 @@ class PixelSize:
     def __str__(self) -> str:
         sides = [self.x] if self.x == self.y and self.z is None else [self.x, self.y]
         return f"{' x '.join(f'{side:.6g}' for side in filter(None, [*sides, self.z]))} {self.unit}"
+
+    @property
+    def dpi(self) -> tuple[float, float] | None:
+        """Pixels per inch across and down, if the unit is one of length."""
+        per_inch = [1 / (side * INCHES.get(self.unit, math.inf)) for side in (self.x, self.y)]
+        return (per_inch[0], per_inch[1]) if all(0 < number < 1e6 for number in per_inch) else None
 
     @classmethod
     def parse(cls, text: str) -> PixelSize:

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from enum import IntEnum
 from importlib.util import find_spec
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -20,7 +21,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.axes import Stack
-from cvtimg.pictures.formats.geotiff import GEO_TYPES, NODATA, GeoTags, Tags, extra_tags
+from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Tags, extra_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 
 if TYPE_CHECKING:
@@ -35,17 +36,23 @@ _OF_SAMPLES = (
     *(Base.BitsPerSample, Base.PhotometricInterpretation, Base.Orientation, Base.SamplesPerPixel),
     *(Base.ExtraSamples, Base.SampleFormat, Base.InterColorProfile),
 )
-_GREYS, _RGB = (0, 1), 2
-_UNSIGNED = 1
-_PREMULTIPLIED = 1
-#: The description of an ImageJ file begins within this many bytes.
-_START = 1 << 12
-_REDUCED, _MASK = 1, 4
+
+
+class _Value(IntEnum):
+    """Values of tags, by what they are of."""
+
+    PHOTOMETRIC_WHITE_IS_0, PHOTOMETRIC_BLACK_IS_0, PHOTOMETRIC_RGB = 0, 1, 2
+    FORMAT_UNSIGNED = 1
+    EXTRA_PREMULTIPLIED, EXTRA_ALPHA, EXTRA_OF_CORELDRAW = 1, 2, 999
+    SUBFILE_REDUCED, SUBFILE_MASK = 1, 4
+
+
+_SUBORDINATE = _Value.SUBFILE_REDUCED | _Value.SUBFILE_MASK
 #: Metadata kept from ImageJ files, and attributes kept from the Pixels element of OME.
 OF_IMAGEJ = ("spacing", "unit", "xunit", "yunit", "zunit", "finterval", "fps", "xorigin", "yorigin", "zorigin")
 _OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
-#: Values of ExtraSamples for transparency: premultiplied, not premultiplied, and that of CorelDRAW.
-_ALPHA = ((1,), (2,), (999,))
+#: Values of ExtraSamples for transparency.
+_ALPHA = ((_Value.EXTRA_PREMULTIPLIED,), (_Value.EXTRA_ALPHA,), (_Value.EXTRA_OF_CORELDRAW,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +73,14 @@ class Layout:
         photometric = tags.get(Base.PhotometricInterpretation)
         n_samples, bits = int(_first(tags.get(Base.SamplesPerPixel, 1))), max(_numbers(tags.get(Base.BitsPerSample, 1)))
         extra = _numbers(tags.get(Base.ExtraSamples, ()))
-        n_colors = 3 if photometric == _RGB else 1
+        n_colors = 3 if photometric == _Value.PHOTOMETRIC_RGB else 1
         # An unspecified fourth sample is a band, such as near infrared.
         alpha = n_samples == n_colors + 1 and extra in _ALPHA
         bands = n_samples > n_colors + alpha
-        deep = bits > 16 or (bits > 8 and n_samples > 1) or _first(tags.get(Base.SampleFormat, 1)) != _UNSIGNED
-        for_pillow = photometric not in (*_GREYS, _RGB) or not (bands or deep)
-        return cls(n_samples, bits, n_colors, alpha, alpha and extra == (_PREMULTIPLIED,), for_pillow)
+        unsigned = _first(tags.get(Base.SampleFormat, 1)) == _Value.FORMAT_UNSIGNED
+        deep = bits > 16 or (bits > 8 and n_samples > 1) or not unsigned
+        for_pillow = photometric not in (0, 1, _Value.PHOTOMETRIC_RGB) or not (bands or deep)
+        return cls(n_samples, bits, n_colors, alpha, alpha and extra == _ALPHA[0], for_pillow)
 
 
 def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> tuple[NDArray[Any], bool]:
@@ -90,7 +98,8 @@ def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> tuple[NDArray[
 def is_plain(tags: Tags) -> bool:
     """Whether samples are gray from black or RGB, of at least 8 bits, and upright."""
     upright = _first(tags.get(Base.Orientation, 1)) == 1
-    return tags.get(Base.PhotometricInterpretation) in (1, _RGB) and Layout.of(tags).bits >= 8 and upright
+    plain = (_Value.PHOTOMETRIC_BLACK_IS_0, _Value.PHOTOMETRIC_RGB)
+    return tags.get(Base.PhotometricInterpretation) in plain and Layout.of(tags).bits >= 8 and upright
 
 
 def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) -> NDArray[Any]:
@@ -130,15 +139,9 @@ def size_of(page: tifffile.TiffPage) -> tuple[int, int]:
 
 
 def count_pages(file: BinaryIO) -> int:
-    """Count the pages of a file: 1 for formats other than TIFF; the complete pages of a truncated TIFF.
-
-    Raises
-    ------
-    UnfitContentError
-        If the chain of pages is circular.
-    """
+    """Count the pages of a file: 1 for formats other than TIFF; the complete pages of a truncated TIFF."""
     file.seek(0)
-    start = file.read(_START)
+    start = file.read(1 << 12)  # in which the description of an ImageJ file begins
     size = 1
     if start.startswith(TIFF_MAGICS):
         size = max(size, len(main_pages(file)))
@@ -154,7 +157,7 @@ def count_pages(file: BinaryIO) -> int:
 def main_pages(file: BinaryIO) -> list[int]:
     """List the numbers of the pages of a TIFF, excluding reduced-size copies and masks.
 
-    The chain of pages is not read with tifffile, which does not terminate if the chain is circular.
+    `UnfitContentError` says that the chain of pages is circular, of which tifffile makes many pages.
     """
     file.seek(0)
     start = file.read(16)
@@ -176,7 +179,7 @@ def main_pages(file: BinaryIO) -> list[int]:
             tag, _, _, kind = struct.unpack_from(f"{order}HH{pointer}I", file.read(size_of))
             file.seek((n_entries - 1) * size_of, 1)
             (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
-            if not (tag == Base.NewSubfileType and kind & (_REDUCED | _MASK)):
+            if not (tag == Base.NewSubfileType and kind & _SUBORDINATE):
                 found.append(len(seen))
             seen.add(at)
             at = following
@@ -185,7 +188,7 @@ def main_pages(file: BinaryIO) -> list[int]:
 
 def is_subordinate(page: Any) -> bool:
     """Return whether a page is a reduced-size copy or a mask of another page."""
-    return bool(page.aspage().tags.valueof(Base.NewSubfileType, 0) & (_REDUCED | _MASK))
+    return bool(page.aspage().tags.valueof(Base.NewSubfileType, 0) & _SUBORDINATE)
 
 
 def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Stack:
@@ -229,7 +232,7 @@ def _ome_elements(description: str, name: str) -> Iterator[Element]:
 def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
     """Return the tags of the first page that cvtimg uses."""
     tags = tiff.pages.first.tags
-    return {code: tag.value for code in (*_OF_SAMPLES, *GEO_TYPES, NODATA) if (tag := tags.get(code)) is not None}
+    return {code: tag.value for code in (*_OF_SAMPLES, *GeoTag) if (tag := tags.get(code)) is not None}
 
 
 def icc_profile(tags: Tags) -> bytes | None:
@@ -258,23 +261,63 @@ def encode_tiff(
     nodata: float | None = None,
 ) -> None:
     """Write an array (H, W) or (H, W, C); `alpha` tells whether the last band is transparency."""
-    import tifffile
-
     # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
     predicted = values.dtype.kind != "f" or find_spec("imagecodecs") is not None
-    tifffile.imwrite(
+    write_tiff(
         file,
         values,
-        **sample_options(values.shape, alpha),
-        compression="adobe_deflate",
+        values.shape,
+        values.dtype,
+        alpha=alpha,
         predictor=predicted and values.dtype.itemsize < 8,
         iccprofile=icc_profile,
         resolution=dpi,
         resolutionunit="inch" if dpi else None,
         extratags=extra_tags(geo or {}, nodata),
-        metadata=None,
+    )
+
+
+def write_tiff(
+    file: BinaryIO,
+    values: Any,
+    shape: tuple[int, ...],
+    dtype: np.dtype[Any],
+    *,
+    alpha: bool,
+    before: tuple[int, ...] = (),
+    palette: NDArray[np.uint8] | None = None,
+    **options: Any,
+) -> None:
+    """Write what tifffile takes for images (H, W) or (H, W, C), a stack of them if there are axes `before`.
+
+    One band is gray and three are RGB; with `alpha`, the next is transparency. All others are unspecified. With a
+    palette (K, 3) or (K, 4), whose alpha is left out, the images are indices.
+    """
+    import tifffile
+
+    n_bands = shape[2] if len(shape) == 3 else 1
+    n_colors = 3 if n_bands - alpha == 3 else 1
+    colormap = None
+    if palette is not None:
+        colormap = np.zeros((3, 256), np.uint16)
+        colormap[:, : len(palette)] = palette[:, :3].T.astype(np.uint16) * 257
+    tifffile.imwrite(
+        file,
+        values,
+        shape=(*before, *shape),
+        dtype=dtype,
+        photometric="palette" if palette is not None else "rgb" if n_colors == 3 else "minisblack",
+        planarconfig="contig" if n_bands > 1 else None,
+        extrasamples=["unassalpha"] * alpha + ["unspecified"] * (n_bands - n_colors - alpha) or None,
+        colormap=colormap,
         software=False,
         maxworkers=n_threads(),
+        **{
+            "compression": "adobe_deflate",
+            "metadata": None,
+            "bigtiff": math.prod((*before, *shape)) * dtype.itemsize > 1 << 31,  # before compression
+            **options,
+        },
     )
 
 
@@ -304,28 +347,6 @@ def ome_scale(description: str) -> dict[str, Any]:
             if f"{name}Unit" in element.attrib:
                 scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
     return scale
-
-
-def colormap_of(palette: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(3, 256) colors of an indexed TIFF, for a palette (K, 3) or (K, 4) whose alpha is left out."""
-    colormap = np.zeros((3, 256), np.uint16)
-    colormap[:, : len(palette)] = palette[:, :3].T.astype(np.uint16) * 257
-    return colormap
-
-
-def sample_options(shape: tuple[int, ...], alpha: bool) -> dict[str, Any]:
-    """Return tifffile's options for the bands of an (H, W) or (H, W, C) array.
-
-    One band is gray and three are RGB; with `alpha`, the next is transparency. All others are unspecified.
-    """
-    n_bands = shape[2] if len(shape) == 3 else 1
-    n_colors = 3 if n_bands - alpha == 3 else 1
-    n_extra = n_bands - n_colors - alpha
-    return {
-        "photometric": "rgb" if n_colors == 3 else "minisblack",
-        "planarconfig": "contig" if n_bands > 1 else None,
-        "extrasamples": ["unassalpha"] * alpha + ["unspecified"] * n_extra or None,
-    }
 
 
 def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
