@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 S = TypeVar("S")
 T = TypeVar("T")
 
+#: Variables of the environment that limit the threads of libraries, and ours.
+THREAD_VARIABLES = ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 #: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
 _WORTH_A_THREAD = 1 << 20
 _alone: ContextVar[bool] = ContextVar("_alone", default=False)
@@ -39,8 +41,7 @@ def n_threads() -> int:
 
 def limit_threads(n: int) -> None:
     """Let this process have `n` threads, and so the libraries that it loads from now on."""
-    variables = ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    os.environ.update(dict.fromkeys(variables, str(n)))
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(n)))
     n_threads.cache_clear()
     _pool.cache_clear()
 

@@ -9,14 +9,14 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from multiprocessing import active_children, get_context, parent_process
-from pathlib import Path
 from time import time
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, TypeAlias
 
 from cvtimg._shared.extras import needs
+from cvtimg._shared.threads import THREAD_VARIABLES, limit_threads, n_threads
 from cvtimg.batch.report import reason
 from cvtimg.batch.tasks import Attempt, Outcome, Task, WrongUsageError
 
@@ -26,9 +26,7 @@ LOCAL = "local"
 #: return memory to the system after every image, only to request it again.
 _FOR_SHORT = {
     "distributed.worker.profile.enabled": False,
-    "distributed.nanny.pre-spawn-environ": dict.fromkeys(
-        ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-    ),
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_VARIABLES, "1"),
 }
 #: Seconds that a worker has to clean up after it is told to stop, and a scheduler to answer.
 _PATIENCE = 8
@@ -39,10 +37,10 @@ _Seat: TypeAlias = Callable[[Attempt, Task], Future[Outcome]]
 
 
 def in_processes(
-    attempt: Attempt, tasks: Sequence[Task], n_workers: int, n_threads: int
+    attempt: Attempt, tasks: Sequence[Task], n_workers: int, threads_each: int
 ) -> Generator[tuple[int, Outcome]]:
     """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
-    seats = [_Process(n_threads) for _ in range(n_workers)]
+    seats = [_Process(threads_each) for _ in range(n_workers)]
     try:
         yield from _performed(attempt, tasks, [seat.submit for seat in seats])
     finally:
@@ -153,10 +151,8 @@ class _Process:
 
 def _begin(n_threads: int) -> None:
     """Prepare a worker process."""
-    from cvtimg._shared.threads import limit_threads
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _stop)  # so that partial files are removed
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that partial files are removed
     limit_threads(n_threads)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -173,10 +169,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _stop(*_: object) -> NoReturn:
-    sys.exit(0)
 
 
 @contextmanager
@@ -196,23 +188,17 @@ def _alone(attempt: Attempt, task: Task, started: float) -> Outcome:
     """Do a task with one thread, because the cluster runs a task on each of its own; its row tells by which worker."""
     from distributed import get_worker
 
-    from cvtimg._shared.threads import limit_threads, n_threads
-
     if n_threads() != 1:
         limit_threads(1)
     for path in task.outputs.values():
-        _remove_own(path, started)
+        # An output of this run is of a worker that was lost before it could say so.
+        with suppress(OSError):
+            if path.is_file() and path.stat().st_mtime > started:
+                path.unlink()
     outcome = attempt(task)
     if not isinstance(outcome.result, dict):
         return outcome
     return replace(outcome, result={**outcome.result, "worker": str(get_worker().name)})
-
-
-def _remove_own(path: Path, started: float) -> None:
-    """Remove an output that was written since this run started: by a worker that was lost before it could say so."""
-    with suppress(OSError):
-        if path.is_file() and path.stat().st_mtime > started:
-            path.unlink()
 
 
 @contextmanager
@@ -223,12 +209,10 @@ def on_cluster_of_task() -> Iterator[None]:
         return
     from distributed import get_worker, worker_client
 
-    try:
-        get_worker()
-    except ValueError:
-        yield
-        return
-    with worker_client():
+    with ExitStack() as stack:
+        with suppress(ValueError):  # not in a worker
+            get_worker()
+            stack.enter_context(worker_client())
         yield
 
 

@@ -50,10 +50,8 @@ def as_files(tasks: list[Task]) -> Iterator[list[Task]]:
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory(prefix="cvtimg-") as folder:
-        yield [
-            _as_files(task, Path(folder, str(number))) if _has_pipes(task) else task
-            for number, task in enumerate(tasks)
-        ]
+        each = enumerate(tasks)
+        yield [_as_files(task, Path(folder, str(number))) if _has_pipes(task) else task for number, task in each]
 
 
 def _has_pipes(task: Task) -> bool:
@@ -62,27 +60,18 @@ def _has_pipes(task: Task) -> bool:
 
 def _as_files(task: Task, folder: Path) -> Task:
     folder.mkdir()
-    shown = {}
-
-    def received(source: Path, number: int) -> Path:
-        if not is_pipe(source):
-            return source
-        content = read_all(source)
-        file = folder / f"in{number}{'.npy' if content.startswith(_NPY) else ''}"
-        file.write_bytes(content)
-        shown[file] = str(source)
-        return file
-
-    def sent(output: Path, number: int) -> Path:
-        if not is_standard(output):
-            return output
-        file = folder / f"out{number}{output.suffix}"
-        shown[file] = STANDARD
-        return file
-
-    sources = tuple(received(source, number) for number, source in enumerate(task.sources))
-    outputs = {option: sent(path, number) for number, (option, path) in enumerate(task.outputs.items())}
-    return Task(sources, outputs, shown)
+    shown, sources, outputs = {}, [*task.sources], {**task.outputs}
+    for number, source in enumerate(sources):
+        if is_pipe(source):
+            content = read_all(source)
+            sources[number] = file = folder / f"in{number}{'.npy' if content.startswith(_NPY) else ''}"
+            file.write_bytes(content)
+            shown[file] = str(source)
+    for number, (option, output) in enumerate(task.outputs.items()):
+        if is_standard(output):
+            outputs[option] = file = folder / f"out{number}{output.suffix}"
+            shown[file] = STANDARD
+    return Task(tuple(sources), outputs, shown)
 
 
 def read_all(path: Path) -> bytes:

@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
-from cvtimg.files.finding import find_images, image_suffixes
-from cvtimg.files.remote import elsewhere, find_remote, is_remote, url_of
+from cvtimg.files.finding import find_images, find_remote, image_suffixes
+from cvtimg.files.remote import elsewhere, is_remote, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
 #: suffix, or a function that returns the pattern for an input.
@@ -48,8 +48,7 @@ def plan_each(
     suffixes: frozenset[str] | None = None,
 ) -> Plan:
     """Plan a task for each input, with the outputs that its options name; see `find` for the inputs."""
-    # The output of a pipe, such as standard input, goes to standard output unless it is named. If inputs in one folder
-    # differ only in their suffixes, outputs keep these: a.png and a.webp become a.png and a.webp.png. Joint outputs are
+    # The output of a pipe, such as standard input, goes to standard output unless it is named. Joint outputs are
     # written once for all inputs; `beside` allows outputs of several inputs without `out_dir`, beside them.
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     inputs = list(inputs)
@@ -65,7 +64,8 @@ def plan_each(
         if main and not isinstance(main, Path) and is_pipe(source) and not out_dir:
             outputs_of["-o"] = Path(STANDARD + outputs_of["-o"].suffix)
         tasks.append(Task((source,), outputs_of))
-    return Plan(tasks, missing, out_dir, [path for path in also_read if path], _given(joint or {}), folders)
+    named = {option: path for option, path in (joint or {}).items() if path}
+    return Plan(tasks, missing, out_dir, [path for path in also_read if path], named, folders)
 
 
 def plan_one(
@@ -73,11 +73,8 @@ def plan_one(
 ) -> Plan:
     """Plan a single task for all inputs, of which there may be none; the parameters are those of `plan_each`."""
     sources, missing = find(inputs)
-    return Plan([] if missing else [Task(tuple(sources), _given(outputs))], missing, None, [p for p in also_read if p])
-
-
-def _given(files: Mapping[str, Path | None]) -> dict[str, Path]:
-    return {option: path for option, path in files.items() if path}
+    named = {option: path for option, path in outputs.items() if path}
+    return Plan([] if missing else [Task(tuple(sources), named)], missing, None, [path for path in also_read if path])
 
 
 def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Path:
@@ -173,18 +170,16 @@ def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Pa
 def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = False) -> None:
     """Refuse outputs that would replace a file that is read, or each other, or through a link a file elsewhere."""
     # With `in_place` an output may replace its own input.
-    inputs = {_identity(path) for task in plan.tasks for path in task.sources}
-    inputs |= {_identity(path) for path in plan.also_read}
-    wanted = [
-        (path, task.name, in_place and path == task.source) for task in plan.tasks for path in task.outputs.values()
-    ]
-    wanted += [(path, option, False) for option, path in plan.joint.items()]
-    if report:
-        wanted.append((report, "--report", False))
+    read = [*(path for task in plan.tasks for path in task.sources), *plan.also_read]
+    inputs = {_identity(path) for path in read}
+    wanted = [(path, task.name, task.sources) for task in plan.tasks for path in task.outputs.values()]
+    wanted += [(path, option, ()) for option, path in plan.joint.items()]
+    wanted += [(report, "--report", ())] if report else []
     owners: dict[str, str] = {}
-    for path, owner, replaces in wanted:
+    for path, owner, sources in wanted:
         if is_standard(path):
             continue
+        replaces = in_place and path in sources[:1]
         _check_link(path, plan.folders, in_place=replaces)
         if not replaces and _identity(path) in inputs - {None}:
             raise WrongUsageError(f"{url_of(path)} is an input, which is never replaced; choose another output")

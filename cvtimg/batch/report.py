@@ -24,9 +24,8 @@ FILE_SUFFIXES = (".csv", ".jsonl")
 class Report:
     """Collects the result of each input, prints it, and counts."""
 
-    # Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. Errors, and
-    # the summary of several inputs, go to stderr; if quiet, only errors.
-    # A note follows the table, on stderr.
+    # Prints one JSON object per line to stdout as inputs complete, or a table of the columns at the end. A note, errors
+    # and the summary of several inputs go to stderr; if quiet, only errors.
 
     def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool = False, note: str = "") -> None:
         if as_json and quiet:
@@ -39,9 +38,9 @@ class Report:
     def done(self, row: Row) -> None:
         """Record a completed input."""
         self._hear("done", row)
-        if "warning" in row and not (self.as_json or self.quiet):
-            complain(f"{row.get('input', row.get('output'))}: {row['warning']}")
         if not (self.as_json or self.quiet):
+            if "warning" in row:
+                complain(f"{row.get('input', row.get('output'))}: {row['warning']}")
             self.show(row)
 
     def show(self, row: Row) -> None:
@@ -84,13 +83,23 @@ class Report:
         """Write a row for each input so far, whether done, skipped or failed, as .csv or .jsonl."""
         # With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
         # inputs keep their old ones.
+        from cvtimg.files.text_tables import csv_text
         from cvtimg.files.whole import write_whole
 
         is_json = path.suffix.lower() == ".jsonl"
-        rows = [_flat(row) for row in self._rows] if not is_json else self._rows
+        rows = self._rows if is_json else [_flat(row) for row in self._rows]
         if append and exists(path):
-            rows = _merged(_read_rows(path), rows)
-        text = _lines(rows) if is_json else _csv(rows)
+            known = {row.get("input"): row for row in _read_rows(path)}
+            known |= {
+                row.get("input"): row for row in rows if row["status"] != "skipped" or row.get("input") not in known
+            }
+            rows = list(known.values())
+        if is_json:
+            text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+        else:
+            columns = dict.fromkeys(["status", "input", "output", *(column for row in rows for column in row), "error"])
+            columns["error"] = columns.pop("error")
+            text = csv_text(columns, [[row.get(column) for column in columns] for row in rows])
         write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
 
     def _print_table(self, rows: Sequence[Row]) -> None:
@@ -102,22 +111,12 @@ class Report:
         console = Console(markup=False, highlight=False, emoji=False, width=None if narrow else 10_000)
         table = Table(box=None, pad_edge=False)
         for column in self._columns:
-            is_text = column in TEXT_COLUMNS
-            table.add_column(
-                _HEADS.get(column, column), justify="left" if is_text else "right", overflow="fold", no_wrap=not is_text
-            )
+            head, is_text = _HEADS.get(column, column), column in TEXT_COLUMNS
+            table.add_column(head, justify="left" if is_text else "right", overflow="fold", no_wrap=not is_text)
         for row in rows:
             shown = {**row, "input": Path(row["input"]).name} if narrow else row
             table.add_row(*(_cell(column, shown.get(column)) for column in self._columns))
         console.print(table)
-
-
-def _merged(before: Sequence[Row], rows: Sequence[Row]) -> list[Row]:
-    known = {row.get("input"): row for row in before}
-    for row in rows:
-        if row["status"] != "skipped" or row.get("input") not in known:
-            known[row.get("input")] = row
-    return list(known.values())
 
 
 def _read_rows(path: Path) -> list[Row]:
@@ -127,19 +126,6 @@ def _read_rows(path: Path) -> list[Row]:
         if path.suffix.lower() == ".jsonl":
             return [json.loads(line) for line in file]
         return list(csv.DictReader(file))
-
-
-def _lines(rows: Sequence[Row]) -> str:
-    return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-
-
-def _csv(rows: Sequence[Row]) -> str:
-    """Format flat rows, whose columns may differ, as one table."""
-    from cvtimg.files.text_tables import csv_text
-
-    columns = dict.fromkeys(["status", "input", "output", *(column for row in rows for column in row), "error"])
-    columns["error"] = columns.pop("error")
-    return csv_text(columns, [[row.get(column) for column in columns] for row in rows])
 
 
 def _flat(row: Row) -> Row:
@@ -205,20 +191,12 @@ def progress(n_tasks: int, report: Report) -> Iterator[Callable[[Row | None], No
         yield lambda row: None
         return
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress
 
-    columns = BarColumn(), TaskProgressColumn(), MofNCompleteColumn(), TextColumn("{task.fields[speed]}")
+    columns: Any = *Progress.get_default_columns()[1:], "{task.completed}/{task.total} {task.fields[speed]}"
     start, n_pixels = perf_counter(), 0
     # Rich would redirect printed text to its own console, but JSON must go to stdout.
-    console = Console(stderr=True)
-    with Progress(*columns, TimeRemainingColumn(), console=console, transient=True, redirect_stdout=False) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
         shown = bar.add_task("cvtimg", total=n_tasks, speed="")
 
         def step(row: Row | None) -> None:

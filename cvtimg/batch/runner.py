@@ -17,19 +17,11 @@ from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
 from cvtimg.batch.report import FILE_SUFFIXES, Report, progress, reason
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
-from cvtimg.files.remote import exists, is_remote, local_copy, local_path, url_of
-from cvtimg.files.whole import check_can_be_written, remove_leftovers, scratch_folder, whole_file
+from cvtimg.files.remote import exists, is_remote, local_copy, url_of
+from cvtimg.files.whole import check_can_be_written, local_path, remove_leftovers, scratch_folder, whole_file
 
 #: Exit status of an interrupted run.
 INTERRUPTED = 128 + signal.SIGINT
-#: Bytes of inputs below which starting workers takes longer than it saves: about 13 photographs of 768 x 512.
-_WORTH_WORKERS = 8 << 20
-#: Fixed cost of an input, in the same bytes.
-_LEAST_BYTES = 1 << 17
-
-
-#: Times of files may lag behind the clock by so many seconds.
-_COARSE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,21 +47,22 @@ class Running:
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     """Run all tasks of a plan, report each in its order, and return the exit status: 0, 1 if some failed, or 130."""
-    # Raises WrongUsageError if an output would replace an input or another output, and OSError if a joint output cannot
-    # be written; nothing has been done then.
     check_plan(plan, running)
-    skips = [running.skip_existing and _is_done(task) for task in plan.tasks]
+    skips = [
+        running.skip_existing and bool(task.outputs) and all(map(exists, task.outputs.values())) for task in plan.tasks
+    ]
     todo = [task for task, skip in zip(plan.tasks, skips, strict=True) if not skip]
     with _folders(todo, plan.out_dir), _rows_written(report, running), as_files(todo) as todo:
         for text, error in plan.missing:
             report.failed(text, reason(text, error))
-        given = iter(todo)
-        told = _InOrder(report, [task if skip else next(given) for task, skip in zip(plan.tasks, skips, strict=True)])
+        places = [place for place, skip in enumerate(skips) if not skip]
+        told = _InOrder(report, [*plan.tasks])
+        for place, task in zip(places, todo, strict=True):
+            told.tasks[place] = task
         for place, skip in enumerate(skips):
             if skip:
                 told.add(place, Outcome({**plan.tasks[place].facts, "skipped": True}))
-        places = [place for place, skip in enumerate(skips) if not skip]
-        started = time() - _COARSE
+        started = time() - 0.05  # seconds by which times of files may lag behind the clock
         try:
             attempt = partial(_attempt, work=work, running=running)
             with progress(len(todo), report) as step, _performed(attempt, todo, running) as results:
@@ -86,8 +79,8 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
 class _InOrder:
     """Reports outcomes in the order of the tasks, in whatever order they become known."""
 
-    def __init__(self, report: Report, tasks: Sequence[Task]) -> None:
-        self._report, self._tasks = report, tasks
+    def __init__(self, report: Report, tasks: list[Task]) -> None:
+        self._report, self.tasks = report, tasks
         self._known: dict[int, Outcome] = {}
         self._next = 0
 
@@ -95,24 +88,22 @@ class _InOrder:
         """Take the outcome of a task, and report all before which none is missing."""
         self._known[place] = outcome
         while self._next in self._known:
-            self._tell(self._next)
+            self._tell(self.tasks[self._next], self._known[self._next])
             self._next += 1
 
     def end(self, started: float) -> None:
         """Report what is done though earlier tasks are not, and outputs that are whole though no outcome says so."""
         # These were written since `started` by a task that was interrupted before it could say so.
-        for place in range(self._next, len(self._tasks)):
-            task = self._tasks[place]
+        for place, task in enumerate(self.tasks[self._next :], start=self._next):
             if place not in self._known and task.outputs and not task.shown:
                 with suppress(OSError):  # no such file, or elsewhere
                     if all(path.stat().st_mtime > started for path in task.outputs.values()):
                         self._known[place] = Outcome(task.facts)
             if place in self._known:
-                self._tell(place)
+                self._tell(task, self._known[place])
 
-    def _tell(self, place: int) -> None:
+    def _tell(self, task: Task, outcome: Outcome) -> None:
         """Report a task, and copy its output to standard output if it belongs there."""
-        task, outcome = self._tasks[place], self._known[place]
         for name, why in outcome.failures:
             self._report.failed(name, why)
         if outcome.failures:
@@ -157,15 +148,15 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
         with _copies(task, running) as here:
             for path in here.outputs.values():
                 if running.skip_existing and not running.overwrite:
-                    _remove(path)  # an earlier run stopped between the outputs of this task
+                    # An earlier run stopped between the outputs of this task.
+                    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                 check_can_be_written(path, overwrite=running.overwrite or running.in_place)
             stopwatch, before = Stopwatch(), _n_bytes("input_bytes", here.sources)
             notes: list[str] = []
+            aside = here.outputs and (running.skip_if_larger or running.in_place)
             with running.around(notes):
-                if here.outputs and (running.skip_if_larger or running.in_place):
-                    row = {**here.facts, **_worked_aside(here, work, stopwatch, running), **before}
-                else:
-                    row = {**here.facts, **work(here, stopwatch), **before}
+                done = _worked_aside(here, work, stopwatch, running) if aside else work(here, stopwatch)
+            row = {**here.facts, **done, **before}
             if notes:
                 row["warning"] = "; ".join([*([row["warning"]] if "warning" in row else []), *notes])
             if not row.get("skipped"):
@@ -198,10 +189,6 @@ def _n_bytes(column: str, files: Sequence[Path]) -> Row:
     return {column: files[0].stat().st_size} if files and files[0].is_file() else {}
 
 
-def _is_done(task: Task) -> bool:
-    return bool(task.outputs) and all(map(exists, task.outputs.values()))
-
-
 @contextmanager
 def _copies(task: Task, running: Running) -> Iterator[Task]:
     """Give a task with files here for those elsewhere: copies of inputs, and outputs, sent when the block succeeds."""
@@ -226,19 +213,10 @@ def _worked_aside(task: Task, work: Work, stopwatch: Stopwatch, running: Running
         row = work(replace(task, outputs={**task.outputs, "-o": trial}), stopwatch)
         if running.skip_if_larger and trial.stat().st_size >= task.source.stat().st_size:
             return {**row, "output": None, "skipped": "output not smaller"}
-        with (
-            trial.open("rb") as source,
-            whole_file(task.output, overwrite=running.overwrite or running.in_place) as target,
-        ):
+        overwrite = running.overwrite or running.in_place
+        with trial.open("rb") as source, whole_file(task.output, overwrite=overwrite) as target:
             shutil.copyfileobj(source, target)
     return row
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -260,15 +238,17 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
         yield results
 
 
-def _jobs_worthwhile(tasks: Sequence[Task]) -> int:
+def _jobs_worthwhile(tasks: Sequence[Task], least: int = 8 << 20, of_input: int = 1 << 17) -> int:
     """Return the default number of workers."""
+    # Below the `least` bytes of inputs, about 13 photographs of 768 x 512, starting workers takes longer than it saves.
+    # An input costs as much as so many bytes more than it has.
     n_bytes = 0
     for task in tasks:
-        n_bytes += _LEAST_BYTES
+        n_bytes += of_input
         for source in task.sources:
             with suppress(OSError):
                 n_bytes += source.stat().st_size
-        if n_bytes > _WORTH_WORKERS:
+        if n_bytes > least:
             return n_threads()
     return 1
 

@@ -32,11 +32,9 @@ class InputsFailedError(Exception):
 class Task:
     """Inputs that are processed together, nearly always one, and the files to write, by option."""
 
-    # A task without inputs makes its outputs from options alone. `shown` has the names to show for temporary files that
-    # stand for standard input and output.
-
-    sources: tuple[Path, ...]
+    sources: tuple[Path, ...]  # none where outputs are made from options alone
     outputs: Mapping[str, Path] = field(default_factory=dict)
+    # Names to show for temporary files that stand for others, such as standard input and output.
     shown: Mapping[Path, str] = field(default_factory=dict)
 
     @property
@@ -53,17 +51,16 @@ class Task:
     def name(self) -> str:
         """The name to show for the task: its input, or its output if it has no input; "" if it only prints."""
         named = (*self.sources, *self.outputs.values())
-        return self.shown_name(named[0]) if named else ""
+        return self._shown_name(named[0]) if named else ""
 
-    def shown_name(self, path: Path) -> str:
-        """Return the name to show for a file."""
+    def _shown_name(self, path: Path) -> str:
         return self.shown.get(path, url_of(path))
 
     @property
     def facts(self) -> Row:
         """The first columns of its row in the report."""
         row: Row = {"input": self.name} if self.sources else {}
-        return {**row, "output": self.shown_name(self.output)} if self.outputs else row
+        return {**row, "output": self._shown_name(self.output)} if self.outputs else row
 
     def wording(self, text: str) -> str:
         """Replace the names of temporary files in a message by those to show."""
@@ -81,9 +78,8 @@ class Stopwatch:
 
     def lap(self, stage: str) -> None:
         """End a stage, such as "read", "cluster" or "write", and add its time."""
-        now = perf_counter()
-        self.laps[stage] = self.laps.get(stage, 0.0) + now - self._last
-        self._last = now
+        before, self._last = self._last, perf_counter()
+        self.laps[stage] = self.laps.get(stage, 0.0) + self._last - before
 
 
 #: The work of a command on one task. It returns the columns of the row except "input", "output" and "seconds", which

@@ -19,12 +19,8 @@ from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
 from cvtimg.files.remote import elsewhere, is_remote, url_of
 from cvtimg.files.whole import StrPath
 
-__all__ = ["BLOCK_SUFFIXES", "open_blocks"]
-
 #: Kinds of files that can be opened in blocks.
 BLOCK_SUFFIXES = (".npy", ".zarr", ".parquet")
-#: What to do with rows that have missing values.
-_MISSING = ("error", "drop")
 
 
 def open_blocks(
@@ -50,15 +46,6 @@ def open_blocks(
     Blocks
         Of row groups of a Parquet file, and otherwise of about 32 MiB. Workers of a cluster need the same path.
 
-    Raises
-    ------
-    ValueError
-        If the file is of another kind, or a column is missing or not of numbers.
-    OSError
-        If it cannot be read.
-    ImportError
-        If Dask is not installed, or zarr or pyarrow for such files.
-
     See Also
     --------
     as_blocks : Arrays in memory, of Dask or of zarr.
@@ -77,7 +64,7 @@ def open_blocks(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1])
     """
     place = url_of(path)
-    check_choice("missing", missing, _MISSING)
+    check_choice("missing", missing, ("error", "drop"))
     kind = Path(place).suffix.lower()
     if not kind and _parquet_files(place) != [place]:
         kind = ".parquet"
@@ -143,9 +130,9 @@ def _npy_array(place: str) -> Any:
 def _npy_header(place: str, file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     readers: Any = np.lib.format
     try:
-        major = readers.read_magic(file)[0]
-        read = readers.read_array_header_1_0 if major == 1 else readers.read_array_header_2_0
-        header: tuple[tuple[int, ...], bool, np.dtype[Any]] = read(file)
+        first = readers.read_magic(file)[0] == 1
+        header: tuple[tuple[int, ...], bool, np.dtype[Any]]
+        header = (readers.read_array_header_1_0 if first else readers.read_array_header_2_0)(file)
     except ValueError as error:
         raise OSError(f"{place}: is not a .npy file of numbers ({error})") from error
     return header
@@ -153,7 +140,7 @@ def _npy_header(place: str, file: BinaryIO) -> tuple[tuple[int, ...], bool, np.d
 
 def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
     rows = np.array(np.load(place, mmap_mode="r")[begin:end])
-    return rows if rows.ndim == 2 else rows[:, None]
+    return rows.reshape(len(rows), -1)
 
 
 def _fetch_rows(place: str, begin: int, end: int, *, start: int, width: int, dtype: np.dtype[Any]) -> NDArray[Any]:

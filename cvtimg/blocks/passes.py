@@ -19,8 +19,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.threads import one_thread
 from cvtimg.blocks.rows import Blocks
 
-__all__ = ["Block", "BlockError", "blocks_of", "map_rows", "over_blocks"]
-
 T = TypeVar("T")
 
 #: Rows that are worked on at a time, whatever the size of a block: this bounds the memory for what is made of them.
@@ -32,13 +30,7 @@ _passes = count()
 
 
 class BlockError(ValueError):
-    """A block is not as it must be, or cannot be read.
-
-    Attributes
-    ----------
-    number : int
-        Which block, from 0.
-    """
+    """A block is not as it must be, or cannot be read; `number` says which, from 0."""
 
     def __init__(self, number: int, why: str) -> None:
         super().__init__(number, why)
@@ -76,7 +68,9 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
     # lost.
     from dask.delayed import delayed
 
-    parts, name = _delayed(blocks), getattr(work, "__name__", "work")
+    rows = blocks.rows.to_delayed()[:, 0].tolist()
+    weights = [None] * len(rows) if blocks.weights is None else blocks.weights.to_delayed().tolist()
+    parts, name = list(zip(rows, weights, strict=True)), getattr(work, "__name__", "work")
     token = f"{_KEY}-{name}-{next(_passes)}"
     promised = blocks.lengths or (None,) * len(parts)
     common = delayed((work, promised, blocks.n_dims, shared), name=f"{token}-shared", traverse=False)
@@ -84,7 +78,7 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
     sums = [one(number, *arrays, common, dask_key_name=f"{token}-{number}") for number, arrays in enumerate(parts)]
     while len(sums) > 1:  # along a tree that depends only on their number
         sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
-    return _computed(sums[0], parts)
+    return _computed(sums, parts)[0]
 
 
 def map_rows(
@@ -115,14 +109,7 @@ def blocks_of(*arrays: Any) -> Iterator[tuple[NDArray[Any], ...]]:
     """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time."""
     parts = list(zip(*(array.to_delayed().ravel().tolist() for array in arrays), strict=True))
     for start in range(0, len(parts), _WIDTH):
-        some = parts[start : start + _WIDTH]
-        try:
-            found = _compute(*some)
-        except BlockError:
-            raise
-        except Exception as error:
-            _explain(error, parts)
-        yield from found
+        yield from _computed(parts[start : start + _WIDTH], parts)
 
 
 def _mapped(
@@ -135,12 +122,6 @@ def _mapped(
             return np.concatenate(parts) if parts else empty
     except ValueError as error:
         raise BlockError(number, one_line(error)) from error
-
-
-def _delayed(blocks: Blocks) -> list[tuple[Any, Any]]:
-    rows = blocks.rows.to_delayed()[:, 0].tolist()
-    weights = [None] * len(rows) if blocks.weights is None else blocks.weights.to_delayed().tolist()
-    return list(zip(rows, weights, strict=True))
 
 
 def _on_rows(number: int, rows: Any, weights: Any, common: tuple[Any, ...]) -> Any:
@@ -159,10 +140,10 @@ def _on_rows(number: int, rows: Any, weights: Any, common: tuple[Any, ...]) -> A
         raise BlockError(number, one_line(error)) from error
 
 
-def _computed(total: Any, parts: Sequence[tuple[Any, ...]]) -> Any:
-    """Compute a delayed value that is made of the delayed arrays of each block."""
+def _computed(values: Sequence[Any], parts: Sequence[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Compute delayed values that are made of the delayed arrays of each block."""
     try:
-        return _compute(total)[0]
+        return _compute(*values)
     except BlockError:
         raise
     except Exception as error:
@@ -182,18 +163,14 @@ def _explain(error: Exception, parts: Sequence[tuple[Any, ...]]) -> NoReturn:
     if type(error).__module__.partition(".")[0] == "distributed" or "Cancelled" in kind:
         raise ConnectionError(f"the Dask cluster was lost ({one_line(error) or kind})") from error
     # Dask does not say where an error comes from: read one block after the other.
+    from dask.delayed import delayed
+
     for number, arrays in enumerate(parts):
         try:
-            _compute(*(_length(array) for array in arrays if array is not None))
+            _compute(*(delayed(len, pure=False)(array) for array in arrays if array is not None))
         except Exception as why:
             raise BlockError(number, f"cannot be read ({type(why).__name__}: {one_line(why)})") from why
     raise error
-
-
-def _length(part: Any) -> Any:
-    from dask.delayed import delayed
-
-    return delayed(len, pure=False)(part)
 
 
 def _compute(*values: Any) -> tuple[Any, ...]:

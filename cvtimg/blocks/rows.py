@@ -14,12 +14,6 @@ from cvtimg._shared.extras import needs
 if TYPE_CHECKING:
     Array: TypeAlias = Any  # dask.array.Array, which is not typed
 
-__all__ = ["Blocks", "as_blocks", "block_length", "dask_arrays", "is_blocked"]
-
-#: Bytes and rows of a block, where the data do not come in blocks.
-_BLOCK_BYTES = 1 << 25
-_BLOCK_ROWS = 1 << 22
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
@@ -81,15 +75,6 @@ def as_blocks(samples: Any, weights: Any = None, *, weights_name: str = "density
     weights_name : str
         What the caller calls the weights.
 
-    Returns
-    -------
-    Blocks
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the samples are no table of numbers, or the weights do not fit them.
-
     Examples
     --------
     >>> import numpy as np
@@ -132,9 +117,9 @@ def _dask_array(array: Any) -> Array:
     return da.from_array(array, chunks=(step, *array.shape[1:]))
 
 
-def block_length(row_bytes: int) -> int:
+def block_length(row_bytes: int, most_bytes: int = 1 << 25, most_rows: int = 1 << 22) -> int:
     """Return the number of rows of a block, where the data do not come in blocks."""
-    return max(1, min(_BLOCK_ROWS, _BLOCK_BYTES // max(1, row_bytes)))
+    return max(1, min(most_rows, most_bytes // max(1, row_bytes)))
 
 
 def dask_arrays() -> Any:

@@ -118,7 +118,7 @@ def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[s
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.pictures import is_animated
-    from cvtimg.pictures.formats.raw import RAW_SUFFIXES
+    from cvtimg.pictures.formats.converted import RAW_SUFFIXES
 
     if given.space is None and all(path.suffix.lower() in RAW_SUFFIXES for path in task.sources):
         given = copy(given)

@@ -240,7 +240,7 @@ def _needing_memory(given: Given) -> list[str]:
 
 def _needs_tiles(task: Task) -> bool:
     """Return whether to segment in tiles: labels alone of a large image, or any output of a Zarr array."""
-    from cvtimg.pictures.formats.ngff import is_ngff
+    from cvtimg.pictures.formats.stored import is_ngff
 
     targets = list(task.outputs.values())
     zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr" and not is_ngff(path)]

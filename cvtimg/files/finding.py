@@ -7,8 +7,9 @@ import os
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
-from cvtimg.files.remote import find_remote, is_remote, url_of
+from cvtimg.files.remote import IS_ONE, elsewhere, is_remote, url_of
 from cvtimg.files.whole import StrPath
 
 # Formats that Pillow identifies but cannot decode, or renders with an external program: Ghostscript should not run on
@@ -17,24 +18,12 @@ NOT_RASTER = frozenset({"BUFR", "EPS", "GRIB", "HDF5", "MPEG", "WMF"})
 
 
 def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
-    """List image files given by paths, folders and glob patterns.
+    """List image files given by paths, folders and glob patterns, without duplicates.
 
-    Parameters
-    ----------
-    paths : path or iterable of paths
-        Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow
-        reads; hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for
-        any depth. URLs are found by fsspec.
-
-    Returns
-    -------
-    list of Path
-        In the given order, sorted within each folder or pattern, without duplicates.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a path does not exist, a pattern matches nothing or a folder contains no image.
+    Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow reads;
+    hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for any depth.
+    URLs are found by fsspec. The order is the given one, and sorted within each folder or pattern. `FileNotFoundError`
+    names what finds none.
 
     Examples
     --------
@@ -83,3 +72,31 @@ def image_suffixes() -> frozenset[str]:
 
     formats = Image.registered_extensions()
     return frozenset(suffix for suffix, name in formats.items() if name in Image.OPEN and name not in NOT_RASTER)
+
+
+def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
+    """List the files that a URL names: itself, those that a pattern matches, or those in a folder with such suffixes.
+
+    FileNotFoundError says that there is none, and OSError that nothing answers.
+    """
+    with elsewhere(url) as (files, place):
+        if glob.has_magic(place):
+            found = [name for name in files.glob(place) if IS_ONE.fullmatch(name) or not files.isdir(name)]
+        elif IS_ONE.fullmatch(place) or Path(place).suffix.lower() in suffixes or not files.isdir(place):
+            found = [place] if _is_there(files, place) else []
+        else:
+            inside = ((IS_ONE.match(str(name)) or [str(name)])[0] for name in files.find(place))
+            found = [name for name in dict.fromkeys(inside) if Path(name).suffix.lower() in suffixes]
+        paths = [Path(files.unstrip_protocol(name)) for name in sorted(found)]
+    if not paths:
+        raise FileNotFoundError(f"{url}: no such file")
+    return paths
+
+
+def _is_there(files: Any, place: str) -> bool:
+    try:
+        return bool(files.info(place))
+    except FileNotFoundError as error:  # of HTTP also where there is no answer, which is then its cause
+        if error.__cause__ is not None and not isinstance(error.__cause__, FileNotFoundError):
+            raise error.__cause__ from error
+        return False

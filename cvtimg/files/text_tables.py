@@ -11,18 +11,7 @@ from cvtimg.files.whole import StrPath, write_whole
 
 
 def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    r"""Format a table as comma-separated values.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Column names.
-    rows : iterable of iterables
-        Values of each row; None gives an empty field.
-
-    Returns
-    -------
-    str
+    r"""Format a table of named columns as comma-separated values; None gives an empty field.
 
     Examples
     --------
@@ -37,17 +26,6 @@ def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def write_csv(path: StrPath, names: Iterable[str], rows: Iterable[Iterable[Any]], *, overwrite: bool = False) -> None:
-    """Write a table as comma-separated values in UTF-8, atomically.
-
-    Parameters
-    ----------
-    path : str or path-like
-        File to write.
-    names, rows
-        As in `csv_text`.
-    overwrite : bool
-        Replace an existing file.
-    """
-    text = csv_text(names, rows)
+    """Write a table, as `csv_text` formats it, in UTF-8, atomically; `overwrite` allows to replace a file."""
     # A column may hold file names that are not valid text.
-    write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)
+    write_whole(path, csv_text(names, rows).encode(errors="surrogateescape"), overwrite=overwrite)

@@ -7,11 +7,12 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import StrPath as StrPath
-from cvtimg.files.remote import check_is_new, is_remote, local_path
+from cvtimg.files.remote import elsewhere, exists, is_remote, url_of
 
 #: Prefix of unfinished files.
 _PART = ".cvtimg-"
@@ -32,14 +33,8 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     Yields
     ------
     binary file
-        Open for writing and reading, under a temporary name in the same folder.
-
-    Raises
-    ------
-    FileExistsError
-        If the file exists and `overwrite` is false, even if it was created in the meantime.
-    OSError
-        If the file cannot be written.
+        Open for writing and reading, under a temporary name in the same folder. `FileExistsError` says that a file
+        must not be replaced, even if it was created in the meantime.
 
     Notes
     -----
@@ -172,8 +167,7 @@ def _held(part: Path, *, at_once: bool = False) -> Iterator[None]:
 def check_can_be_written(path: StrPath, *, overwrite: bool) -> None:
     """Fail now rather than after the work; parameters and errors are those of `whole_file` and `whole_folder`."""
     if is_remote(path):
-        if not overwrite:
-            check_is_new(path)
+        _check_is_new(path, overwrite)
         return
     target = Path(os.path.realpath(path))
     if target.suffix.lower() == ".zarr":
@@ -184,9 +178,31 @@ def check_can_be_written(path: StrPath, *, overwrite: bool) -> None:
         raise PermissionError(f"{path}: cannot be written (permission denied)")
 
 
-def _check_folder(path: StrPath, target: Path, overwrite: bool) -> None:
-    if target.exists() and not overwrite:
+@contextmanager
+def local_path(path: StrPath, *, overwrite: bool) -> Iterator[Path]:
+    """Give a path here whose file or folder, if there is one, is copied to a URL when the block succeeds."""
+    _check_is_new(path, overwrite)
+    with TemporaryDirectory(prefix="cvtimg-") as folder:
+        copy = Path(folder, Path(path).name)
+        yield copy
+        if not copy.exists():
+            return
+        _check_is_new(path, overwrite)
+        with elsewhere(path, "written") as (files, place):
+            if parent := place.rpartition("/")[0]:
+                files.makedirs(parent, exist_ok=True)
+            if copy.is_dir() and files.exists(place):  # chunks of an older array must not stay
+                files.rm(place, recursive=True)
+            files.put(f"{copy}/", f"{place}/", recursive=True) if copy.is_dir() else files.put_file(str(copy), place)
+
+
+def _check_is_new(path: StrPath, overwrite: bool) -> None:
+    if not overwrite and exists(path):
         raise _exists(path)
+
+
+def _check_folder(path: StrPath, target: Path, overwrite: bool) -> None:
+    _check_is_new(path, overwrite)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"{path}: folder {target.parent} does not exist")
 
@@ -224,4 +240,4 @@ def _publish(path: StrPath, part: Path, target: Path, overwrite: bool) -> None:
 
 
 def _exists(path: StrPath) -> FileExistsError:
-    return FileExistsError(f"{path}: exists already; pass overwrite (--overwrite) to replace it")
+    return FileExistsError(f"{url_of(path)}: exists already; pass overwrite (--overwrite) to replace it")

@@ -12,7 +12,6 @@ from .frames import is_animated as is_animated
 from .frames import read_frames as read_frames
 from .frames import write_frames as write_frames
 from .pages import Pages as Pages
-from .pages import count_pages as count_pages
 from .pages import read_pages as read_pages
 from .pages import write_pages as write_pages
 from .stacks import Stack as Stack

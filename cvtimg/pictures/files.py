@@ -26,8 +26,8 @@ from cvtimg.pictures.formats.header import read_header, read_stored
 from cvtimg.pictures.formats.metadata import Metadata as Metadata
 from cvtimg.pictures.formats.metadata import decode_metadata
 from cvtimg.pictures.formats.opening import Source, named, reading, selected, selecting
-from cvtimg.pictures.formats.stored import is_stored
-from cvtimg.pictures.pages import decode_page, one_page, read_pages
+from cvtimg.pictures.formats.stored import is_stored, open_stored
+from cvtimg.pictures.pages import one_page, read_pages
 
 
 def read_image(
@@ -85,13 +85,13 @@ def read_image(
         chosen = replace(chosen, page=check_at_least("page", page, 1, "the first"))
     if channel_axis is not None:
         chosen = replace(chosen, channel_axis=range(3)[channel_axis])
-    if is_stored(source):
-        with selecting(chosen), named(source):
-            return one_page(read_pages(source), None)
-    with selecting(chosen), reading(source) as file:
-        if chosen.page is None and not chosen.in_stack:
-            return decode(file, keep_profile=keep_profile)
-        return decode_page(file, chosen.page)
+    with selecting(chosen):
+        if chosen.page is None and not chosen.in_stack and not is_stored(source):
+            with reading(source) as file:
+                return decode(file, keep_profile=keep_profile)
+        pages = read_pages(source)
+    with named(source):
+        return one_page(pages, None)
 
 
 def read_indices(source: Source) -> NDArray[Any]:
@@ -123,7 +123,7 @@ def image_info(source: Source) -> ImageInfo:
     """
     if is_stored(source):
         with named(source):
-            return read_stored(source)
+            return read_stored(open_stored(source))
     with reading(source) as file:
         return read_header(file)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +34,11 @@ def with_known(
     bands: Bands, mask: StrPath | None, nodata: float | None, *, has_alpha: bool = False
 ) -> Iterator[tuple[Band, Known]]:
     """Yield each band of an image with its (H, W) pixels that count: see `not_missing` and `mask_bands`."""
-    rows = None if mask is None else mask_bands(mask, bands.form.shape[:2])
-    left = np.empty((0, bands.form.shape[1]), np.bool_)
+    rows = None if mask is None else chain.from_iterable(mask_bands(mask, bands.form.shape[:2]))
     for band in bands:
         known = not_missing(band, nodata, has_alpha=has_alpha)
         if rows is not None:
-            own, left = _taken(rows, left, len(band))
-            known &= own
+            known &= np.stack(list(islice(rows, len(band))))
         yield band, known
 
 
@@ -48,17 +48,15 @@ def mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
     TIFF files and Zarr arrays are read in bands. A mask of another format, or a TIFF that cannot be read in bands, is
     read whole, and takes a byte per pixel.
     """
-    bands: Iterable[Band]
-    size: tuple[int, ...]
-    try:
-        opened = open_bands(path) if Path(path).suffix.lower() in TILED_SUFFIXES else None
-    except OSError:
-        opened = None
-    if opened is None:
-        whole = read_image(path)
-        bands, size = [whole], whole.shape[:2]
+    bands: Iterable[Band] = ()
+    if Path(path).suffix.lower() in TILED_SUFFIXES:
+        with suppress(OSError):
+            bands = open_bands(path)
+    if isinstance(bands, Bands):
+        size = bands.form.shape[:2]
     else:
-        bands, size = opened, opened.form.shape[:2]
+        bands = [whole := read_image(path)]
+        size = whole.shape[:2]
     check_mask_size(path, size, shape)
     return map(not_black, bands)
 
@@ -69,50 +67,32 @@ def check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]
     check_that(f"the mask {path}", size == shape, f"have {wanted}, as the image, and has {given}")
 
 
-def _taken(rows: Iterator[Known], left: Known, height: int) -> tuple[Known, Known]:
-    """Take this many rows; return them, and what is left of the last band."""
-    parts, n_rows = [left], len(left)
-    while n_rows < height:
-        parts.append(next(rows))
-        n_rows += len(parts[-1])
-    together = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    return together[:height], together[height:]
-
-
 def known_pixels(image: NDArray[Any], header: ImageInfo, mask: StrPath | None, nodata: float | None) -> Known:
     """Find the pixels that are finite, not nodata, and not black in a mask; alpha plays no part.
 
     `nodata` is the value in all bands of pixels without data; by default what the header of the file says.
     """
-    return _known(image, header, None if mask is None else _read_masks(mask, 1)[0], mask, nodata)
+    return known_in_all([image], header, mask, nodata)[0]
 
 
 def known_in_all(
-    images: Sequence[NDArray[Any]], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str
-) -> list[NDArray[np.bool_]]:
+    images: Sequence[NDArray[Any]], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str = ""
+) -> list[Known]:
     """Find the pixels that count in each page or frame; a mask is for all of them, or has as many.
 
     A page or frame, called by `noun`, in which none counts is a ValueError.
     """
+    found, missing = [], header.nodata if nodata is None else nodata
     masks = [None] * len(images) if mask is None else _read_masks(mask, len(images))
-    found = []
-    for number, (image, own) in enumerate(zip(images, masks, strict=True), start=1):
-        known = _known(image, header, own, mask, nodata)
-        if not known.any():
+    for number, (image, shown) in enumerate(zip(images, masks, strict=True), start=1):
+        known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
+        if mask is not None and shown is not None:
+            check_mask_size(mask, shown.shape[:2], known.shape)
+            known &= not_black(shown)
+        if noun and not known.any():
             raise ValueError(f"{noun} {number} of {len(images)} has no pixel that counts: all are left out")
         found.append(known)
     return found
-
-
-def _known(
-    image: NDArray[Any], header: ImageInfo, shown: NDArray[Any] | None, mask: StrPath | None, nodata: float | None
-) -> NDArray[np.bool_]:
-    missing = header.nodata if nodata is None else nodata
-    known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
-    if shown is None or mask is None:
-        return known
-    check_mask_size(mask, shown.shape[:2], known.shape)
-    return known & not_black(shown)
 
 
 def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -19,8 +18,7 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, named_planes
-from cvtimg.pictures.formats.axes import Stack, StoredStack, place_of
+from cvtimg.pictures.formats.axes import Stack, StoredStack, npy_stack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.opening import (
@@ -37,6 +35,7 @@ from cvtimg.pictures.formats.stored import is_stored, open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
+    count_pages,
     finished,
     icc_profile,
     is_plain,
@@ -47,7 +46,6 @@ from cvtimg.pictures.formats.tiff import (
     tiff_tags,
     write_tiff,
 )
-from cvtimg.pictures.formats.tiff import count_pages as _count
 from cvtimg.pictures.frames import decode_frames
 
 if TYPE_CHECKING:
@@ -157,26 +155,6 @@ class Pages:
         return f"<Pages {self.axes} {self.shape} of {first.shape} {first.dtype}>"
 
 
-def count_pages(path: Source) -> int:
-    """Count the pages of a file, excluding masks and reduced-size copies; 1 for formats other than TIFF.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from cvtimg.pictures import write_pages
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_pages(f"{folder}/a.tif", np.zeros((3, 4, 5), np.uint8))
-    ...     count_pages(f"{folder}/a.tif")
-    3
-    """
-    if is_stored(path):
-        return math.prod(open_stored(path).stack.shape)
-    if isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr":
-        return 1
-    with reading(path) as file:
-        return _count(file)
-
-
 def read_pages(path: Source) -> Pages:
     """Read all pages of a file, each in the form in which `read_image` returns an image; they must have one size.
 
@@ -199,13 +177,16 @@ def read_pages(path: Source) -> Pages:
         with named(path):
             return _chosen(_of_stored(open_stored(path)))
     with reading(path) as file:
-        return _chosen(_pages_or_frames(file, selected().page))
+        # One of the frames of an animation is a page.
+        if selected().page is not None and (frames := decode_frames(file)) is not None:
+            return _chosen(Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,)))
+        return _chosen(_decode(file))
 
 
 def _chosen(pages: Pages) -> Pages:
-    """Return the page that is chosen, if one of several is."""
+    """Return the page that is chosen, if one is."""
     page = selected().page
-    if page is None or len(pages.images) == 1:
+    if page is None or page == len(pages.images) == 1:
         return pages
     return replace(pages, images=(one_page(pages, page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 
@@ -215,8 +196,9 @@ def _of_stored(image: StoredStack) -> Pages:
     chosen = selected()
     stack, images = image.pages(chosen)
     size = chosen.pixel_size or image.pixel_size
-    scale = size.scale("ome") if size else {}
-    return Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), "ome", scale, channels=stack.channels)
+    kind = image.kind or ("imagej" if size else "")
+    scale = size.scale(kind) if size else {}
+    return Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, channels=stack.channels)
 
 
 def write_pages(
@@ -249,6 +231,8 @@ def write_pages(
 
 def _decode(file: BinaryIO) -> Pages:
     """Read the pages that are chosen; files of other formats are read as one page."""
+    if (stored := npy_stack(file)) is not None:
+        return _of_stored(stored)
     pages, chosen = _decode_all(file), selected()
     known = Stack(pages.axes if len(pages.images) > 1 else "", pages.shape if len(pages.images) > 1 else ())
     stack, numbers = replace(known, channels=pages.channels).chosen(chosen)
@@ -274,27 +258,18 @@ def _decode(file: BinaryIO) -> Pages:
 
 def _decode_all(file: BinaryIO) -> Pages:
     """Read all pages."""
-    file.seek(0)
-    magic = file.read(len(NPY_MAGIC))
-    if magic.startswith(NPY_MAGIC) and (axes := selected().axes):
-        file.seek(0)
-        values = as_samples(named_planes(np.load(file, allow_pickle=False), axes))
-        letters = axes.upper().replace("Y", "").replace("X", "")
-        shape = values.shape[:-2]
-        return Pages(tuple(values.reshape(-1, *values.shape[-2:])), letters or "Q", shape or (1,))
     import tifffile
 
-    size = _count(file)
+    magic = file.read(4)
+    size = count_pages(file)
     if size == 1:
         file.seek(0)
         image = decode(file)
         one = Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
         if magic.startswith(TIFF_MAGICS):
             file.seek(0)
-            with (
-                suppress(Exception),
-                tifffile.TiffFile(file) as tiff,
-            ):  # Pillow reads damaged files that tifffile does not
+            # Pillow reads damaged files that tifffile does not.
+            with suppress(Exception), tifffile.TiffFile(file) as tiff:
                 return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), channels=stack_of(tiff, 1).channels)
         return one
     with tifffile.TiffFile(file) as tiff:
@@ -307,13 +282,10 @@ def _decode_all(file: BinaryIO) -> Pages:
         # A file that holds about as much as it claims is large, and no trap.
         check_size(n_pixels * (size if size * n_pixels > _PIXELS_PER_BYTE * tiff.filehandle.size else 1))
         known = tiff.pages.first.compression in tifffile.TIFF.DECOMPRESSORS
-        if not is_plain(tags) or (layout.for_pillow and not known):
-            images = None
-        else:
-            icc = icc_profile(tags)
-            images = [_in_srgb(finished(page, tags), icc) for page in _values_of_pages(tiff)]
-    if images is None:
-        images = _by_pillow(file, numbers)
+        images = []
+        if is_plain(tags) and (known or not layout.for_pillow):
+            images = [_in_srgb(finished(page, tags), icc_profile(tags)) for page in _values_of_pages(tiff)]
+    images = images or _by_pillow(file, numbers)
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
     whole = tuple(np.ascontiguousarray(image) for image in images)
@@ -325,18 +297,6 @@ def _decode_all(file: BinaryIO) -> Pages:
 
 def _kind_of(tiff: tifffile.TiffFile) -> str:
     return "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
-
-
-def decode_page(file: BinaryIO, page: int | None) -> NDArray[Any]:
-    """Decode one page, from 1, of a file that may have several, or one frame; None for the only one that is chosen."""
-    return one_page(_pages_or_frames(file, page), page)
-
-
-def _pages_or_frames(file: BinaryIO, page: int | None) -> Pages:
-    """Read the pages that are chosen, or the frames of an animation of which one is."""
-    if page is not None and (frames := decode_frames(file)) is not None:
-        return Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,))
-    return _decode(file)
 
 
 def one_page(pages: Pages, page: int | None) -> NDArray[Any]:

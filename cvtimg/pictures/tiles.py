@@ -20,8 +20,8 @@ from cvtimg._shared.threads import n_threads
 from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
-from cvtimg.pictures.formats.ngff import is_ngff
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
+from cvtimg.pictures.formats.stored import is_ngff
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, icc_profile, size_of, tiff_tags, write_tiff
 
 #: Suffixes of files that are written in tiles.

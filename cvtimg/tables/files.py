@@ -18,8 +18,8 @@ from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import needs
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
-from cvtimg.files.finding import find_images
-from cvtimg.files.remote import find_remote, is_remote, local_copy, url_of
+from cvtimg.files.finding import find_images, find_remote
+from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns

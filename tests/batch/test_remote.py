@@ -17,15 +17,15 @@ from cvtimg import quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.grid_inputs import read_grid_points
 from cvtimg.files import find_images
-from cvtimg.files.remote import is_remote, local_copy, local_path, url_of
-from cvtimg.files.whole import whole_file
+from cvtimg.files.remote import is_remote, local_copy, url_of
+from cvtimg.files.whole import local_path, whole_file
 from cvtimg.labels import read_labels, write_labels
 from cvtimg.palettes import read_palette, write_palette
 from cvtimg.pictures import (
     Form,
     Frames,
     Metadata,
-    count_pages,
+    image_info,
     is_animated,
     open_bands,
     read_frames,
@@ -234,7 +234,7 @@ def test_whatever_is_written_at_a_url_is_read_back_from_there(memory: object) ->
     assert is_animated("memory://film.png")
     assert read_frames("memory://film.png").durations == frames.durations
     write_pages("memory://pages.tif", np.stack(frames.images))
-    assert count_pages("memory://pages.tif") == 2
+    assert image_info("memory://pages.tif").frames == 2
     np.testing.assert_array_equal(read_pages("memory://pages.tif").images[1], frames.images[1])
     write_image("memory://marked.png", picture, metadata=Metadata(dpi=(300, 300)))
     assert round(read_metadata("memory://marked.png").dpi[0]) == 300

@@ -20,9 +20,7 @@ from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
 from cvtimg.pictures.formats.png import chunk
 
-_MOST = 0xFFFF
-_MOST_OF_THREE = 0xFFFFFF
-_KEEP, _CLEAR = 1, 2  # how a GIF disposes of a frame before drawing the next
+_MOST = 0xFFFF  # of two bytes
 
 
 class Cel(NamedTuple):
@@ -86,8 +84,9 @@ def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], p
     if plays != 1:
         file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01" + struct.pack("<H", min(max(plays - 1, 0), _MOST)) + b"\0")
     clears = any((cel.image[..., 3:] == 0).any() for cel in cels)
+    disposal = 2 if clears else 1  # to clear a frame before drawing the next, or to keep it
     for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 10, _MOST), strict=True):
-        options = {"duration": 10 * length, "disposal": _CLEAR if clears else _KEEP, "include_color_table": not shared}
+        options = {"duration": 10 * length, "disposal": disposal, "include_color_table": not shared}
         file.write(b"".join(_gif_frame(cel, changed, clears, options)))
     file.write(b";")
 
@@ -163,7 +162,7 @@ def write_webp(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
     if "icc_profile" in kept:
         body += _riff(b"ICCP", kept["icc_profile"])
     body += _riff(b"ANIM", struct.pack("<IH", 0, min(plays, _MOST)))
-    for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 1, _MOST_OF_THREE), strict=True):
+    for cel, changed, length in zip(cels, _changes(cels), _whole(durations, 1, (1 << 24) - 1), strict=True):
         box = _box(changed, step=2)
         picture = encode_image(".webp", np.ascontiguousarray(cel.image[box.place]))
         frame = b"".join(map(_three, (box.left // 2, box.top // 2, box.size[0] - 1, box.size[1] - 1, length)))

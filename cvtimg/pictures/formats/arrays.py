@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
 
 NPY_MAGIC = b"\x93NUMPY"
-#: A last axis of at most this length holds bands, however small the image is.
-_FEW_BANDS = 4
-#: A first axis so many times as short as the others is doubtful: it may hold bands or pages.
-_FLAT = 4
 
 
 def as_samples(values: NDArray[Any]) -> NDArray[Any]:
@@ -46,15 +42,6 @@ def decode_npy(file: BinaryIO) -> NDArray[Any]:
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
 
-def named_planes(values: NDArray[Any], axes: str) -> NDArray[Any]:
-    """Return an array whose axes have these letters as (..., Y, X)."""
-    letters = axes.upper()
-    if len(letters) != values.ndim or len(set(letters)) < len(letters) or not {"Y", "X"} <= {*letters}:
-        raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
-    check_size(values.size)
-    return np.moveaxis(values, [letters.index("Y"), letters.index("X")], [-2, -1])
-
-
 def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Return the shape and type of an array; a file on disk is only memory-mapped."""
     name = getattr(file, "name", None)
@@ -63,14 +50,16 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return values.shape, values.dtype
 
 
-def _checked(values: NDArray[Any]) -> NDArray[Any]:
+def _checked(values: NDArray[Any], few_bands: int = 4, flat: int = 4) -> NDArray[Any]:
     """Check that an array is an image, and move its bands to the last axis."""
+    # A last axis of few values holds bands, however small the image is; otherwise a first axis so many times as short
+    # as the others is doubtful: it may hold bands or pages.
     shape, axis = values.shape, selected().channel_axis
     if values.ndim not in (2, 3) or values.size == 0:
         raise UnfitContentError(f"holds an array of shape {shape}; an image must be (H, W) or (H, W, C)")
     if values.ndim == 3 and axis is not None:
         values = np.moveaxis(values, axis, -1)
-    elif values.ndim == 3 and shape[2] > _FEW_BANDS and _FLAT * shape[0] <= min(shape[1:]):
+    elif values.ndim == 3 and shape[2] > few_bands and flat * shape[0] <= min(shape[1:]):
         raise UnfitContentError(
             f"holds an array of shape {shape}, whose bands could lie along the first or the last axis: "
             "say which by --channel-axis 0 or 2 (channel_axis in Python)"

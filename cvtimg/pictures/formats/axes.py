@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.pictures.formats.arrays import as_samples
-from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples
+from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
-
-__all__ = ["Stack", "StoredStack", "place_of"]
 
 _NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
 
@@ -60,6 +58,7 @@ class StoredStack:
     channels: tuple[str, ...]
     pixel_size: PixelSize | None
     form: str  # Name of the format
+    kind: str = "ome"  # that of `Pages`
 
     @property
     def stack(self) -> Stack:
@@ -73,6 +72,21 @@ class StoredStack:
         places = np.transpose(np.unravel_index(numbers, self.array.shape[:-2])) if self.letters != "YX" else [()]
         planes = (np.asarray(self.array[tuple(map(int, place))]) for place in places)
         return stack, [np.ascontiguousarray(as_samples(plane)) for plane in planes]
+
+
+def npy_stack(file: BinaryIO) -> StoredStack | None:
+    """Open an array whose axes are said; None for other files, and without letters."""
+    is_npy, axes = file.read(len(NPY_MAGIC)) == NPY_MAGIC, (selected().axes or "").upper()
+    file.seek(0)
+    if not is_npy or not axes:
+        return None
+    values = np.load(file, allow_pickle=False)
+    if len(axes) != values.ndim or len(set(axes)) < len(axes) or not {"Y", "X"} <= {*axes}:
+        raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
+    check_size(values.size)
+    planes = np.moveaxis(values, [axes.index("Y"), axes.index("X")], [-2, -1])
+    letters = axes.replace("Y", "").replace("X", "") + "YX"
+    return StoredStack(planes, letters, (), None, "NPY", "")
 
 
 def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -> int:

@@ -14,20 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
-from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
-
-_UPRIGHT = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
+from cvtimg.pictures.profiles import apply_profile
 
 
 def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
@@ -79,12 +70,12 @@ def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> 
     bits = depth(image)  # before load(), which discards the encoding of the file
     image.load()
     _scale_transparent_color(image, bits)
-    turn = _UPRIGHT.get(orientation(image))
-    upright = image if turn is None else image.transpose(turn)
     if image.mode.startswith(("I", "F")):
-        values = np.array(upright)
-        return as_samples(values.astype(np.uint16) if bits == 16 else values)
-    return np.array(to_srgb(upright, keep_profile=keep_profile))
+        values = np.array(image)
+        values = as_samples(values.astype(np.uint16) if bits == 16 else values)
+    else:
+        values = np.array(to_srgb(image, keep_profile=keep_profile))
+    return upright(values, orientation(image))
 
 
 def depth(image: ImageFile.ImageFile) -> int:
@@ -117,8 +108,6 @@ def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
     mode = "RGBA" if image.has_transparency_data else opaque
     plain = image if image.mode == mode else image.convert(mode)
     if icc and not (keep_profile and opaque == "RGB"):
-        from cvtimg.pictures.profiles import apply_profile
-
         plain = apply_profile(plain, icc, grey)
     # Pillow has already undone the inversion of Adobe CMYK JPEGs.
     return plain.convert("RGB") if plain.mode == "CMYK" else plain

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.util import find_spec
 from io import BytesIO
-from typing import Any, BinaryIO, NamedTuple, TypeAlias
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +24,13 @@ _ALL = ("icc_profile", "dpi", "exif")
 _PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
 
 
-class _Samples(NamedTuple):
-    """An array without a matching Pillow mode; `alpha` tells whether its last band is transparency."""
+class _Picture(NamedTuple):
+    """Samples (H, W) or (H, W, C) with their mode, or (H, W) indices into (K, 3) or (K, 4) colors."""
 
+    mode: str
     values: NDArray[Any]
-    alpha: bool
-
-
-class _Indexed(NamedTuple):
-    """(H, W) indices into (K, 3) colors with (K,) alpha."""
-
-    indices: NDArray[Any]
-    colors: NDArray[np.uint8]
-    alpha: NDArray[np.uint8]
-
-
-_Picture: TypeAlias = Image.Image | _Samples | _Indexed
+    alpha: bool = False  # whether the last band is transparency
+    colors: NDArray[np.uint8] | None = None
 
 
 class _Format(NamedTuple):
@@ -125,9 +116,10 @@ def encoder(
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
     picture = _direct(image, _has_alpha(image, alpha, form)) if palette is None else _indexed(image, palette, form)
-    while isinstance(picture, Image.Image) and picture.mode not in form.modes and picture.mode in _WIDER:
-        picture = picture.convert(_WIDER[picture.mode])
-    mode = _mode(picture)
+    mode = picture.mode
+    while mode not in form.modes and mode in _WIDER:
+        mode = _WIDER[mode]
+    picture = picture._replace(mode=mode)
     if mode not in form.modes:
         able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes and one.lossless >= form.lossless)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
@@ -135,14 +127,12 @@ def encoder(
         raise ValueError(f"optimize is only for .png, not for {suffix}")
 
     def write(file: BinaryIO) -> None:
-        _write(file, picture, form, metadata or Metadata())
-
-    def write_optimized(file: BinaryIO) -> None:
         buffer = BytesIO()
-        write(buffer)
-        file.write(optimized(buffer.getvalue()))
+        _write(buffer if optimize else file, picture, form, metadata or Metadata())
+        if optimize:
+            file.write(optimized(buffer.getvalue()))
 
-    return write_optimized if optimize else write
+    return write
 
 
 def image_suffixes() -> list[str]:
@@ -156,18 +146,30 @@ def lossless_suffixes() -> list[str]:
 
 
 def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
-    mode = _mode(picture)
-    if isinstance(picture, _Indexed):
-        encode_indexed_png(file, *picture, metadata.png_chunks(mode))
-    elif form.name == "NPY":
-        np.save(file, picture.values if isinstance(picture, _Samples) else np.asarray(picture), allow_pickle=False)
-    elif isinstance(picture, Image.Image):
-        picture.save(file, form.name, **form.options, **metadata.options(form.name, mode, form.keeps))
-    elif form.name == "PNG":
-        encode_deep_png(file, picture.values, metadata.png_chunks(mode))
-    else:
+    mode, values, alpha, colors = picture
+    if form.name == "NPY":
+        np.save(file, values, allow_pickle=False)
+    elif form.name == "PNG" and colors is not None:
+        encode_indexed_png(file, values, colors, metadata.png_chunks(mode))
+    elif form.name == "PNG" and mode in _DEEP:
+        encode_deep_png(file, values, metadata.png_chunks(mode))
+    elif mode in (*_DEEP, _OTHER):
         given = metadata.options("", mode, ("icc_profile", "dpi"))
-        encode_tiff(file, picture.values, alpha=picture.alpha, **given, geo=metadata.geo, nodata=metadata.nodata)
+        encode_tiff(file, values, alpha=alpha, **given, geo=metadata.geo, nodata=metadata.nodata)
+    else:
+        given = metadata.options(form.name, mode, form.keeps)
+        _by_pillow(picture).save(file, form.name, **form.options, **given)
+
+
+def _by_pillow(picture: _Picture) -> Image.Image:
+    if picture.colors is None:
+        image = Image.fromarray(picture.values)
+        return image if image.mode == picture.mode else image.convert(picture.mode)
+    image = Image.fromarray(np.ascontiguousarray(picture.values, np.uint8))
+    image.putpalette(picture.colors[:, :3].tobytes())
+    if picture.colors.shape[1] == 4:
+        image.info["transparency"] = int(picture.colors[:, 3].argmin())
+    return image
 
 
 def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
@@ -179,49 +181,32 @@ def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
     return says_alpha(image) or (np.shape(image)[2] == 4 and _OTHER not in form.modes)
 
 
-def _direct(image: NDArray[Any], alpha: bool) -> Image.Image | _Samples:
-    """Check an array, and return it as a Pillow image if there is a matching mode."""
+def _direct(image: NDArray[Any], alpha: bool) -> _Picture:
+    """Check an array, and find its mode."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
     fits = image.ndim in (2, 3) and (numbers or (image.dtype == bool and image.ndim == 2)) and image.size > 0
     allowed = "be (H, W) or (H, W, C) integers, float32 or float64, or (H, W) bool, and have pixels"
     check_that(f"image of shape {image.shape} and type {image.dtype}", fits, allowed)
     values = np.ascontiguousarray(image[..., 0] if image.ndim == 3 and image.shape[2] == 1 else image)
-    samples = _Samples(values, alpha)
-    return samples if _mode(samples) in (*_DEEP, _OTHER) else Image.fromarray(values)
-
-
-def _mode(picture: _Picture) -> str:
-    if isinstance(picture, Image.Image):
-        return picture.mode
-    if isinstance(picture, _Indexed):
-        return "P"
-    values, alpha = picture
-    n_bands = values.shape[2] if values.ndim == 3 else 1
-    if alpha != (n_bands == 4):
-        return _OTHER
     kinds = {np.bool_: {1: "1"}, np.uint8: {1: "L", 3: "RGB", 4: "RGBA"}}
     kinds[np.uint16] = {1: "I;16", 3: "RGB;16", 4: "RGBA;16"}
-    return kinds.get(values.dtype.type, {}).get(n_bands, _OTHER)
+    n_bands = values.shape[2] if values.ndim == 3 else 1
+    mode = kinds.get(values.dtype.type, {}).get(n_bands, _OTHER) if alpha == (n_bands == 4) else _OTHER
+    return _Picture(mode, values, alpha)
 
 
-def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> Image.Image | _Indexed:
+def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
+    """Check indices, and keep them if the format has palettes with such alpha; else return colors."""
     indices, palette = np.asarray(indices), np.asarray(palette)
     check_indexed(indices, palette)
-    colors = palette[:, :3]
-    alpha = palette[:, 3] if palette.shape[1] == 4 else np.full(len(palette), 255, np.uint8)
-    if form.name == "PNG":
-        return _Indexed(indices, np.ascontiguousarray(colors), alpha)
-    clear = np.flatnonzero(alpha < 255)
+    alpha = np.sort(palette[:, 3]) if palette.shape[1] == 4 else np.array([255])
+    colors = np.ascontiguousarray(palette[:, : 4 if alpha[0] < 255 else 3])
     # GIF supports one transparent index, and no partial transparency.
-    gif_clear = form.name == "GIF" and len(clear) == 1 and alpha[clear[0]] == 0
-    if "P" not in form.modes or (len(clear) and not gif_clear):
-        return Image.fromarray(palette[:, : 4 if len(clear) else 3][indices])
-    picture = Image.fromarray(np.ascontiguousarray(indices, np.uint8))
-    picture.putpalette(colors.tobytes())
-    if len(clear):
-        picture.info["transparency"] = int(clear[0])
-    return picture
+    gif_clear = form.name == "GIF" and alpha[0] == 0 and (alpha[1:] == 255).all()
+    if "P" not in form.modes or not (alpha[0] == 255 or gif_clear or form.name == "PNG"):
+        return _direct(colors[indices], alpha[0] < 255)
+    return _Picture("P", indices, colors=colors)
 
 
 def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:

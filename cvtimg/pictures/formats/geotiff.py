@@ -31,11 +31,8 @@ class _GeoKey(IntEnum):
     PIXEL_IS_POINT, USER_DEFINED = 2, 32767
 
 
-#: Georeferencing tags, with the types of their values in Python's struct.
-GEO_TYPES = {
-    **dict.fromkeys((GeoTag.PIXEL_SCALE, GeoTag.TIEPOINT, GeoTag.MATRIX, GeoTag.DOUBLES), "d"),
-    **{GeoTag.KEYS: "H", GeoTag.TEXT: "s"},
-}
+#: Types of the values of these tags, as in Python's struct.
+GEO_TYPES: dict[int, str] = dict.fromkeys(GeoTag, "d") | {GeoTag.KEYS: "H", GeoTag.TEXT: "s", GeoTag.NODATA: "s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +66,7 @@ def geo_tags(tags: Tags) -> dict[int, Any]:
     """Return the georeferencing tags of an upright image; empty if they are incomplete."""
     if Place.of(tags).geo_transform is None:
         return {}
-    given = {code: tags[code] for code in GEO_TYPES if code in tags}
+    given = {code: tags[code] for code in GEO_TYPES if code in tags and code != GeoTag.NODATA}
     # A single value, other than text, becomes a tuple.
     return {code: value if isinstance(value, (tuple, str)) else (value,) for code, value in given.items()}
 
@@ -77,8 +74,7 @@ def geo_tags(tags: Tags) -> dict[int, Any]:
 def extra_tags(geo: GeoTags, nodata: float | None = None) -> list[tuple[int, str, int, Any, bool]]:
     """Format tags for tifffile."""
     given = {**geo, **({} if nodata is None else {GeoTag.NODATA: f"{nodata:.17g}"})}
-    types = {**GEO_TYPES, GeoTag.NODATA: "s"}
-    return [(code, types[code], 0 if isinstance(one, str) else len(one), one, True) for code, one in given.items()]
+    return [(code, GEO_TYPES[code], 0 if isinstance(one, str) else len(one), one, True) for code, one in given.items()]
 
 
 def _transform(tags: Tags, *, point: bool) -> tuple[float, float, float, float, float, float] | None:

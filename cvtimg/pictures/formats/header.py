@@ -11,14 +11,12 @@ import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
 from PIL.ExifTags import Base
 
-from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.arrays import NPY_MAGIC, named_planes, npy_header
-from cvtimg.pictures.formats.axes import Stack, place_of
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
+from cvtimg.pictures.formats.axes import Stack, StoredStack, npy_stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -31,6 +29,7 @@ from cvtimg.pictures.formats.tiff import (
     tags_of,
     tiff_tags,
 )
+from cvtimg.pictures.profiles import profile_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +95,12 @@ class ImageInfo:
 
 def read_header(file: BinaryIO) -> ImageInfo:
     """Read the header of an open file, as `image_info` does; a page that is chosen is alone."""
-    return _chosen(_read(file))
+    stored = npy_stack(file)
+    return _chosen(_read(file)) if stored is None else read_stored(stored)
 
 
-def read_stored(path: StrPath) -> ImageInfo:
-    """Describe a stack that `open_stored` opens."""
-    image = open_stored(path)
+def read_stored(image: StoredStack) -> ImageInfo:
+    """Describe what is chosen of a stack on disk."""
     header = replace(_of_array(image.array.shape[-2:], 1, np.dtype(image.array.dtype)), format=image.form)
     stack = image.stack
     about: dict[str, Any] = {"shape": stack.shape, "channels": stack.channels, "frames": math.prod(stack.shape)}
@@ -131,15 +130,6 @@ def _read(file: BinaryIO) -> ImageInfo:
     magic = file.read(8)
     file.seek(0)
     if magic.startswith(NPY_MAGIC):
-        if axes := selected().axes:
-            planes = named_planes(np.load(file, mmap_mode=None, allow_pickle=False), axes)
-            letters = axes.upper().replace("Y", "").replace("X", "")
-            stack: dict[str, Any] = {
-                "axes": f"{letters}YX",
-                "shape": planes.shape[:-2],
-                "frames": math.prod(planes.shape[:-2]),
-            }
-            return replace(_of_array(planes.shape[-2:], 1, planes.dtype), **stack)
         shape, dtype = npy_header(file)
         return _of_array(shape, shape[2] if len(shape) == 3 else 1, dtype)
     try:
@@ -174,14 +164,6 @@ def _measured(file: BinaryIO, n_pages: int) -> dict[str, Any]:
     return found
 
 
-def _profile_name(icc: bytes | None) -> str | None:
-    if not icc:
-        return None
-    from cvtimg.pictures.profiles import profile_name
-
-    return profile_name(icc)
-
-
 def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     width, height = image.size
     # Pillow reports the upright size of a TIFF. Finding EXIF after the pixels of a PNG would require decoding it.
@@ -198,7 +180,7 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         bits=depth(image),
         **(_of_pages(image, file) if image.format == "TIFF" else {"frames": getattr(image, "n_frames", 1)}),
         has_alpha=image.has_transparency_data,
-        icc=_profile_name(image.info.get("icc_profile")),
+        icc=profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),
     )
 
@@ -225,7 +207,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             format="TIFF",
             bits=layout.bits,
             has_alpha=layout.alpha,
-            icc=_profile_name(icc_profile(tags)),
+            icc=profile_name(icc_profile(tags)),
             **asdict(Place.of(tags)),
             **_measured(file, n_pages),
         )

@@ -16,6 +16,7 @@ from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.pixel_size import INCHES, PixelSize
 from cvtimg.pictures.formats.png import chunk
 from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags_of, tiff_tags
+from cvtimg.pictures.profiles import kept_profile, profile_space
 
 if TYPE_CHECKING:
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -69,7 +70,8 @@ class Metadata:
 
     def options(self, form: str, mode: str, kept: tuple[str, ...]) -> dict[str, Any]:
         """Return the options of Pillow's `save` for the metadata that a format stores with images of a mode."""
-        icc = self.icc if _serves(self.icc, mode) else None
+        space = "GRAY" if mode in ("1", "L", "I;16") else "RGB"
+        icc = self.icc if self.icc and profile_space(self.icc) == space else None
         values: dict[str, Any] = {"icc_profile": icc, "dpi": self.dpi, "exif": self.exif}
         if form == "JPEG" and self.dpi and max(self.dpi) >= 1 << 16:
             values["dpi"] = None
@@ -115,15 +117,6 @@ class Metadata:
         return chunks
 
 
-def _serves(icc: bytes | None, mode: str) -> bool:
-    """Return whether there is a profile that fits images of this mode."""
-    if not icc:
-        return False
-    from cvtimg.pictures.profiles import profile_space
-
-    return profile_space(icc) == ("GRAY" if mode in ("1", "L", "I;16") else "RGB")
-
-
 def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
     """Read the metadata of an open file, as `read_metadata` does."""
     try:
@@ -137,8 +130,6 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
         if dpi and exif.get(Base.Orientation, 1) >= 5:
             dpi = dpi[::-1]
         if icc:
-            from cvtimg.pictures.profiles import kept_profile, profile_space
-
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
         scale = _scale_of(tags)

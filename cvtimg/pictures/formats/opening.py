@@ -25,17 +25,13 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.raw import RAW_SUFFIXES, developed
+from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, developed, fits_as_tiff
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
 
-#: A stream with more bytes per allowed pixel is rejected.
-_BYTES_PER_PIXEL = 16
 #: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
-#: First bytes of FITS files.
-_FITS_MAGIC = b"SIMPLE "
 #: First bytes of textures, whose files Pillow closes.
 _CLOSED_BY_PILLOW = b"FTEX"
 
@@ -130,21 +126,19 @@ def _opened(source: Source) -> Iterator[BinaryIO]:
 
 def _plain(file: BinaryIO) -> BinaryIO:
     """Return a file that is read as it is, or as the TIFF that it becomes first."""
-    magic = file.read(len(_FITS_MAGIC))
+    magic = file.read(len(FITS_MAGIC))
     file.seek(0)
-    if magic != _FITS_MAGIC:
+    if magic != FITS_MAGIC:
         return file
-    from cvtimg.pictures.formats.fits import fits_as_tiff
-
     found = fits_as_tiff(file, check_size)
     if found is None:
         raise UnfitContentError("holds no image")
     return found
 
 
-def _all_of(file: BinaryIO) -> bytes:
-    """Read a binary stream to its end, up to the maximum size of an image."""
-    most = _most_pixels() * _BYTES_PER_PIXEL
+def _all_of(file: BinaryIO, bytes_per_pixel: int = 16) -> bytes:
+    """Read a binary stream to its end, up to so many bytes for each pixel that an image may have."""
+    most = _most_pixels() * bytes_per_pixel
     content = file.read(int(min(most, sys.maxsize - 1)) + 1)
     if not isinstance(content, bytes):
         raise UnfitContentError("must be open for reading bytes, mode 'rb'")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from typing import Any, BinaryIO
+from enum import IntEnum
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +15,34 @@ from PIL.PngImagePlugin import PngImageFile
 from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
+from cvtimg.pictures.profiles import convert_deep
 
-_COLOR, _INDEXED, _ALPHA = 2, 3, 4
-# Unfiltered indexed pixels: bytes relative to pngquant 2.17 with the same number of colors, mean of four photographs of
-# 0.4 megapixels, first without dithering at 256 colors, then with Floyd-Steinberg at 64; and time.
-#   zlib level 6       0.94, 1.03, 16 ms       level 9      0.93, 1.02, 31 ms
-#   libdeflate level 6 0.94, 1.04, 6 ms        level 10     0.86, 0.96, 50 to 75 ms       level 12 0.88, 0.96, 100 ms
-# For 12 megapixels level 6 takes 0.15 s, and level 10 over a second: too long compared to 0.5 s for everything else.
-# Flat areas are an exception: there the output of level 10 is larger than that of 9, and 12 gives the smallest.
-_LEVELS, _LEVELS_OF_FLAT = (10, 6), (12, 9)
-_LARGE = 1 << 21
-_FLAT = 1 / 8  # largest compression ratio, at level 1, of an image that counts as flat
-_OPTIMIZATION = 4  # the lowest level that sorts the palette
-# 16-bit color, four photographs of 0.4 megapixels: rows that choose between two filters, then libdeflate level 6, take
-# 0.98 of the bytes and 0.5 of the time of libpng with all five filters at level 3.
-_LEVEL_OF_DEEP = 6
-_LEFT, _ABOVE = 1, 2
+
+class _Kind(IntEnum):
+    """Kinds of color of a PNG."""
+
+    COLOR, INDEXED, COLOR_AND_ALPHA = 2, 3, 6
+
+
+class _Deflate(NamedTuple):
+    """Levels of libdeflate."""
+
+    # Unfiltered indexed pixels: bytes relative to pngquant 2.17 with the same number of colors, mean of four
+    # photographs of 0.4 megapixels, first without dithering at 256 colors, then with Floyd-Steinberg at 64; and time.
+    #   zlib level 6       0.94, 1.03, 16 ms    level 9   0.93, 1.02, 31 ms
+    #   libdeflate level 6 0.94, 1.04, 6 ms     level 10  0.86, 0.96, 50 to 75 ms    level 12 0.88, 0.96, 100 ms
+    # For 12 megapixels level 6 takes 0.15 s, and level 10 over a second: long, as all else takes 0.5 s.
+    # Flat areas are an exception: there the output of level 10 is larger than that of 9, and 12 gives the smallest.
+    levels: tuple[int, int] = (10, 6)  # of small and of large images
+    levels_of_flat: tuple[int, int] = (12, 9)
+    large: int = 1 << 21
+    flat: float = 1 / 8  # largest compression ratio, at level 1, of an image that counts as flat
+    # 16-bit color, four photographs of 0.4 megapixels: rows that choose between two filters, then libdeflate level 6,
+    # take 0.98 of the bytes and 0.5 of the time of libpng with all five filters at level 3.
+    level_of_deep: int = 6
+
+
+_DEFLATE = _Deflate()
 
 
 def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[np.uint16]:
@@ -43,8 +56,6 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile:
         values = np.concatenate([values, opaque * np.uint16(65535)], axis=2)
     icc = image.info.get("icc_profile")
     if icc and not keep_profile:
-        from cvtimg.pictures.profiles import convert_deep
-
         values = convert_deep(values, icc)
     return upright(values, orientation(image))
 
@@ -70,11 +81,12 @@ def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None
     left, above = samples.copy(), samples.copy()
     left[:, 2 * n_bands :] -= samples[:, : -2 * n_bands]
     above[1:] -= samples[:-1]
-    rows = np.empty((height, 1 + samples.shape[1]), np.uint8)  # each row begins with its filter
+    rows = np.empty((height, 1 + samples.shape[1]), np.uint8)  # each row begins with its filter, 1 or 2
     nearer = _sizes(left) <= _sizes(above)
-    rows[:, 0] = np.where(nearer, _LEFT, _ABOVE)
+    rows[:, 0] = np.where(nearer, 1, 2)
     rows[:, 1:] = np.where(nearer[:, None], left, above)
-    _write_png(file, (width, height), 16, _COLOR + _ALPHA * (n_bands == 4), chunks, rows.tobytes(), _LEVEL_OF_DEEP)
+    kind = _Kind.COLOR_AND_ALPHA if n_bands == 4 else _Kind.COLOR
+    _write_png(file, (width, height), 16, kind, chunks, rows.tobytes(), _DEFLATE.level_of_deep)
 
 
 def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -82,23 +94,21 @@ def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.minimum(differences, -differences).sum(axis=1, dtype=np.int64)
 
 
-def encode_indexed_png(
-    file: BinaryIO, indices: NDArray[Any], colors: NDArray[np.uint8], alpha: NDArray[np.uint8], chunks: bytes
-) -> None:
-    """Write (H, W) indices, (K, 3) colors and (K,) alpha with the fewest bits; `chunks` precede the palette."""
+def encode_indexed_png(file: BinaryIO, indices: NDArray[Any], palette: NDArray[np.uint8], chunks: bytes) -> None:
+    """Write (H, W) indices into a (K, 3) or (K, 4) palette with the fewest bits; `chunks` precede the palette."""
     import deflate
 
     height, width = indices.shape
-    bits = next(bits for bits in (1, 2, 4, 8) if len(colors) <= 1 << bits)
+    bits = next(bits for bits in (1, 2, 4, 8) if len(palette) <= 1 << bits)
     rows = np.zeros((height, 1 + -(-width * bits // 8)), np.uint8)  # each row begins with its filter, 0 for none
     rows[:, 1:] = _packed(indices, bits)
     content = rows.tobytes()
-    flat = len(deflate.zlib_compress(content, 1)) < _FLAT * len(content)
-    level = (_LEVELS_OF_FLAT if flat else _LEVELS)[indices.size > _LARGE]
-    chunks += chunk(b"PLTE", colors.tobytes())
-    if (alpha < 255).any():
-        chunks += chunk(b"tRNS", alpha.tobytes().rstrip(b"\xff"))
-    _write_png(file, (width, height), bits, _INDEXED, chunks, content, level)
+    flat = len(deflate.zlib_compress(content, 1)) < _DEFLATE.flat * len(content)
+    levels = _DEFLATE.levels_of_flat if flat else _DEFLATE.levels
+    chunks += chunk(b"PLTE", palette[:, :3].tobytes())
+    if (palette[:, 3:] < 255).any():
+        chunks += chunk(b"tRNS", palette[:, 3].tobytes().rstrip(b"\xff"))
+    _write_png(file, (width, height), bits, _Kind.INDEXED, chunks, content, levels[indices.size > _DEFLATE.large])
 
 
 def _write_png(
@@ -111,13 +121,13 @@ def _write_png(
     file.write(chunk(b"IDAT", bytes(deflate.zlib_compress(rows, level))) + chunk(b"IEND", b""))
 
 
-def optimized(png: bytes) -> bytes:
-    """Recompress a PNG losslessly with oxipng."""
+def optimized(png: bytes, level: int = 4) -> bytes:
+    """Recompress a PNG losslessly with oxipng, at the lowest level that sorts the palette."""
     try:
         import oxipng
     except ImportError as error:
         raise ModuleNotFoundError(f"optimize needs {needs('oxipng', 'oxipng')}", name="oxipng") from error
-    return oxipng.optimize_from_memory(png, level=_OPTIMIZATION)
+    return oxipng.optimize_from_memory(png, level=level)
 
 
 def chunk(name: bytes, data: bytes) -> bytes:

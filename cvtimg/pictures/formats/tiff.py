@@ -23,6 +23,7 @@ from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.axes import Stack
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Tags, extra_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+from cvtimg.pictures.profiles import convert_deep
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -114,8 +115,6 @@ def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) ->
         values = values[..., [0, 0, 0, 1]]
     icc = None if keep_profile else icc_profile(tags)
     if icc and values.dtype == np.uint16 and values.ndim == 3 and values.shape[2] == 3 + layout.alpha:
-        from cvtimg.pictures.profiles import convert_deep
-
         values = convert_deep(values, icc)
     return values
 
