@@ -301,16 +301,13 @@ def check_pixels(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray
     array = array_of(image)
     _check_image_form(name, array)
     check_numbers(name, array.dtype)
-    if mask is not None:
-        _check_mask_shape(mask, name, array)
-    inside = pixels_inside(array, image, mask)
+    inside = _inside(name, array, image, mask)
     if array.dtype.kind == "b":
         array = array * np.uint8(255)
     elif array.dtype.kind == "f" and array.dtype.itemsize not in (4, 8):
         array = array.astype(np.float32 if array.dtype.itemsize < 4 else np.float64)
     array = np.ascontiguousarray(array.astype(array.dtype.newbyteorder("="), copy=False)).view(np.ndarray)
     if inside is not None:
-        check_that(name, inside.any(), _COUNTING)
         array = array.copy()
         array[~inside] = array[inside][0]
     return array, inside
@@ -326,16 +323,18 @@ def check_alpha(alpha: bool | None, image: Any, n_channels: int) -> bool:
 def _check_image_form(name: str, array: NDArray[Any]) -> None:
     if array.dtype.kind in "USO":
         refuse_path(name, array.tolist())
-    check_image_shape(name, array.shape)
+    fits = array.ndim in (2, 3) and array.size > 0
+    check_shape(name, array.shape, fits, "(H, W) or (H, W, C), none of them 0")
 
 
-def check_image_shape(name: str, shape: tuple[int, ...]) -> None:
-    """Refuse what does not have the shape of an image."""
-    check_shape(name, shape, len(shape) in (2, 3) and 0 not in shape, "(H, W) or (H, W, C), none of them 0")
-
-
-def _check_mask_shape(mask: ArrayLike, name: str, image: NDArray[Any]) -> None:
-    check_shape("mask", np.shape(mask), np.shape(mask) == image.shape[:2], f"{image.shape[:2]}, as the {name}")
+def _inside(name: str, array: NDArray[Any], image: Any, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+    """Return the (H, W) pixels that count, at least one; None for all."""
+    if mask is not None:
+        shape = array.shape[:2]
+        check_shape("mask", np.shape(mask), np.shape(mask) == shape, f"{shape}, as the {name}")
+    inside = pixels_inside(array, image, mask)
+    check_that(name, inside is None or inside.any(), _COUNTING)
+    return inside
 
 
 def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
@@ -367,17 +366,12 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
     Pixels that are masked in any band of a masked array are outside.
     """
     array = array_of(image)
-    finite = np.isfinite(array) if array.dtype.kind == "f" else np.True_
-    if isinstance(image, np.ma.MaskedArray):
-        finite = finite & ~np.ma.getmaskarray(image)
-    array = check_image(name, array if np.all(finite) else np.where(finite, array, array.dtype.type(0)))
-    array = array.reshape(*array.shape[:2], -1)
-    inside = np.ones(array.shape[:2], bool) if mask is None else np.asarray(mask) != 0
-    _check_mask_shape(inside, name, array)
-    if not np.all(finite):
-        inside = inside & np.all(np.reshape(finite, array.shape), axis=2)
-    check_that(name, inside.any(), _COUNTING)
-    return array, inside
+    _check_image_form(name, array)
+    inside = _inside(name, array, image, mask)
+    if array.dtype.kind == "f" and inside is not None:
+        array = np.where(np.isfinite(array), array, array.dtype.type(0))
+    array = check_image(name, array)
+    return array.reshape(*array.shape[:2], -1), np.ones(array.shape[:2], bool) if inside is None else inside
 
 
 def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:

@@ -18,13 +18,7 @@ def needs(packages: str, extra: Extra) -> str:
 
 
 def optional(name: str, extra: Extra) -> Any:
-    """Import a package of an extra.
-
-    Raises
-    ------
-    ImportError
-        If it is not installed.
-    """
+    """Import a package of an extra; ImportError says how to install it."""
     try:
         return import_module(name)
     except ImportError as error:

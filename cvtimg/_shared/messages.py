@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-_LONGEST_REASON = 200
 
-
-def one_line(error: Exception) -> str:
+def one_line(error: Exception, longest: int = 200) -> str:
     """Give the reason of an error in one plain line."""
     system = error.strerror if isinstance(error, OSError) else None
     lines = (system.lower() if system else str(error)).splitlines()
     # What some decoders raise holds all that they read.
-    return lines[0][:_LONGEST_REASON] if lines else type(error).__name__
+    return lines[0][:longest] if lines else type(error).__name__

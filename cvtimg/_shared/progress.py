@@ -11,8 +11,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import NamedTuple, TypeVar
 
-__all__ = ["each", "first_few", "part", "tell", "watched"]
-
 T = TypeVar("T")
 
 

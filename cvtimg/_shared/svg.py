@@ -21,7 +21,6 @@ LAYERED = ' xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 _SIZE, _MARGIN = 400.0, 4.0
 #: Notebooks with more shapes than this are slow to open.
 MOST_SHAPES = 20_000
-_MOST_AXES = 4
 
 
 def number(value: float, digits: int) -> str:
@@ -80,10 +79,10 @@ def draw_lines(caption: str, lines: _Floats, *, y_down: bool = False) -> str:
     return captioned(caption, _SIZE, height, f"<path d='{path}' stroke='currentColor' stroke-width='0.5'/>")
 
 
-def draw_dots(caption: str, points: _Floats, *, y_down: bool = False) -> str:
+def draw_dots(caption: str, points: _Floats, *, y_down: bool = False, most_axes: int = 4) -> str:
     """Draw points (N, D), which are thinned if there are very many, in each pair of the first axes."""
     some = points[:: 1 + len(points) // MOST_SHAPES]
-    n_dims = min(some.shape[1], _MOST_AXES)
+    n_dims = min(some.shape[1], most_axes)
     if n_dims == 1:
         some, n_dims = np.column_stack([some, np.zeros(len(some))]), 2
     size = _SIZE / (n_dims - 1)
@@ -93,8 +92,7 @@ def draw_dots(caption: str, points: _Floats, *, y_down: bool = False) -> str:
         left, top = across * size, (down - 1) * size
         path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in (placed + np.array([left, top])).tolist())
         parts.append(f"<path d='{path}' stroke='currentColor' stroke-width='3' stroke-linecap='round'/>")
-        frame = f"<rect x='{left:.1f}' y='{top:.1f}' width='{size:.1f}' height='{height:.1f}' stroke='#bbb'/>"
-        parts.append(frame)
+        parts.append(f"<rect x='{left:.1f}' y='{top:.1f}' width='{size:.1f}' height='{height:.1f}' stroke='#bbb'/>")
         lowest = max(lowest, top + height)
     return captioned(caption, _SIZE, lowest, "".join(parts))
 

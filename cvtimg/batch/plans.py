@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
-from cvtimg.files.finding import find_images, find_remote, image_suffixes
+from cvtimg.files.finding import find_images
 from cvtimg.files.remote import elsewhere, is_remote, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
@@ -45,7 +45,6 @@ def plan_each(
     also_read: Iterable[Path | None] = (),
     joint: Mapping[str, Path | None] | None = None,
     beside: bool = False,
-    suffixes: frozenset[str] | None = None,
 ) -> Plan:
     """Plan a task for each input, with the outputs that its options name; see `find` for the inputs."""
     # The output of a pipe, such as standard input, goes to standard output unless it is named. Joint outputs are
@@ -53,7 +52,7 @@ def plan_each(
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
     inputs = list(inputs)
     folders = [_root(text) for text in inputs if glob.has_magic(text) or Path(text).is_dir()]
-    sources, missing = find(inputs, expand, out_dir, suffixes)
+    sources, missing = find(inputs, expand, out_dir)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
     stems = Counter((source.parent, stem_of(source)) for source in sources)
     tasks = []
@@ -87,25 +86,19 @@ def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Pa
 
 
 def find(
-    inputs: Iterable[str],
-    expand: Callable[[str], list[Path]] = find_images,
-    out_dir: Path | None = None,
-    suffixes: frozenset[str] | None = None,
+    inputs: Iterable[str], expand: Callable[[str], list[Path]] = find_images, out_dir: Path | None = None
 ) -> tuple[dict[Path, Path], Missing]:
     """Find the files that arguments name, each with the folder for its outputs, and the arguments that name none."""
     # Arguments are files, folders and patterns; "-" is standard input, "@FILE" a file that lists names, one per line or
     # separated by zero bytes, and "@-" such a list on standard input. Outputs go to the folder of the file, or to the
     # one in `out_dir` that mirrors its place below what named it. Files in an `out_dir` inside an input folder come
-    # from an earlier run, and are no inputs. The suffixes are those of inputs in a folder elsewhere.
+    # from an earlier run, and are no inputs.
     sources: dict[Path, Path] = {}
     missing: Missing = []
     outside = Path(os.path.realpath(out_dir)) if out_dir else None
     for text, root in _listed(inputs, missing):
         try:
-            if is_remote(text):
-                found = find_remote(text, suffixes or image_suffixes())
-            else:
-                found = [Path(text)] if is_pipe(Path(text)) else expand(text)
+            found = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:
             missing.append((text, error))
             continue

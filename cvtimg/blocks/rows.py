@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     Array: TypeAlias = Any  # dask.array.Array, which is not typed
 
 
+#: Bytes of a block, where the data do not come in blocks.
+_BLOCK_BYTES = 1 << 25
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
     """N rows of D numbers in blocks, perhaps with weights.
@@ -117,9 +121,9 @@ def _dask_array(array: Any) -> Array:
     return da.from_array(array, chunks=(step, *array.shape[1:]))
 
 
-def block_length(row_bytes: int, most_bytes: int = 1 << 25, most_rows: int = 1 << 22) -> int:
+def block_length(row_bytes: int, most_rows: int = 1 << 22) -> int:
     """Return the number of rows of a block, where the data do not come in blocks."""
-    return max(1, min(most_rows, most_bytes // max(1, row_bytes)))
+    return max(1, min(most_rows, _BLOCK_BYTES // max(1, row_bytes)))
 
 
 def dask_arrays() -> Any:

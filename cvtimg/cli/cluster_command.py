@@ -43,14 +43,12 @@ def cluster(given: Given) -> int:
     NAME-labels.parquet, or to NAME-labels.npy for a Zarr array. -k auto then looks at a sample of a million rows.
     """
     from cvtimg.blocks.opening import BLOCK_SUFFIXES
-    from cvtimg.tables.files import TABLE_SUFFIXES, find_tables
+    from cvtimg.tables.files import find_tables
 
     names = _split(given.columns) if given.columns is not None else None
     given.read = {"columns": names, "weight": given.weight, "missing": given.missing}
     outputs = {"-o": given.output or _labels_of, "--generators": given.generators}
-    plan = plan_each(
-        given.inputs, outputs, out_dir=given.out_dir, expand=find_tables, suffixes=frozenset(TABLE_SUFFIXES)
-    )
+    plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return run_plan(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))

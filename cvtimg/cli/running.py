@@ -14,8 +14,6 @@ from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsa
 from cvtimg.batch.pipes import is_standard
 from cvtimg.options.record import Given
 
-__all__ = ["plan_alone", "read_beside", "run_plan", "running_of", "selected"]
-
 _Read = TypeVar("_Read")
 #: Options that choose within files.
 CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")

@@ -22,19 +22,9 @@ _PART = ".cvtimg-"
 def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Open a file that appears under its name when the block succeeds, and not at all if it fails.
 
-    Parameters
-    ----------
-    path : str or path-like
-        File to write. An existing file keeps its permissions; a symbolic link is followed, not replaced. A URL is
-        written once the whole file is here.
-    overwrite : bool
-        Replace an existing file.
-
-    Yields
-    ------
-    binary file
-        Open for writing and reading, under a temporary name in the same folder. `FileExistsError` says that a file
-        must not be replaced, even if it was created in the meantime.
+    Until then it has a temporary name in the same folder. With `overwrite`, an existing file is replaced, and keeps its
+    permissions; else `FileExistsError` says so, even if it was created in the meantime. A symbolic link is followed. A
+    URL is written once the whole file is here.
 
     Notes
     -----
@@ -76,7 +66,7 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_whole(path: StrPath, content: bytes, *, overwrite: bool = False) -> None:
-    """Write a file, complete or not at all; parameters and errors are those of `whole_file`."""
+    """Write a file as `whole_file` does."""
     with whole_file(path, overwrite=overwrite) as file:
         file.write(content)
 

@@ -134,10 +134,9 @@ def write_frames(
     .gif, 4.6 h in a .webp and 18 h in a .png.
     """
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)
-    cels = _cels(frames.images, palettes, indexed_png=suffix == ".png")
     with whole_file(path, overwrite=overwrite) as file:
         try:
-            FRAME_WRITERS[suffix](file, cels, frames.durations, frames.plays, metadata or Metadata())
+            file.write(encode_frames(suffix, frames, palettes, metadata))
         except ValueError:
             raise
         except Exception as error:  # encoders raise OSError, SystemError and others
@@ -205,18 +204,16 @@ def _cels(
         eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in images)
         check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")
         return [Cel(image, None) for image in images]
-    each = [palettes] if isinstance(palettes, np.ndarray) else list(palettes)
     shared = isinstance(palettes, np.ndarray)
-    each = _alike_palettes(each)
-    if shared:
-        each *= len(images)  # the same object, which tells a writer that it is shared
+    each = _alike_palettes([palettes] if isinstance(palettes, np.ndarray) else list(palettes))
+    each *= len(images) if shared else 1  # the same object, which tells a writer that it is shared
     one_each = f"be one for each of the {len(images)} frames, or one array"
     check_that(f"{len(each)} palettes", len(each) == len(images), one_each)
     for image, palette in zip(images, each, strict=True):
         check_indexed(image, palette)
-    if indexed_png and not shared:  # a PNG holds only one palette
-        return [Cel(palette[image], None) for image, palette in zip(images, each, strict=True)]
-    return [Cel(image, palette) for image, palette in zip(images, each, strict=True)]
+    colored = indexed_png and not shared  # a PNG holds only one palette
+    pairs = zip(images, each, strict=True)
+    return [Cel(palette[image], None) if colored else Cel(image, palette) for image, palette in pairs]
 
 
 def _alike_palettes(palettes: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:

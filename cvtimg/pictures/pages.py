@@ -18,7 +18,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.formats.axes import Stack, StoredStack, npy_stack, place_of
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.opening import (
@@ -31,7 +30,7 @@ from cvtimg.pictures.formats.opening import (
     selected,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import is_stored, open_stored
+from cvtimg.pictures.formats.stored import Stack, StoredStack, is_stored, npy_stack, open_stored, place_of
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,

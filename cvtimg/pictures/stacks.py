@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, Literal, TypeAlias, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.files.whole import StrPath
@@ -16,12 +14,10 @@ from cvtimg.pictures.files import image_info, read_image, write_image
 from cvtimg.pictures.formats.header import ImageInfo
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import pixels_limited
-from cvtimg.pictures.frames import ANIMATED, Frames, read_frames, write_frames
+from cvtimg.pictures.frames import ANIMATED, read_frames, write_frames
 from cvtimg.pictures.known import Known, known_in_all, known_pixels, with_known
-from cvtimg.pictures.pages import Pages, read_pages, write_pages
+from cvtimg.pictures.pages import read_pages, write_pages
 from cvtimg.pictures.tiles import Bands, open_bands, write_bands
-
-__all__ = ["Kind", "Stack", "open_stack"]
 
 T = TypeVar("T")
 #: What a file holds, or that it is read in tiles: some rows at a time.
@@ -58,7 +54,8 @@ class Stack:
     @property
     def images(self) -> Iterable[NDArray[Any]]:
         """The images, or bands of rows."""
-        found: Iterable[NDArray[Any]] = self.content if self.kind == "tiles" else _images_of(self.content)
+        one = (self.content,) if self.kind == "image" else None
+        found: Iterable[NDArray[Any]] = one or (self.content if self.kind == "tiles" else self.content.images)
         return found
 
     @property
@@ -170,7 +167,7 @@ def open_stack(
         if max_pixels is not None and bands.form.n_pixels > max_pixels:
             raise ValueError(f"has over {max_pixels} pixels, the limit of max_pixels")
         return Stack("tiles", bands, None, bands.form.nodata if nodata is None else nodata, mask)
-    with nullcontext() if max_pixels is None else pixels_limited(max_pixels):
+    with pixels_limited(max_pixels):
         header = image_info(path)
         value = header.nodata if nodata is None else nodata
         if frames and header.format in ANIMATED and header.frames > 1:
@@ -181,7 +178,3 @@ def open_stack(
             return Stack("pages", pages, header, value, mask, known_in_all(pages.images, header, mask, nodata, "page"))
         image = read_image(path, keep_profile=keep_profile)
         return Stack("image", image, header, value, mask, [known_pixels(image, header, mask, nodata)])
-
-
-def _images_of(content: NDArray[Any] | Frames | Pages) -> tuple[NDArray[Any], ...]:
-    return (content,) if isinstance(content, np.ndarray) else content.images

@@ -22,7 +22,7 @@ from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
 from cvtimg.pictures.formats.stored import is_ngff
-from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, icc_profile, size_of, tiff_tags, write_tiff
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, icc_profile, size_of, tiff_tags, write_tiff
 
 #: Suffixes of files that are written in tiles.
 TILED_SUFFIXES = (".tif", ".tiff", ".zarr")
@@ -169,8 +169,7 @@ def _open_tiff(path: StrPath) -> Bands:
         file.seek(0)
         with tifffile.TiffFile(file) as tiff:
             page, tags = tiff.pages.first, tiff_tags(tiff)
-            if (n_pages := count_pages(file)) > 1:
-                raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
+            check_alone(file)
             _check_page(page)
             shape = (*size_of(page), *([page.samplesperpixel] if page.samplesperpixel > 1 else []))
             place, layout = Place.of(tags), Layout.of(tags)

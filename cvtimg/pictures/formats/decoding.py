@@ -15,9 +15,9 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
-from cvtimg.pictures.formats.opening import UnfitContentError, open_picture, orientation
+from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
-from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, count_pages, decode_tiff, tags_of
+from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, decode_tiff, tags_of
 from cvtimg.pictures.profiles import apply_profile
 
 
@@ -35,34 +35,20 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
     except UnidentifiedImageError:
         if not magic.startswith(TIFF_MAGICS):
             raise
-        _check_alone(file)
-        return _marked_tiff(file, keep_profile)
+        check_alone(file)
+        return decode_tiff(file, keep_profile=keep_profile)
     with image:
         if image.format == "TIFF":
-            _check_alone(file)
+            check_alone(file)
         if indices and image.mode == "P" and orientation(image) == 1:
             return np.array(image)
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
-            return _marked_tiff(file, keep_profile)
+            return decode_tiff(file, keep_profile=keep_profile)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
             values = decode_deep_png(file, image, keep_profile=keep_profile)
         else:
             values = decode_opened(image, keep_profile=keep_profile)
         return with_mark(values, values.shape[2:] == (4,))
-
-
-def _marked_tiff(file: BinaryIO, keep_profile: bool) -> NDArray[Any]:
-    values, has_alpha = decode_tiff(file, keep_profile=keep_profile)
-    return with_mark(values, has_alpha and values.shape[2:] == (4,))
-
-
-def _check_alone(file: BinaryIO) -> None:
-    """Reject multi-page files where one image is expected, rather than silently ignoring pages."""
-    at = file.tell()
-    n_pages = count_pages(file)
-    file.seek(at)
-    if n_pages > 1:
-        raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
 
 
 def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[Any]:

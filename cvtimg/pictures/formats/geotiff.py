@@ -32,7 +32,8 @@ class _GeoKey(IntEnum):
 
 
 #: Types of the values of these tags, as in Python's struct.
-GEO_TYPES: dict[int, str] = dict.fromkeys(GeoTag, "d") | {GeoTag.KEYS: "H", GeoTag.TEXT: "s", GeoTag.NODATA: "s"}
+GEO_TYPES: dict[int, str] = dict.fromkeys(map(int, GeoTag), "d")
+GEO_TYPES |= {GeoTag.KEYS: "H", GeoTag.TEXT: "s", GeoTag.NODATA: "s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,9 @@ def geo_tags(tags: Tags) -> dict[int, Any]:
 
 def extra_tags(geo: GeoTags, nodata: float | None = None) -> list[tuple[int, str, int, Any, bool]]:
     """Format tags for tifffile."""
-    given = {**geo, **({} if nodata is None else {GeoTag.NODATA: f"{nodata:.17g}"})}
+    given = dict(geo)
+    if nodata is not None:
+        given[GeoTag.NODATA] = f"{nodata:.17g}"
     return [(code, GEO_TYPES[code], 0 if isinstance(one, str) else len(one), one, True) for code, one in given.items()]
 
 

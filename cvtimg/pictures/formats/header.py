@@ -12,11 +12,11 @@ from PIL import ImageFile, UnidentifiedImageError
 from PIL.ExifTags import Base
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
-from cvtimg.pictures.formats.axes import Stack, StoredStack, npy_stack, place_of
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
+from cvtimg.pictures.formats.stored import Stack, StoredStack, npy_stack, place_of
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,

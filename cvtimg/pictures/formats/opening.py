@@ -218,17 +218,12 @@ def check_size(n_pixels: int) -> None:
         raise Image.DecompressionBombError
 
 
-def limit_pixels(n: int) -> None:
-    """Set the maximum number of pixels of an image; Pillow's default is about 179 million."""
-    Image.MAX_IMAGE_PIXELS = n / 2  # type: ignore[assignment]  # Pillow rejects images with more than twice this number
-
-
 @contextmanager
 def pixels_limited(n: int | None) -> Iterator[None]:
-    """Set the maximum number of pixels of an image within a block; None keeps the current limit."""
+    """Set the maximum number of pixels of an image within a block; None keeps the limit, by default 179 million."""
     before = Image.MAX_IMAGE_PIXELS
     if n is not None:
-        limit_pixels(n)
+        Image.MAX_IMAGE_PIXELS = n / 2  # type: ignore[assignment]  # Pillow rejects more than twice this number
     try:
         yield
     finally:

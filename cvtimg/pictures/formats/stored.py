@@ -1,24 +1,111 @@
-"""Stacks that other packages open as arrays on disk: OME-Zarr (NGFF 0.4 and 0.5), and the files of microscopes."""
+"""Axes and channels of stacks, and stacks that others open as arrays on disk: OME-Zarr, files of microscopes."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any, BinaryIO, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg.files.whole import StrPath
-from cvtimg.pictures.formats.axes import StoredStack
-from cvtimg.pictures.formats.opening import UnfitContentError
+from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples
+from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
 
 #: Files of the programs of Zeiss and Nikon.
 MICROSCOPE_SUFFIXES = (".czi", ".nd2")
+_NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """How the pages of a file are arranged: letters of axes, their lengths, and names of channels where known."""
+
+    axes: str
+    shape: tuple[int, ...]
+    channels: tuple[str, ...] = ()
+
+    def chosen(self, by: Selection) -> tuple[Stack, NDArray[np.int64]]:
+        """Return what remains of the stack, and the numbers of these pages, by the names and places that are given."""
+        stack = self if by.axes is None else self._named(by.axes)
+        numbers = np.arange(math.prod(stack.shape)).reshape(stack.shape)
+        for axis, given in (("T", by.t), ("C", by.channel), ("Z", by.z)):
+            if given is None or (axis == "C" and axis not in stack.axes):  # bands of a page are channels, too
+                continue
+            at = stack.axes.find(axis)
+            if at < 0:
+                raise UnfitContentError(f"has the axes {stack.axes}YX, without {axis}; --axes names them")
+            place = place_of(given, stack.shape[at], stack.channels if axis == "C" else (), _NOUNS[axis])
+            numbers = np.asarray(numbers.take(place, axis=at))
+            channels = stack.channels[place : place + 1] if axis == "C" else stack.channels
+            stack = Stack(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
+        return stack, numbers.ravel()
+
+    def _named(self, axes: str) -> Stack:
+        letters = axes.upper().removesuffix("S").removesuffix("YX")
+        if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
+            pages = " x ".join(map(str, self.shape)) or "1"
+            have = f"{self.axes}YX, of {pages} page{'s' * (pages != '1')}"
+            raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
+        return Stack(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredStack:
+    """An array on disk whose axes have names, of which pages are read when they are needed."""
+
+    array: Any  # Zarr or Dask array
+    letters: str  # of its axes, in their order; the last ones are Y and X
+    channels: tuple[str, ...]
+    pixel_size: PixelSize | None
+    form: str  # Name of the format
+    kind: str = "ome"  # that of `Pages`
+
+    @property
+    def stack(self) -> Stack:
+        """How its pages are arranged."""
+        return Stack(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
+
+    def pages(self, by: Selection) -> tuple[Stack, list[NDArray[Any]]]:
+        """Read the pages that are chosen, and return how they are arranged."""
+        stack, numbers = self.stack.chosen(by)
+        check_size(len(numbers) * math.prod(self.array.shape[-2:]))
+        places = np.transpose(np.unravel_index(numbers, self.array.shape[:-2])) if self.letters != "YX" else [()]
+        planes = (np.asarray(self.array[tuple(map(int, place))]) for place in places)
+        return stack, [np.ascontiguousarray(as_samples(plane)) for plane in planes]
+
+
+def npy_stack(file: BinaryIO) -> StoredStack | None:
+    """Open an array whose axes are said; None for other files, and without letters."""
+    is_npy, axes = file.read(len(NPY_MAGIC)) == NPY_MAGIC, (selected().axes or "").upper()
+    file.seek(0)
+    if not is_npy or not axes:
+        return None
+    values = np.load(file, allow_pickle=False)
+    if len(axes) != values.ndim or len(set(axes)) < len(axes) or not {"Y", "X"} <= {*axes}:
+        raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
+    check_size(values.size)
+    planes = np.moveaxis(values, [axes.index("Y"), axes.index("X")], [-2, -1])
+    letters = axes.replace("Y", "").replace("X", "") + "YX"
+    return StoredStack(planes, letters, (), None, "NPY", "")
+
+
+def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -> int:
+    """Return the index of what is given by its name or by its number, from 1."""
+    if str(given) in names:
+        return names.index(str(given))
+    if str(given).isdecimal() and 1 <= int(given) <= length:
+        return int(given) - 1
+    known = f" ({', '.join(names)})" if names else ""
+    raise UnfitContentError(f"has {length} {noun}{'s' * (length > 1)}{known}, and no {noun} {given}")
 
 
 def is_stored(path: Any) -> TypeGuard[StrPath]:

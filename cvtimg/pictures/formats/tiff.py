@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.ExifTags import Base
 
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
-from cvtimg.pictures.formats.axes import Stack
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Tags, extra_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+from cvtimg.pictures.formats.stored import Stack
 from cvtimg.pictures.profiles import convert_deep
 
 if TYPE_CHECKING:
@@ -84,16 +84,18 @@ class Layout:
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == _ALPHA[0], for_pillow)
 
 
-def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> tuple[NDArray[Any], bool]:
-    """Read the first page: (H, W) for one sample per pixel, else (H, W, C); and whether the last is transparency."""
+def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
+    """Read the first page: (H, W) for one sample per pixel, else (H, W, C)."""
     import tifffile
 
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
-        values = _channels_last(page.asarray(maxworkers=n_threads()), page.axes)
+        values = page.asarray(maxworkers=n_threads())
+        values = np.moveaxis(values, page.axes.index("S"), -1) if "S" in page.axes else values
+    values = values[..., 0] if values.shape[2:] == (1,) else values
     values = upright(finished(values, tags, keep_profile=keep_profile), _first(tags.get(Base.Orientation, 1)))
-    return values, Layout.of(tags).alpha
+    return with_mark(values, Layout.of(tags).alpha and values.shape[2:] == (4,))
 
 
 def is_plain(tags: Tags) -> bool:
@@ -151,6 +153,12 @@ def count_pages(file: BinaryIO) -> int:
                 size = max(size, int((tiff.imagej_metadata or {}).get("images", 1)))
     file.seek(0)
     return size
+
+
+def check_alone(file: BinaryIO) -> None:
+    """Reject multi-page files where one image is expected, rather than silently ignoring pages."""
+    if (n_pages := count_pages(file)) > 1:
+        raise UnfitContentError(f"has {n_pages} pages, where one image is expected")
 
 
 def main_pages(file: BinaryIO) -> list[int]:
@@ -346,11 +354,6 @@ def ome_scale(description: str) -> dict[str, Any]:
             if f"{name}Unit" in element.attrib:
                 scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
     return scale
-
-
-def _channels_last(values: NDArray[Any], axes: str) -> NDArray[Any]:
-    values = np.moveaxis(values, axes.index("S"), -1) if "S" in axes else values
-    return values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
 
 
 def _divide_by_alpha(values: NDArray[Any]) -> NDArray[Any]:
