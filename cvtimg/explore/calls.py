@@ -1,55 +1,103 @@
-"""Calls of functions of cvtimg that are run, and shown as the lines of Python that do the same."""
+"""Calls of functions that are run, and shown as the lines of Python that do the same: one record for both."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 import cvtimg
 
-__all__ = ["Call", "Named", "literal"]
+__all__ = ["Call", "Formula", "Line", "Name", "Named", "as_python", "literal", "run"]
+
+#: Values of variables by name.
+Values: TypeAlias = Mapping[str, Any]
 
 
 class Named(NamedTuple):
-    """A value that the lines of Python write as an expression."""
+    """A value that is at hand, and that the lines of Python write as an expression."""
 
     text: str
     value: Any
 
 
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A variable, or an attribute of one, such as ``"result.labels"``."""
+
+    text: str
+
+    def run(self, values: Values) -> Any:
+        """Return its value."""
+        first, *others = self.text.split(".")
+        return reduce(getattr, others, values[first])
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """An expression of variables that is no call."""
+
+    text: str
+    run: Callable[[Values], Any]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """A call of a function on an image."""
+    """A call of a function below `cvtimg`, such as ``"quantize"``, or of a method of the variable `of`."""
 
-    function: str  # Its name below `cvtimg`, such as ``"quantize"``
-    arguments: tuple[Any, ...] = ()  # Those after the image
-    keywords: Mapping[str, Any] = field(default_factory=dict)  # Keyword arguments
+    function: str
+    arguments: tuple[Any, ...] = ()
+    keywords: Mapping[str, Any] = field(default_factory=dict)
+    of: str = "cvtimg"
 
-    def run(self, image: Any) -> Any:
+    def run(self, values: Values) -> Any:
         """Call the function."""
-        function = reduce(getattr, self.function.split("."), cvtimg)
-        keywords = {name: _value(value) for name, value in self.keywords.items()}
-        return function(image, *map(_value, self.arguments), **keywords)  # type: ignore[operator]
+        function = reduce(getattr, self.function.split("."), {"cvtimg": cvtimg, **values}[self.of])
+        arguments = [_value(value, values) for value in self.arguments]
+        return function(*arguments, **{name: _value(value, values) for name, value in self.keywords.items()})
 
-    def text(self, image: str = "image") -> str:
-        """Write the call in Python."""
-        words = [*([image] if image else []), *map(literal, self.arguments)]
-        words += [f"{name}={literal(value)}" for name, value in self.keywords.items()]
-        return f"cvtimg.{self.function}({', '.join(words)})"
+    @property
+    def text(self) -> str:
+        """The call in Python."""
+        words = [*map(literal, self.arguments), *(f"{name}={literal(value)}" for name, value in self.keywords.items())]
+        return f"{self.of}.{self.function}({', '.join(words)})"
 
 
-def _value(value: Any) -> Any:
-    return value.value if isinstance(value, Named) else value
+class Line(NamedTuple):
+    """A line of Python: a value gets a name."""
+
+    name: str
+    value: Any
+
+
+def run(lines: Iterable[Line], values: Values | None = None) -> dict[str, Any]:
+    """Run lines one after the other, and return the values of all names."""
+    found = dict(values or {})
+    for name, value in lines:
+        found[name] = _value(value, found)
+    return found
+
+
+def as_python(lines: Sequence[Line], last: Call) -> str:
+    """Write lines in Python, and a call after them."""
+    written = [*(f"{name} = {literal(value)}" for name, value in lines), last.text]
+    imports = ["import cvtimg", *["import numpy"] * any("numpy." in line for line in written)]
+    return "\n".join([*imports, "", *written])
+
+
+def _value(value: Any, values: Values) -> Any:
+    if isinstance(value, Named):
+        return value.value
+    return value.run(values) if isinstance(value, (Name, Formula, Call)) else value
 
 
 def literal(value: Any) -> str:
     """Write a value in Python."""
-    if isinstance(value, Named):
+    if isinstance(value, (Named, Name, Formula, Call)):
         return value.text
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)

@@ -8,13 +8,11 @@ and so does a person who has waited long enough.
 from __future__ import annotations
 
 import asyncio
-import ctypes
 import json
 import logging
-import sys
 from collections.abc import Callable
 from contextlib import suppress
-from threading import Lock, Thread
+from threading import Thread
 from typing import Any, Generic, TypeVar
 
 from starlette.concurrency import run_in_threadpool
@@ -34,8 +32,6 @@ __all__ = ["Channel"]
 
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
-#: Seconds after which a search that is not wanted ends even if it tells nothing: libraries may then be interrupted.
-_GRACE = 1.0
 #: Pixels that are sent at most of a result.
 EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 19
@@ -49,47 +45,29 @@ class OvertakenError(Exception):
 
 
 class Work(Generic[T]):
-    """A function in a thread of its own that can be ended while it runs."""
+    """A function in a thread of its own, which ends when it next tells how far it is if nobody waits any longer."""
 
     def __init__(self, function: Callable[[], T]) -> None:
         self._loop = asyncio.get_running_loop()
         self.share, self._ended = 0.0, False  # how much of it is done, and whether it is not wanted any longer
         self.result: asyncio.Future[T] = self._loop.create_future()
-        self._lock, self._runs = Lock(), True
-        self._thread = Thread(target=self._run, args=(function,), daemon=True)
-        self._thread.start()
+        Thread(target=self._run, args=(function,), daemon=True).start()
 
     def end(self) -> None:
-        """Wait no longer, and let the thread end: when it next tells how far it is, or else wherever it is then."""
+        """Wait no longer."""
         if not self.result.done():
+            self._ended = True
             self.result.set_exception(OvertakenError())
             self.result.exception()  # as somebody may wait for it, or nobody
-            self._ended = True
-            self._loop.call_later(_GRACE, self._raise)
-
-    def _raise(self) -> None:
-        """Raise an exception in the thread as soon as it is back from compiled code."""
-        with self._lock:  # so that no other thread has its number by now
-            if self._runs and _imports(self._thread):  # a module that is left half imported fails ever after
-                self._loop.call_later(_GRACE, self._raise)
-            elif self._runs:
-                number, raised = ctypes.c_ulong(self._thread.ident or 0), ctypes.py_object(OvertakenError)
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(number, raised)
 
     def _run(self, function: Callable[[], T]) -> None:
-        with suppress(OvertakenError):
-            try:
-                with watched(self._done):
-                    value = function()
-            except OvertakenError:
-                raise
-            except Exception as error:
-                self._report(self.result.set_exception, error)
-            else:
-                self._report(self.result.set_result, value)
-            finally:
-                with self._lock:  # whatever ended it: another thread may have its number next
-                    self._runs = False
+        try:
+            with watched(self._done):
+                value = function()
+        except Exception as error:
+            self._report(self.result.set_exception, error)
+        else:
+            self._report(self.result.set_result, value)
 
     def _done(self, share: float) -> None:
         self.share = share
@@ -103,14 +81,6 @@ class Work(Generic[T]):
 
         with suppress(RuntimeError):  # the server has ended
             self._loop.call_soon_threadsafe(first)
-
-
-def _imports(thread: Thread) -> bool:
-    """Whether a thread is importing a module."""
-    frame = sys._current_frames().get(thread.ident or 0)
-    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
-        frame = frame.f_back
-    return frame is not None
 
 
 class Channel:
@@ -168,19 +138,10 @@ class Channel:
                 continue
             try:
                 await self._answer(lane, request)
-            except OvertakenError:
-                await self._refuse(request["seq"], lane, "")
-            except UnfitRequestError as error:
-                await self._refuse(request["seq"], lane, str(error))
-            except MemoryError:
-                await self._refuse(request["seq"], lane, "needs more memory than there is")
-            except (ValueError, TypeError, OSError, ImportError) as error:
-                await self._refuse(request["seq"], lane, one_line(error))
             except (WebSocketDisconnect, RuntimeError):
                 return  # the page is gone
             except Exception as error:  # a page goes on whatever happens
-                logging.getLogger(__name__).exception("request failed")
-                await self._refuse(request["seq"], lane, f"{type(error).__name__}: {one_line(error)}")
+                await self._refuse(request["seq"], lane, _said(error))
 
     async def _refuse(self, number: int, lane: str, why: str) -> None:
         await self._socket.send_text(json.dumps({"seq": number, "lane": lane, "error": why}))
@@ -255,6 +216,16 @@ class Channel:
             named = await run_in_threadpool(outcome.file, outcome.outputs[0].key)
             if named is not None:
                 await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "bytes": len(named[1])}))
+
+
+def _said(error: Exception) -> str:
+    """Say why a request is not answered; nothing of one that is not wanted any longer."""
+    if isinstance(error, MemoryError):
+        return "needs more memory than there is"
+    if isinstance(error, (OvertakenError, UnfitRequestError, ValueError, TypeError, OSError, ImportError)):
+        return str(error) if isinstance(error, UnfitRequestError) else one_line(error)
+    logging.getLogger(__name__).error("request failed", exc_info=error)
+    return f"{type(error).__name__}: {one_line(error)}"
 
 
 def _frame(asked: dict[str, Any]) -> int:

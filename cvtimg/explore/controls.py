@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,15 +49,24 @@ class UnfitRequestError(Exception):
     """A request that cannot be answered; the message tells the person why."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+#: What the page is not told of a control.
+_OWN = ("flag", "keyword", "to", "always", "suffix", "pattern", "check", "none")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Control:
     """A control of a tab."""
 
+    kind: ClassVar[str] = ""  # What the page draws; by default what the name of the class says
     name: str  # Its name in settings
     label: str  # Its name on the page
     default: Any  # Value that is in effect if nothing is chosen
     flag: str = ""  # Option of the command that says its value; none where the tab says it in another way
-    keyword: str = ""  # Argument of the Python function that takes its value; none where the tab says it in another way
+    # Argument of the Python function that takes its value, or what `to` makes of it; none where the tab says it in
+    # another way.
+    keyword: str = ""
+    to: Callable[[Any], Any] | None = None
+    always: bool = False  # Whether the default is said, too
     # Shown, and in effect, only while other controls have one of these values.
     when: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     about: str = ""  # Explanation shown below the control
@@ -67,28 +76,33 @@ class Control:
         """Check a value that the page sent."""
         raise NotImplementedError
 
+    def says(self, value: Any) -> bool:
+        """Whether commands and calls must say a value."""
+        return self.always or bool(value != self.default)
+
     def words(self, value: Any) -> list[str]:
-        """Return the words of the command line for a value; none for the default."""
-        return [] if not self.flag or value == self.default else [self.flag, str(value)]
+        """Return the words of the command line for a value; the option is repeated for each of several."""
+        if not self.flag or not self.says(value):
+            return []
+        return [
+            word for one in (value if isinstance(value, tuple) else [value]) for word in (self.flag, self.text(one))
+        ]
+
+    def text(self, value: Any) -> str:
+        """Write a value as the command line does."""
+        return str(value)
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to draw the control."""
-        return {
-            "kind": type(self).__name__.lower(),
-            "name": self.name,
-            "label": self.label,
-            "default": self.default,
-            "when": {name: list(values) for name, values in self.when.items()},
-            "about": self.about,
-            "only": self.only,
-        }
+        told = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in _OWN}
+        return {"kind": self.kind or type(self).__name__.lower(), **told}
 
     def refuse(self, value: Any, allowed: str) -> UnfitRequestError:
         """Return the error for a value that is not allowed."""
         return UnfitRequestError(f"{self.label}: {str(value)[:40]!r} must be {allowed}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Number(Control):
     """A number: a slider for the usual range, and a field for all that is allowed."""
 
@@ -101,35 +115,23 @@ class Number(Control):
     auto: bool = False  # Whether "auto" is allowed
     unit: str = ""  # Shown after the number; on the command line, `suffix` follows it
     suffix: str = ""
-    always: bool = False  # Whether the command needs the option even for the default
 
     def parse(self, value: Any) -> Any:
         """Check a number; whole numbers come as int."""
         if self.auto and value == "auto":
             return value
-        allowed = f"{'auto or ' if self.auto else ''}a number in {self.low:g}..{self.high:g}"
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise self.refuse(value, allowed)
-        if not self.low <= value <= self.high:
-            raise self.refuse(value, allowed)
-        if self.step == 1 and value != int(value):
-            raise self.refuse(value, f"a whole number in {self.low:g}..{self.high:g}")
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not is_number or not self.low <= value <= self.high or (self.step == 1 and value != int(value)):
+            noun = f"{'auto or ' if self.auto else ''}a {'whole ' if self.step == 1 else ''}number"
+            raise self.refuse(value, f"{noun} in {self.low:g}..{self.high:g}")
         return int(value) if self.step == 1 else float(value)
 
-    def words(self, value: Any) -> list[str]:
-        """Return the words of the command line."""
-        if not self.flag or (value == self.default and not self.always):
-            return []
-        return [self.flag, value if value == "auto" else f"{shortest(value)}{self.suffix}"]
-
-    def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
-        low, high = self.slider or (self.low, self.high)
-        more = {"low": self.low, "high": self.high, "from": low, "to": high, "step": self.step, "log": self.log}
-        return {**Control.described(self), **more, "auto": self.auto, "unit": self.unit}
+    def text(self, value: Any) -> str:
+        """Write a number with its unit."""
+        return value if value == "auto" else f"{shortest(value)}{self.suffix}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Choice(Control):
     """One of a few values; `choices` has each with its label."""
 
@@ -142,11 +144,11 @@ class Choice(Control):
         return value
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
+        """Return what the page needs, choices in their order."""
         return {**Control.described(self), "choices": list(self.choices.items())}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Switch(Control):
     """On or off."""
 
@@ -163,7 +165,7 @@ class Switch(Control):
         return [self.flag] if self.flag and value != self.default else []
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Colors(Control):
     """Colors as #rrggbb, each once; the option is repeated for each."""
 
@@ -174,18 +176,14 @@ class Colors(Control):
         """Check a list of colors."""
         listed = value if isinstance(value, list) else [value]
         for color in listed:
-            if not isinstance(color, str) or len(color) != 7 or color[0] != "#" or not _is_hexadecimal(color[1:]):
+            if not isinstance(color, str) or not re.fullmatch("#[0-9a-fA-F]{6}", color):
                 raise self.refuse(color, "a color as #rrggbb")
         if len(listed) > self.most:
             raise self.refuse(len(listed), f"at most {self.most} colors")
         return tuple(dict.fromkeys(color.lower() for color in listed))
 
-    def words(self, value: Any) -> list[str]:
-        """Repeat the option for each color."""
-        return [word for color in value for word in (self.flag, color)] if self.flag else []
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Swatches(Colors):
     """Colors in an order of their own, which the page edits in the result."""
 
@@ -198,7 +196,7 @@ class Swatches(Colors):
         return tuple(color for one in value for color in Colors.parse(self, one))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry(Control):
     """A short text on one line."""
 
@@ -211,7 +209,7 @@ class Entry(Control):
         return value.strip()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Table(Control):
     """Rows of numbers and texts; the option is repeated for each row, its values with commas between them."""
 
@@ -229,17 +227,19 @@ class Table(Control):
             raise self.refuse("rows", f"lists of {len(self.columns)} values each")
         return tuple(tuple(column.parse(one) for column, one in zip(self.columns, row, strict=True)) for row in value)
 
-    def words(self, value: Any) -> list[str]:
-        """Repeat the option for each row."""
-        return [word for row in value for word in (self.flag, ",".join(map(_cell, self.columns, row)))]
+    def text(self, value: Any) -> str:
+        """Write a row, with commas between its values."""
+        return ",".join(
+            column.text(one) if isinstance(column, Number) else re.sub(r"\s*([,|])\s*", r"\1", one)
+            for column, one in zip(self.columns, value, strict=True)
+        )
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
-        columns = [column.described() for column in self.columns]
-        return {**Control.described(self), "columns": columns, "most": self.most, "adds": self.adds}
+        """Return what the page needs, of columns, too."""
+        return {**Control.described(self), "columns": [column.described() for column in self.columns]}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Edits(Control):
     """Changes that are made on the picture, as texts in their order; the option is repeated for each."""
 
@@ -259,19 +259,16 @@ class Edits(Control):
             raise UnfitRequestError(f"{self.label}: {error}") from error
         return tuple(value)
 
-    def words(self, value: Any) -> list[str]:
-        """Repeat the option for each change."""
-        return [word for text in value for word in (self.flag, text)] if self.flag else []
-
     def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
+        """Return what the page needs, modes in their order."""
         return {**Control.described(self), "modes": list(self.modes.items())}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Brushed(Edits):
     """A gray image of the size of the picture that is drawn on it by a brush, and that the command reads."""
 
+    kind = "edits"
     values: Mapping[str, int]  # What each mode paints
     base: int  # Value where nothing is painted
     pattern: str  # Name of its file, with ``{}`` for the name of the picture without suffix
@@ -288,12 +285,8 @@ class Brushed(Edits):
             brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))
         return image
 
-    def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
-        return {**Edits.described(self), "kind": "edits", "values": dict(self.values), "base": self.base}
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Files(Control):
     """Files that the page has sent before, by the keys that the server gave them."""
 
@@ -309,28 +302,17 @@ class Files(Control):
             raise self.refuse(len(value), f"at most {self.most} files")
         return tuple(value)
 
-    def words(self, value: Any) -> list[str]:
-        """Return nothing: the names of files are known elsewhere."""
-        return []
 
-    def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
-        return {**Control.described(self), "of": self.of, "most": self.most}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Switches(Choice):
     """One of several switches of the command, each by its name, or none of them."""
 
+    kind = "choice"
     none: str  # The choice that is no switch
 
     def words(self, value: Any) -> list[str]:
         """Return the switch that is on."""
         return [] if value == self.none else [f"--{value}"]
-
-    def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
-        return {**Choice.described(self), "kind": "choice"}
 
 
 def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) -> tuple[Control, ...]:
@@ -353,30 +335,21 @@ def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) 
 def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
     page, kind = option.page, option.kind
     assert page is not None, option.name
-    default = option.parse(None) if page.default is None else page.default
-    about: dict[str, Any] = {"name": option.name, "label": page.label, "about": page.about, "default": default}
-    about |= {"flag": option.flag, "keyword": option.keyword}
+    default = page.get("default", option.parse(None))
+    about: dict[str, Any] = {"name": option.name, "default": default, "flag": option.flag, "keyword": option.keyword}
+    of: type[Control]
     if isinstance(kind, record.Switch):
-        if default:
-            about["flag"] = option.words[-1].rpartition("/")[2]
-        return Switch(**{**about, **changed})
-    if isinstance(kind, record.Choice):
-        return Choice(**{**about, "choices": {name: kind.labels.get(name, name) for name in kind.names}, **changed})
-    if isinstance(kind, record.Text) and kind.labels:
-        return Choice(**{**about, "choices": kind.labels, **changed})
-    low, high = (kind.low, kind.high) if isinstance(kind, (record.Whole, record.Real)) else (-math.inf, math.inf)
-    about |= {
-        "low": low if page.least is None else page.least,
-        "high": high if page.most is None else page.most,
-        "step": page.step,
-        "slider": page.slider,
-        "log": page.log,
-        "unit": page.unit,
-        "suffix": page.suffix,
-        "auto": default == "auto" or getattr(kind, "auto", False),
-        "always": option.default is None and default != "auto",
-    }
-    return Number(**{**about, **changed})
+        of, about["flag"] = Switch, option.words[-1].rpartition("/")[2] if default else option.flag
+    elif isinstance(kind, record.Choice):
+        of, about["choices"] = Choice, {name: kind.labels.get(name, name) for name in kind.names}
+    elif isinstance(kind, record.Text) and kind.labels:
+        of, about["choices"], about["to"] = Choice, kind.labels, kind.parse
+    else:
+        of = Number
+        about |= {name: getattr(kind, name, -math.inf if name == "low" else math.inf) for name in ("low", "high")}
+        about["auto"] = default == "auto" or getattr(kind, "auto", False)
+        about["always"] = option.default is None and default != "auto"
+    return of(**{**about, **page, **changed})
 
 
 def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]:
@@ -393,16 +366,6 @@ def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]
             if isinstance(other, Switches) and name in other.choices:
                 when[other.name] = [one for one in when.get(other.name, list(other.choices)) if one != name]
     return when
-
-
-def _cell(column: Number | Entry, value: Any) -> str:
-    if isinstance(column, Number):
-        return f"{shortest(value)}{column.suffix}"
-    return re.sub(r"\s*([,|])\s*", r"\1", value)
-
-
-def _is_hexadecimal(text: str) -> bool:
-    return set(text) <= set("0123456789abcdefABCDEF")
 
 
 def parse_settings(controls: Iterable[Control], given: Any) -> Settings:

@@ -19,9 +19,10 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
+from cvtimg.explore.calls import literal
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
-from cvtimg.explore.outcomes import quoted, safe_name
+from cvtimg.explore.outcomes import safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
 from cvtimg.pictures.frames import ANIMATED
 from cvtimg.pictures.known import not_missing
@@ -104,7 +105,7 @@ class Picture:
     @property
     def python(self) -> str:
         """The expression by which Python reads it."""
-        return f"cvtimg.read_image({quoted(self.name)}{f', page={self.page}' if self.page else ''})"
+        return f"cvtimg.read_image({literal(self.name)}{f', page={self.page}' if self.page else ''})"
 
     def frame(self, number: int) -> Picture:
         """Return a frame or a page; of other pictures the picture itself."""

@@ -8,17 +8,20 @@ import shlex
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from cvtimg.explore.calls import Call, Line, as_python
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.options.settings import settings_of
 
-__all__ = ["FOLDERS", "Outcome", "Output", "Recipe", "own_prefix", "written_as"]
+__all__ = ["FOLDERS", "Outcome", "Output", "Recipe", "own_prefix", "safe_name", "written_as"]
 
 #: Temporary files and folders begin so, and go on with the number of the process.
 FOLDERS = "cvtimg-explore-"
+#: A result saves itself.
+SAVED = Call("save", of="result")
 
 
 def own_prefix() -> str:
@@ -26,15 +29,14 @@ def own_prefix() -> str:
     return f"{FOLDERS}{os.getpid()}-"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Output:
     """A file that a result can be saved as."""
 
     label: str  # Its name on the page
     option: str  # Option of the command that names it
     pattern: str  # Name of the file, with ``{}`` for the name of the picture without suffix
-    write: Callable[[Any, Path], None]  # Writes a result, given the result and a path
-    python: str  # Lines of Python that do the same; ``{}`` stands for the name of the file, in quotes
+    call: Call = SAVED  # Writes it: given the file, and then these arguments
     read: bool = False  # Whether the command reads the file, which was made on the page
 
     @property
@@ -42,13 +44,17 @@ class Output:
         """The name of the output in addresses: option and end of its name."""
         return f"{self.option.strip('-')}.{self.pattern.partition('.')[2]}"
 
+    def writing(self, file: Any) -> Call:
+        """Return the call that writes it to a file."""
+        return replace(self.call, arguments=(file, *self.call.arguments))
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
     """The command and the lines of Python that give the same file as the page."""
 
     words: Sequence[str]  # Command line up to its options, without the names of the outputs
-    python: str  # Lines of Python up to the result
+    lines: Sequence[Line]  # Lines of Python up to the result
     before: str = ""  # Command to be run before, if any
     for_many: bool = True  # Whether the command takes a folder, too
     # Name of the file that the command writes in any case, with ``{}`` for the name of the picture; "" for none.
@@ -59,7 +65,7 @@ class Recipe:
         name = output.pattern.format(stem)
         also = ["-o", safe_name(self.always.format(stem))] if self.always and output.option != "-o" else []
         command = shlex.join([*self.words, *also, output.option, safe_name(name)])
-        python = f"{self.python}\n{output.python.format(quoted(name))}"
+        python = as_python(self.lines, output.writing(name))
         shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
         shown["settings"] = json.dumps(settings_of(self.words[1], self.words[2:]), ensure_ascii=False, indent=2)
         if self.for_many and output.option == "-o":
@@ -72,18 +78,13 @@ def safe_name(name: str) -> str:
     return f"./{name}" if name.startswith(("-", "@")) else name
 
 
-def quoted(name: str) -> str:
-    """Write a name in Python."""
-    return json.dumps(name, ensure_ascii=False)
-
-
 @dataclass(slots=True, eq=False)
 class Outcome:
     """What settings make of a picture."""
 
-    value: Any  # The result of the function; None for a draft, which gives no files
-    layer: Layer  # What is seen of it
+    layer: Layer  # What is seen of the result
     facts: Mapping[str, Any]  # Numbers that the page shows
+    values: Mapping[str, Any] = field(default_factory=dict)  # What lines of Python call by names, to write files
     outputs: Sequence[Output] = ()  # The files that it can be saved as, the main one first
     stem: str = ""  # Name of the picture without suffix
     drawn: Window | None = None  # The part of the picture that the layer shows; by default all of it
@@ -100,7 +101,7 @@ class Outcome:
         name = output.pattern.format(self.stem)
         with self._lock:
             if key not in self._files:
-                self._files[key] = written_as(name, lambda path: output.write(self.value, path))
+                self._files[key] = written_as(name, lambda path: output.writing(path).run(self.values))
             return name, self._files[key]
 
 

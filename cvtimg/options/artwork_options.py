@@ -40,7 +40,7 @@ STIPPLE = (
         Whole(1, 1 << 28),
         "Number of dots; by default 20000, or a quarter of the pixels of small images.",
         "--dot-count -n",
-    ).on_page("Dots", slider=(100, 100_000), log=True, most=10**6, default="auto"),
+    ).on_page("Dots", slider=(100, 100_000), log=True, high=10**6, default="auto"),
     Option(
         "pen",
         Text(_length),
@@ -48,7 +48,7 @@ STIPPLE = (
         metavar="LENGTH",
         excludes=("number", "pen_width", "radius_range", "dots=sized"),
         keyword="dot_diameter",
-    ).on_page("Pen", slider=(0.1, 2), step=0.05, unit="mm", suffix="mm", least=0.05, most=10, default=0.4),
+    ).on_page("Pen", slider=(0.1, 2), step=0.05, unit="mm", suffix="mm", low=0.05, high=10, default=0.4),
     common.output(common.IMAGE_OUTPUT, _dots, standard=".png"),
     common.OUT_DIR,
     passed(
@@ -59,7 +59,7 @@ STIPPLE = (
     ).on_page("Sizes"),
     passed(
         "max_ink", Real(0, 1, above=0), "Share of the paper that black covers, up to 1.", metavar="F", default=0.9
-    ).on_page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, least=0.01),
+    ).on_page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, low=0.01),
     passed("white_cutoff", Real(0, 1), "Leave tones of up to this coverage white.", metavar="F", default=0).on_page(
         "White up to", step=0.01
     ),
@@ -89,7 +89,7 @@ STIPPLE = (
         "Width of the drawing: 200mm, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
         default=200,
-    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", least=1, most=10_000),
+    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000),
     Option(
         "marks",
         Choice(("disks", "circles", "points"), {"disks": "filled disks"}),
@@ -98,7 +98,7 @@ STIPPLE = (
     ).on_page("Marks"),
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
-    ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", least=0.01, most=100, default="auto"),
+    ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", low=0.01, high=100, default="auto"),
     Option(
         "order",
         Choice(("tour", "none"), {"tour": "short tour"}),
@@ -115,7 +115,7 @@ STIPPLE = (
 MOSAIC = (
     common.IMAGES,
     common.number_of("tiles", 1 << 28, "--tiles -n", keyword="n_cells").on_page(
-        "Tiles", slider=(50, 20_000), log=True, most=10**6, default=1000
+        "Tiles", slider=(50, 20_000), log=True, high=10**6, default=1000
     ),
     common.output(common.IMAGE_OUTPUT, _tiles, standard=".png"),
     common.OUT_DIR,
@@ -132,7 +132,7 @@ MOSAIC = (
     common.EFFORT,
     Option(
         "outline", Real(0), "Width of dark lines between tiles, in pixels; 0 for none.", metavar="W", default=0
-    ).on_page("Outlines", slider=(0, 5), step=0.1, unit="px", most=1000),
+    ).on_page("Outlines", slider=(0, 5), step=0.1, unit="px", high=1000),
     Option("scale", Real(above=0), "Enlarge .png and other images by this factor.", metavar="S", default=1),
     common.SKIP_EXISTING,
     common.MAX_PIXELS,

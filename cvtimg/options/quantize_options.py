@@ -57,7 +57,7 @@ QUANTIZE = (
         "Use as few colors as reach this quality, in decibels.",
         metavar="DB",
         excludes=("number=auto", "max_bytes"),
-    ).on_page("Quality at least", slider=(20, 50), step=0.5, unit="dB", most=100, default=35.0),
+    ).on_page("Quality at least", slider=(20, 50), step=0.5, unit="dB", high=100, default=35.0),
     passed(
         "goal",
         Choice(get_args(GoalName)),
@@ -159,7 +159,7 @@ PALETTE = (
         Whole(1, common.MAX_COLORS),
         f"Size of the palette; by default all colors of an image, or {DEFAULT_COLORS} if it has more than 256.",
         "--colors -k",
-    ).on_page("Colors", slider=(2, 64), log=True, most=256, default=8),
+    ).on_page("Colors", slider=(2, 64), log=True, high=256, default=8),
     switch(
         "main",
         f"Find the few colors that stand out, {MAIN_COLORS} by default: small vivid parts count, and large areas "

@@ -149,26 +149,6 @@ Kind: TypeAlias = Whole | Real | Choice | Switch | Text | File | Pair
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
-    """How the page shows an option, where it does."""
-
-    # Its name on the page, and an explanation below it.
-    label: str
-    about: str = ""
-    # (float, float): the usual range of a number; by default all that is allowed.
-    slider: tuple[float, float] | None = None
-    step: float = 1  # Distance of values on the slider; 1 for whole numbers
-    log: bool = False  # Whether the slider is logarithmic
-    # Shown after a number on the page, and on the command line.
-    unit: str = ""
-    suffix: str = ""
-    # Limits of the page, where the command has wider ones.
-    least: float | None = None
-    most: float | None = None
-    default: Any = None  # Value of the page where the command has none, or another
-
-
-@dataclass(frozen=True, slots=True)
 class Option:
     """An option of a verb."""
 
@@ -186,7 +166,9 @@ class Option:
     needs: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
     keyword: str = ""  # Argument of the Python function that takes the value as it is; "" where more is to be done
-    page: Page | None = None  # How the page shows it
+    # How the page shows it, where it does: fields of its control in `cvtimg.explore.controls`, such as its label, what
+    # explains it, the usual range, and limits and a default where these are not those of the command.
+    page: Mapping[str, Any] | None = None
 
     @property
     def words(self) -> list[str]:
@@ -206,8 +188,8 @@ class Option:
         return self.metavar or ("FILE" if isinstance(self.kind, File) else None)
 
     def on_page(self, label: str, about: str = "", **look: Any) -> Option:
-        """Return the option as the page shows it, too; the arguments are those of `Page`."""
-        return replace(self, page=Page(label, about, **look))
+        """Return the option as the page shows it, too."""
+        return replace(self, page={"label": label, "about": about, **look})
 
     def parse(self, given: Any) -> Any:
         """Return the value of what the command line gave, None for nothing; the default is converted, too."""

@@ -55,7 +55,7 @@ RESTORE = (
         default=5,
     ),
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
-        "Value", slider=(0, 255), step=0.5, least=-1e9, most=1e9, default=0.0
+        "Value", slider=(0, 255), step=0.5, low=-1e9, high=1e9, default=0.0
     ),
     passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
     switch("align", "Move each version onto the first.").on_page("Align versions"),
@@ -85,8 +85,8 @@ RESTORE = (
         "Standard deviation, in levels of 8 bits.",
         slider=(0.5, 60),
         step=0.5,
-        least=0.1,
-        most=1000,
+        low=0.1,
+        high=1000,
         default="auto",
     ),
     passed(
@@ -129,14 +129,14 @@ RESTORE = (
         metavar="PIXELS",
         default=2,
         needs=("averaging",),
-    ).on_page("Radius", slider=(0.5, 20), step=0.5, unit="px", least=0.5),
+    ).on_page("Radius", slider=(0.5, 20), step=0.5, unit="px", low=0.5),
     passed(
         "edge_weight",
         Real(0, auto=True),
         "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
         metavar="L|auto",
         default="auto",
-    ).on_page("Edge weight", slider=(0, 200), step=0.5, most=10**6),
+    ).on_page("Edge weight", slider=(0, 200), step=0.5, high=10**6),
     common.VOLUME_POWER,
     replace(
         common.SPACE, help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None

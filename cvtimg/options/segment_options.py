@@ -102,7 +102,7 @@ SEGMENT = (
         needs=("averaging",),
     ).on_page("Kernel"),
     Option("radius", Real(0), "Radius of --averaging.", metavar="PIXELS", default=2, needs=("averaging",)).on_page(
-        "Radius", slider=(1, 20), unit="px", most=1000
+        "Radius", slider=(1, 20), unit="px", high=1000
     ),
     passed(
         "smallest_detail",
@@ -112,7 +112,7 @@ SEGMENT = (
         default=1,
         excludes=_OTHER_WAYS,
     ).on_page(
-        "Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), step=0.25, unit="px", most=1000
+        "Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), step=0.25, unit="px", high=1000
     ),
     passed(
         "edge_weight",
@@ -126,7 +126,7 @@ SEGMENT = (
         "Penalty for each pair of nearby pixels in different segments. Auto follows the smallest detail and the noise.",
         slider=(0, 2000),
         step=0.5,
-        most=10**6,
+        high=10**6,
     ),
     passed(
         "edge_radius",
@@ -159,7 +159,7 @@ SEGMENT = (
         "Merge neighbors where that costs less per pixel of border.",
         slider=(0, 5000),
         step=10.0,
-        most=10**7,
+        high=10**7,
     ),
     switch(
         "objects",
@@ -183,7 +183,7 @@ SEGMENT = (
         metavar="PIXELS",
         default=0.5,
         needs=("objects",),
-    ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", most=1000),
+    ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", high=1000),
     Option(
         "object_border",
         Choice(("segment", "own")),
@@ -206,7 +206,7 @@ SEGMENT = (
         "With --hierarchy, not -k N: keep regions apart that differ by more.",
         metavar="T",
         needs=("hierarchy",),
-    ).on_page("Threshold", slider=(0.05, 2), step=0.05, most=1000, default="auto"),
+    ).on_page("Threshold", slider=(0.05, 2), step=0.05, high=1000, default="auto"),
     file("tree", "With --hierarchy: write the tree of regions, .npz.", HIERARCHY_KINDS["tree"], needs=("hierarchy",)),
     file(
         "strengths",
@@ -226,7 +226,7 @@ SEGMENT = (
         metavar="C|auto",
         default="auto",
         needs=("superpixels",),
-    ).on_page("Compactness", slider=(0, 500), step=0.5, most=10**6),
+    ).on_page("Compactness", slider=(0, 500), step=0.5, high=10**6),
     Option(
         "edit",
         Text(_edit),

@@ -70,27 +70,6 @@ def test_a_palette_is_given_or_saved(film: Frames) -> None:
         np.testing.assert_array_equal(got, one)
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "reason"),
-    [
-        (["-k", "5", "--depth", "16"], 1, "film.gif: is an animation, which --depth 16 cannot be used for"),
-        (["-k", "auto"], 1, "is an animation, which -k auto cannot be used for"),
-        (["-k", "5", "--optimize"], 1, "is an animation, which --optimize cannot be used for"),
-        (["-k", "5", "--palette-per-frame", "--save-palette", "a.hex"], 2, "exclude each other"),
-        (["film.png", "-k", "300", "-o", "out.gif"], 1, ".gif holds frames of at most 256 colors"),
-    ],
-)
-def test_what_cannot_be_done_to_frames_is_one_line(
-    film: Frames, capsys: pytest.CaptureFixture[str], words: list[str], status: int, reason: str
-) -> None:
-    source = [] if words[0] == "film.png" else ["film.gif"]
-    assert main(["quantize", *source, *words]) == status
-    error = capsys.readouterr().err
-    assert reason in error
-    assert len(error.splitlines()) == 1
-    assert {path.name for path in Path().iterdir()} == {"film.gif", "film.png"}
-
-
 # --- beside the pixels
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -10,8 +11,10 @@ import pytest
 from commands import Run
 
 from cvtimg import write_image
+from cvtimg.batch import WrongUsageError
+from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
-from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole
+from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole, collected
 
 #: The function behind each command, and what the command needs beside the option.
 BEHIND = {
@@ -79,3 +82,28 @@ def test_an_option_arrives_as_an_argument(verb: str, option: Option, run: Run, m
     assert "is far enough" in outcome.err
     expected = option.parse(value if isinstance(option.kind, Pair) else value[0] if value else True)
     assert arrived[option.keyword] == expected != option.default
+
+
+def given(option: Option, value: str = "") -> Any:
+    """Return a value of an option that is not its default."""
+    if isinstance(option.kind, Choice):
+        return value or next(name for name in option.kind.names if name != option.default)
+    return not option.default if isinstance(option.kind, Switch) else value or 0.125
+
+
+@pytest.mark.parametrize("verb", COMMANDS)
+def test_options_name_what_they_need_and_what_they_exclude(verb: str) -> None:
+    options = {option.name: option for option in options_of(verb)}
+    plain = {name: option.parse(None) for name, option in options.items()}
+    for name, option in options.items():
+        one = {**plain, name: given(option)}
+        if option.needs:
+            needed, _, value = option.needs[0].partition("=")
+            with pytest.raises(WrongUsageError, match=re.escape(f"{option.flag} needs {options[needed].flag}")):
+                collected(options.values(), one)
+            one[needed] = given(options[needed], value)
+        for other, _, value in (excluded.partition("=") for excluded in option.excludes):
+            if other in options:
+                both = {**one, other: given(options[other], value)}
+                with pytest.raises(WrongUsageError, match=" exclude each other"):
+                    collected(options.values(), both)

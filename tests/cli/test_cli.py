@@ -134,11 +134,6 @@ def test_more_than_256_colors_are_written_as_plain_rgb(run: Run, here: Path) -> 
     assert image_info("out.png").mode == "RGB"
 
 
-def test_deep_grey_stays_deep(run: Run, here: Path) -> None:
-    assert run("quantize", "pictures/deep.png", "-k", "5", "-o", "out.png").status == 0
-    assert read_image("out.png").dtype == np.uint16
-
-
 @pytest.mark.parametrize("suffix", ["png", "tif", "webp", "gif", "bmp", "ppm"])
 def test_a_picture_of_few_colors_comes_back_exactly(run: Run, here: Path, suffix: str) -> None:
     (row,) = run("quantize", "pictures/few.png", "-k", "7", "-o", f"out.{suffix}", "--json").rows
@@ -179,12 +174,6 @@ def test_the_same_seed_gives_the_same_bytes(run: Run, here: Path) -> None:
     assert Path("a.gpl").read_text() == Path("b.gpl").read_text().replace("Name: b", "Name: a")
 
 
-def test_another_seed_gives_another_file(run: Run, here: Path) -> None:
-    for seed in ("1", "2"):
-        run("quantize", "pictures/rgb.png", "-k", "9", "-o", f"{seed}.png", "--init", "random", "--seed", seed)
-    assert Path("1.png").read_bytes() != Path("2.png").read_bytes()
-
-
 @pytest.mark.slow
 def test_more_effort_gives_less_energy(run: Run, here: Path, photograph: NDArray[Any]) -> None:
     write_image("photograph.png", photograph)
@@ -210,11 +199,6 @@ def test_a_person_reads_a_table(run: Run, here: Path) -> None:
     assert head == ["input", "colors", "k", "energy", "psnr", "before", "after", "seconds", "output"]
     assert (first[0], first[2], first[-1]) == ("pictures/rgb.png", "7", "out/rgb.png")
     assert second[:5] == ["pictures/few.png", "7", "7", "0", "exact"]
-
-
-def test_brackets_in_names_are_not_markup(run: Run, here: Path) -> None:
-    write_image("[red]a[0].png", FEW)
-    assert "[red]a[0].png" in run("info", "[red]a[0].png").out
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
@@ -383,15 +367,6 @@ def test_the_unexpected_is_one_line_too(
     assert outcome.err == f"cvtimg: pictures/rgb.png: {reason}\n"
 
 
-def test_floating_point_pictures_are_refused_with_the_way_out(run: Run, here: Path) -> None:
-    Image.fromarray(GREY.astype(np.float32)).save("float.tif")
-    before = listing(here)
-    outcome = run("quantize", "float.tif", "-k", "4")
-    assert outcome.status == 1
-    assert_one_line(outcome.err, ".png cannot hold floating point samples", "use one of .tif")
-    assert listing(here) == before
-
-
 # Outputs that cannot be
 
 
@@ -449,72 +424,9 @@ def test_an_input_is_never_replaced(run: Run, here: Path, arguments: list[str]) 
     assert listing(here) == before
 
 
-def test_inputs_that_would_become_one_file_are_told_before_any_work(run: Run, here: Path) -> None:
-    write_image("rgb.tif", RGB)
-    before = listing(here)
-    outcome = run("quantize", "rgb.tif", "pictures/rgb.png", "-k", "4", "--out-dir", "out", "--overwrite")
-    assert outcome.status == 2
-    assert_one_line(outcome.err, "rgb.tif and pictures/rgb.png would both become out/rgb.png")
-    assert listing(here) == before
-
-
 # Wrong usage
 
 PICTURE = "pictures/rgb.png"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        ([PICTURE, "--goal", "error"], ["one of -k, --quality, --psnr, --max-bytes and --palette must be given"]),
-        ([PICTURE, "--palette", "p.gpl", "-k", "auto"], ["--palette and -k auto exclude each other"]),
-        ([PICTURE, "--palette", "p.gpl", "--lock", "#ffffff"], ["--palette and --lock exclude each other"]),
-        ([PICTURE, "--psnr", "30", "--max-bytes", "9"], ["--psnr and --max-bytes exclude each other"]),
-        ([PICTURE, "--psnr", "-1"], ["'-1' must be a number >= 0"]),
-        ([PICTURE, "--max-bytes", "0"], ["'0' must be a number of bytes >= 1"]),
-        ([PICTURE, "-k", "4", "--lock", "loud"], ["'loud' must be a color such as '#rgb'", "or a palette file"]),
-        ([PICTURE, "-k", "4", "--space", "hsv"], ["--space': 'hsv' must be one of rgb, linear, lab, oklab"]),
-        ([PICTURE, "-k", "4", "--dither", "bayes"], ["--dither': 'bayes' must be one of none, floyd-steinberg"]),
-        ([PICTURE, "-k", "4", "--dither-strength", "0.5"], ["--dither-strength needs --dither"]),
-        ([PICTURE, "-k", "4", "--dither", "blue-noise", "--dither-strength", "2"], ["'2' must be a number in 0..1"]),
-        ([PICTURE, "-k", "4", "--depth", "12"], ["--depth': '12' must be one of 8, 16"]),
-        (["-k", "4"], ["INPUT"]),
-        ([PICTURE, "-k", "abc"], ["-k", "'abc' must be auto or a whole number in 1..65536"]),
-        ([PICTURE, "-k", "0"], ["-k", "'0' must be auto or a whole number in 1..65536"]),
-        ([PICTURE, "-k", "-3"], ["-k", "'-3' must be auto or a whole number in 1..65536"]),
-        ([PICTURE, "-k", "1000000000"], ["-k", "'1000000000' must be auto or a whole number in 1..65536"]),
-        ([PICTURE, "-k", "9" * 5000], ["-k", "must be auto or a whole number in 1..65536"]),
-        ([PICTURE, "-k", "2.5"], ["-k", "'2.5' must be auto or a whole number"]),
-        ([PICTURE, "-k", "4", "--seed", "-1"], ["--seed", "'-1' must be a whole number in 0.."]),
-        ([PICTURE, "-k", "4", "--init", "luck"], ["--init': 'luck' must be one of split, k-means++, maximin, random"]),
-        ([PICTURE, "-k", "4", "--effort", "heroic"], ["--effort': 'heroic' must be one of fast, balanced, best"]),
-        ([PICTURE, "-k", "4", "-o", "out.xyz"], [".xyz' must end in one of .png,"]),
-        ([PICTURE, "-k", "4", "-o", "out"], ["out' must end in one of .png,"]),
-        ([PICTURE, "-k", "4", "-o", "out.jpg"], [".jpg' must end in one of .png,"]),
-        ([PICTURE, "-k", "4", "--save-palette", "p.xyz"], [".xyz' must end in one of .gpl, .json"]),
-        ([PICTURE, "-k", "4", "-o", "out.png", "--out-dir", "out"], ["-o and --out-dir exclude each other"]),
-        ([PICTURE, "-k", "4", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
-        (["pictures", "-k", "4"], ["5 inputs need --out-dir DIR"]),
-        (["pictures", "-k", "4", "-o", "out.png"], ["-o is for one input, and these are 5"]),
-        ([PICTURE, "missing.png", "-k", "4", "-o", "out.png"], ["-o is for one input, and these are 2"]),
-        (["pictures", "-k", "4", "--out-dir", "out", "--save-palette", "p.gpl"], ["--save-palette is for one input"]),
-        ([PICTURE, "-k", "4", "--colour", "red"], ["No such option: --colour"]),
-    ],
-)
-def test_wrong_usage_is_one_line_and_writes_nothing(
-    run: Run, here: Path, arguments: list[str], parts: list[str]
-) -> None:
-    before = listing(here)
-    outcome = run("quantize", *arguments)
-    assert (outcome.status, outcome.out) == (2, "")
-    assert_one_line(outcome.err, *parts, "(see cvtimg quantize --help)")
-    assert listing(here) == before
-
-
-def test_an_unknown_command_is_wrong_usage(run: Run) -> None:
-    outcome = run("quantise")
-    assert outcome.status == 2
-    assert_one_line(outcome.err, "No such command 'quantise'", "did you mean quantize?")
 
 
 def test_what_other_programs_call_things_is_understood(run: Run, here: Path) -> None:
@@ -852,57 +764,6 @@ def test_equal_rows_are_all_explained_by_one_generator(run: Run, here: Path) -> 
     assert (row["energy"], row["explained"]) == (0, 1)
 
 
-@pytest.mark.parametrize(
-    ("options", "parts"),
-    [
-        ([], ["line 2, column 'site': 'S0' is not a number; choose columns of numbers (--columns height,girth,count)"]),
-        (["--columns", "height,age"], ["column 'age' must be one of site, height, girth, count"]),
-        (["--columns", "height", "--weight", "height"], ["column 'height' is the weight"]),
-        (["--columns", "height", "-k", "41"], ["n_generators=41 must be in 1..40, the number of samples"]),
-        (["--columns", "count", "-k", "5"], ["n_generators=5 must be in 1..4, the number of distinct samples"]),
-        (["--columns", "count", "-o", "exists.csv"], ["exists.csv: exists already"]),
-    ],
-)
-def test_a_table_that_fails_is_one_line_and_nothing_is_written(
-    run: Run, table: Path, options: list[str], parts: list[str]
-) -> None:
-    Path("exists.csv").write_text("mine")
-    before = listing(Path())
-    outcome = run("cluster", table, "-k", "3", *options)
-    assert (outcome.status, outcome.out) == (1, "")
-    assert_one_line(outcome.err, "cvtimg: trees.csv: ", *parts)
-    assert listing(Path()) == before
-
-
-@pytest.mark.parametrize(
-    ("options", "parts"),
-    [
-        ([], ["Missing option '--clusters' / '-k'"]),
-        (["-k", "0"], ["'0' must be auto or a whole number in 1.."]),
-        (["-k", "3", "--missing", "guess"], ["--missing': 'guess' must be one of error, drop"]),
-        (["-k", "3", "--effort", "heroic"], ["--effort': 'heroic' must be one of fast, balanced, best"]),
-        (["-k", "3", "--init", "luck"], ["--init': 'luck' must be one of split,"]),
-        (["-k", "3", "--columns", "a,,b"], ["--columns: 'a,,b' must be names with commas between them"]),
-        (["-k", "3", "--columns", ""], ["--columns: '' must be names"]),
-        (["-k", "3", "-o", "labels.txt"], [".txt' must end in one of .csv, .npy"]),
-        (["-k", "3", "--generators", "g.npy"], [".npy' must end in one of .csv"]),
-        (["-k", "3", "-o", "x.csv", "--generators", "x.csv"], ["two outputs of trees.csv would both become x.csv"]),
-        (["-k", "3", "-o", "trees.csv", "--overwrite"], ["trees.csv is an input, which is never replaced"]),
-        (["-k", "3", "--json", "--quiet"], ["--json and --quiet exclude each other"]),
-        (["pictures/rgb.png", "-k", "3"], ["2 inputs need --out-dir DIR"]),
-        (["a.csv", "-k", "3", "--generators", "g.csv", "--out-dir", "out"], ["--generators is for one input"]),
-    ],
-)
-def test_wrong_usage_of_cluster_is_one_line_and_writes_nothing(
-    run: Run, table: Path, options: list[str], parts: list[str]
-) -> None:
-    before = listing(Path())
-    outcome = run("cluster", table, *options)
-    assert (outcome.status, outcome.out) == (2, "")
-    assert_one_line(outcome.err, *parts, "(see cvtimg cluster --help)")
-    assert listing(Path()) == before
-
-
 def test_cluster_imports_nothing_for_pictures(table: Path) -> None:
     modules = modules_of("cluster", "trees.csv", "-k", "3", "--columns", "height", "--quiet", cwd=Path.cwd())
     assert "numpy" in modules
@@ -927,27 +788,3 @@ def test_the_launcher_says_how_to_install_in_one_line(here: Path) -> None:
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 1
     assert re.fullmatch(r"cli\.py: cvtimg is not installed .*pip install \.`\n", done.stderr)
-
-
-@pytest.mark.parametrize(
-    ("words", "options"),
-    [(["--volume-power", "2"], {"volume_power": 2}), (["--method", "macqueen"], {"method": "macqueen"})],
-)
-def test_method_and_volume_power_reach_the_engine(
-    run: Run, here: Path, words: list[str], options: dict[str, Any], photograph: NDArray[Any]
-) -> None:
-    picture = photograph[::4, ::4]
-    write_image(here / "in.png", picture)
-    assert run("quantize", "in.png", "-k", 8, "-o", "out.png", *words).status == 0
-    expected = cvtimg.quantize(picture, 8, **options).image
-    np.testing.assert_array_equal(read_image(here / "out.png"), expected)
-    assert (expected != cvtimg.quantize(picture, 8).image).any()
-
-
-@pytest.mark.parametrize("words", [["--volume-power", "-1"], ["--volume-power", "nan"], ["--method", "magic"]])
-@pytest.mark.parametrize("command", ["quantize", "cluster"])
-def test_a_wrong_method_or_power_is_wrong_usage(run: Run, here: Path, command: str, words: list[str]) -> None:
-    outcome = run(command, "pictures/rgb.png", "-k", 2, *words)
-    assert outcome.status == 2
-    assert words[1] in outcome.err
-    assert len(outcome.err.splitlines()) == 1

@@ -116,20 +116,6 @@ def test_criteria_and_functions_are_those_of_python(capsys: pytest.CaptureFixtur
     assert (dense[:, 0] < 0.5).sum() > 7
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--feasible", "speed < 1"], "--feasible 'speed < 1' has no axis 'speed'; there are x1, x2"),
-        (["--density", "exp("], "--density 'exp(' cannot be computed"),
-        (["--feasible", "x1 < 0"], "feasible must hold for more of the box"),
-        (["--criterion", "maximin", "--no-latin"], "must not be given with latin=False"),
-    ],
-)
-def test_wrong_functions_are_named(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "-n", "5", "-d", "2", *words]) == 1
-    assert message in capsys.readouterr().err
-
-
 def test_shuffled_runs_are_the_same_in_another_order() -> None:
     options = ["design", "-n", "12", "-d", "2", "--effort", "fast"]
     for name, more in (("plain", []), ("one", ["--shuffle", "1"]), ("again", ["--shuffle", "1"])):
@@ -137,72 +123,3 @@ def test_shuffled_runs_are_the_same_in_another_order() -> None:
     plain, one, again = (table(f"{name}.csv") for name in ("plain", "one", "again"))
     assert sorted(plain) == sorted(one)
     assert plain != one == again
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("a,,,,A,", "a must have two or more levels"),
-        ("a,0,1,,A|B,", "a must have two or more levels"),
-        ("a,0,1.5,integer,,", "a of kind integer must be"),
-        ("a,0,1,odd,,", "a of kind odd must be"),
-    ],
-)
-def test_wrong_factors_are_named(line: str, message: str, capsys: pytest.CaptureFixture[str], here: Path) -> None:
-    (here / "factors.csv").write_text(f"name,low,high,kind,levels,unit\n{line}\n")
-    assert main(["design", "-n", "3", "--bounds", "factors.csv"]) == 1
-    assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["-n", "3"], "give one of -d, --bounds and --axis"),
-        (["-n", "3", "-d", "2", "--bounds", "bounds.csv"], "give one of -d, --bounds and --axis"),
-        (["-n", "0", "-d", "2"], "'0' must be a whole number in 1..65536"),
-        (["-n", "3", "-d", "2", "-o", "a.txt"], ".csv, .npy"),
-        (["-n", "3", "-d", "2", "--criterion", "best"], "'best' must be one of cvt"),
-    ],
-)
-def test_wrong_usage_is_named(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_a_file_of_bounds_with_other_columns_is_named(capsys: pytest.CaptureFixture[str], here: Path) -> None:
-    (here / "bad.csv").write_text("axis,from,to\na,0,1\n")
-    assert main(["design", "-n", "3", "--bounds", "bad.csv", "-o", "a.csv"]) == 1
-    assert "bad.csv: must have the columns name, low and high" in capsys.readouterr().err
-    assert not (here / "a.csv").exists()
-
-
-@pytest.mark.parametrize("output", [[], ["-o", "a.csv"]])
-@pytest.mark.parametrize("option", ["--bounds", "--existing"])
-def test_a_missing_file_is_named(
-    option: str, output: list[str], capsys: pytest.CaptureFixture[str], here: Path
-) -> None:
-    others = [] if option == "--bounds" else ["-d", "2"]
-    assert main(["design", "-n", "3", option, "missing.csv", *others, *output]) == 1
-    assert capsys.readouterr().err.startswith("cvtimg: missing.csv: no such file")
-
-
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        ("a,0,1\na,0,1", "there must be one axis named a, not 2"),
-        ("heat,90,20", "heat from 90 to 20 must be finite, the first below the second"),
-        ("", "must have a line"),
-    ],
-)
-def test_bounds_without_a_box_are_refused_by_their_file(
-    lines: str, message: str, capsys: pytest.CaptureFixture[str], here: Path
-) -> None:
-    (here / "bad.csv").write_text(f"name,low,high\n{lines}\n")
-    assert main(["design", "-n", "3", "--bounds", "bad.csv"]) == 1
-    assert f"cvtimg: bad.csv: {message}" in capsys.readouterr().err
-
-
-def test_errors_of_a_design_that_is_printed_are_told(capsys: pytest.CaptureFixture[str], here: Path) -> None:
-    (here / "old.csv").write_text("x1,x2\n5,5\n")
-    assert main(["design", "-n", "3", "-d", "2", "--existing", "old.csv"]) == 1
-    assert capsys.readouterr().err == "cvtimg: x1 of existing[0]=5.0 must be within its bounds, 0..1\n"

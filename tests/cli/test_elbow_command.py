@@ -111,26 +111,6 @@ def test_nothing_is_overwritten_unasked(drawing: Path, tmp_path: Path, capsys: p
     assert drawing.read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--rule", "knee"], "--rule': 'knee' must be one of chord"),
-        (["--rule", "psnr", "--space", "lab"], "--rule psnr needs --space rgb"),
-        (["--target", "3"], "--target needs --rule variance or --rule psnr"),
-        (["--plot", "a.gif"], ".gif' must end in one of .png, .svg"),
-        (["--k-max", "0"], "must be a whole number in 1"),
-        (["--space", "hsv"], "--space': 'hsv' must be one of rgb"),
-        (["--effort", "much"], "--effort': 'much' must be one of fast"),
-        (["--effort", "best", "--edge-weight", "3"], "--effort cannot be used with --averaging or --edge-weight"),
-    ],
-)
-def test_wrong_usage_is_told(
-    drawing: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["elbow", str(drawing), *arguments]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_quantize_takes_the_elbow_and_says_why(drawing: Path, row_of: RowOf) -> None:
     image = read_image(drawing)
     result = quantize(image, "auto")
@@ -139,6 +119,8 @@ def test_quantize_takes_the_elbow_and_says_why(drawing: Path, row_of: RowOf) -> 
     assert (result.image == image).all()
     row = row_of("quantize", str(drawing), "-k", "auto")
     assert (row["k"], row["elbow"]["chord"]) == (6, 6)
+    with pytest.raises(ValueError, match="must be a number with psnr"):
+        quantize(image, "auto", psnr=30)
 
 
 def test_transparent_pixels_count_as_a_color(drawing: Path) -> None:
@@ -148,13 +130,6 @@ def test_transparent_pixels_count_as_a_color(drawing: Path) -> None:
     result = quantize(np.dstack([image, alpha]), "auto", alpha=True)
     left = np.unique(image[40:].reshape(-1, 3), axis=0)
     assert len(result.palette) == len(left) + 1
-
-
-def test_auto_and_other_aims_exclude_each_other(drawing: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["quantize", str(drawing), "-k", "auto", "--psnr", "30"]) == 2
-    assert "--psnr and -k auto" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="must be a number with psnr"):
-        quantize(read_image(drawing), "auto", psnr=30)
 
 
 def test_cluster_takes_the_elbow_and_says_why(table: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -65,14 +65,3 @@ def test_a_port_that_is_taken_is_named(capsys: pytest.CaptureFixture[str]) -> No
         port = other.getsockname()[1]
         assert main(["explore", "--no-browser", "--port", str(port)]) == 1
     assert capsys.readouterr().err == f"cvtimg: port {port}: address already in use\n"
-
-
-@pytest.mark.parametrize("port", ["-1", "65536", "x"])
-def test_ports_out_of_range_are_refused(port: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explore", "--no-browser", "--port", port]) == 2
-    assert "0..65535" in capsys.readouterr().err
-
-
-def test_pictures_that_are_not_there_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["explore", "--no-browser", str(tmp_path / "none.png")]) == 1
-    assert "none.png: no such file" in capsys.readouterr().err

@@ -207,14 +207,6 @@ def test_a_type_that_a_format_cannot_hold_is_said(run: Run) -> None:
     assert not Path("low.png").exists()
 
 
-def test_a_mask_of_another_size_is_refused(run: Run) -> None:
-    write_image("in.png", COLORS)
-    write_image("mask.png", ~LEFT_OUT[:5])
-    row = run("in.png", "-k", "4", "--mask", "mask.png", "-o", "out.png")
-    assert "the mask mask.png must have 32 x 24 pixels, as the image, and has 32 x 5 pixels" in row["error"]
-    assert not Path("out.png").exists()
-
-
 @pytest.mark.parametrize("page", [1, 2, 3])
 def test_a_page_takes_the_page_of_the_mask_with_its_number(run: Run, page: int) -> None:
     masks = np.zeros((3, *COLORS.shape[:2]), np.uint8)

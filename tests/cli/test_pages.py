@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -208,51 +207,3 @@ def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
     assert image_info("c.tif").channels == ("DAPI", "GFP")
     first = restore([np.moveaxis(channels[0], 0, -1)], 3, alpha=False)
     np.testing.assert_array_equal(read_pages("c.tif").joined().images[0], first.image)
-
-
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        (["quantize", "rgb.tif", "-k", "3"], "has several pages: name an output that can hold them, -o FILE.tif"),
-        (["quantize", "rgb.tif", "-k", "3", "--depth", "8", "-o", "a.tif"], "--depth cannot be used for"),
-        (["segment", "rgb.tif", "-k", "3"], "has several pages: name an output that can hold them, -o FILE.tif"),
-        (["segment", "rgb.tif", "-k", "3", "--edges", "e.png"], "that can hold them, --edges FILE.tif"),
-        (["segment", "rgb.tif", "-k", "3", "--contours", "c.svg"], "--contours holds one"),
-        (["restore", "gray.tif", "-k", "3", "-o", "r.png"], "name an output that can hold them, -o FILE.tif"),
-        (["restore", "gray.tif", "-k", "3", "-o", "r.tif", "--sheet", "s.png"], "--sheet shows one"),
-        (["segment", "rgb.tif", "--objects", "--volume", "-o", "l.tif"], "--pixel-size, such as 0.3x0.3x2um"),
-        (["segment", "rgb.tif", "--objects", "--volume", "-k", "2", "-o", "l.tif"], "takes no -k"),
-        (["segment", "gray.tif", "--objects", "--track", "-o", "l.tif"], "without T to track objects along"),
-        (["segment", "gray.tif", "-k", "2", "--track", "-o", "l.tif"], "--track needs --objects"),
-        (["segment", "gray.tif", "--objects", "--volume", "--z", "1", "-o", "l.tif"], "a volume has several planes"),
-        (["restore", "gray.tif", "-k", "3", "--merge", "T", "-o", "r.tif"], "without T to --merge"),
-        (["quantize", "one.png", "-k", "3", "--weight-map", "gray.tif"], "has 3 pages, where one image is expected"),
-    ],
-)
-def test_what_has_no_room_for_pages_says_so(
-    capsys: pytest.CaptureFixture[str], command: list[str], reason: str
-) -> None:
-    assert main(command) in (1, 2)
-    assert reason in capsys.readouterr().err
-    assert {path.name for path in Path().iterdir()} == {"rgb.tif", "gray.tif"}
-
-
-@pytest.mark.parametrize(
-    ("axes", "options", "message"),
-    [
-        ("ZYX", ["--volume"], "needs the size of voxels; name it by --pixel-size, such as 0.3x0.3x2um"),
-        ("ZYX", ["--volume", "--pixel-size", "0.3um"], "of which only 0.3 um is known"),
-        ("QZYX", ["--volume", "--pixel-size", "1x1x2um"], r"has the axes QZYX, where \(T\)ZYX is expected"),
-        ("ZYX", ["--track"], "has the axes ZYX, without T to track objects along; --axes names them"),
-        ("TZYX", ["--track"], "has the axes TZYX: objects are tracked with --volume, or in one plane, --z N"),
-        ("YX", ["--volume", "--pixel-size", "1x1x2um"], "is one image, and a volume has several planes"),
-    ],
-)
-def test_what_a_stack_lacks_for_volumes_and_tracks_is_one_line(
-    axes: str, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shape = (2, 3, 8, 8)[-len(axes) :]
-    tifffile.imwrite("s.tif", np.zeros(shape, np.uint8), photometric="minisblack", metadata={"axes": axes})
-    assert main(["segment", "s.tif", "--objects", "-o", "l.tif", *options]) == 1
-    assert re.search(f"^cvtimg: s.tif: .*{message}", capsys.readouterr().err)
-    assert not Path("l.tif").exists()

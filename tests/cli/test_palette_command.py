@@ -86,23 +86,6 @@ def test_colors_are_saved_with_their_shares(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "a.json").read_text())["colors"][0]["share"] == 0.5
 
 
-def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_image(tmp_path / "a.png", FLAG)
-    write_image(tmp_path / "bands.tif", np.zeros((2, 2, 6), np.uint8))
-    cases = [
-        (["a.png", "b.png", "--save-palette", "c.hex"], 2, "--save-palette is for one input, and these are 2"),
-        (["a.png", "--save-palette", "c.xyz"], 2, "c.xyz' must end in one of .gpl"),
-        (["b.png"], 1, "b.png: no such file"),
-        (["bands.tif"], 1, "has 6 bands, which are not colors"),
-    ]
-    for arguments, status, reason in cases:
-        given = [argument if argument[0] == "-" else str(tmp_path / argument) for argument in arguments]
-        assert main(["palette", *given]) == status
-        error = capsys.readouterr().err
-        assert reason in error
-        assert len(error.splitlines()) == 1
-
-
 def test_main_colors_have_small_vivid_parts(tmp_path: Path, row_of: RowOf) -> None:
     field = np.zeros((50, 100, 3), np.uint8)
     field[:, :, 1] = np.linspace(100, 220, 100)

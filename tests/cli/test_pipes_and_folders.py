@@ -125,23 +125,6 @@ def test_a_reader_that_leaves_early_gets_no_complaint(here: Path, words: list[st
     assert (done.returncode, done.stderr) == (1, b"")
 
 
-@pytest.mark.parametrize(
-    ("command", "message"),
-    [
-        (["quantize", "a.png", "-k", "4", "-o", "-", "--json"], "--json needs standard output for itself"),
-        (["quantize", "a.png", "b.png", "-k", "4", "-o", "x.png"], "these are 2: use --out-dir DIR for several"),
-        (["quantize", "a.png", "-k", "4", "-o", "xyz:-"], "'-.xyz' must end in one of"),
-        (["quantize", "-", "-k", "4", "--shared-palette", "-o", "x.png"], "reads each input twice"),
-    ],
-)
-def test_what_pipes_cannot_do_is_wrong_usage(
-    here: Path, capsys: pytest.CaptureFixture[str], command: list[str], message: str
-) -> None:
-    write_image("b.png", RGB)
-    assert cli.main(command) == 2
-    assert message in capsys.readouterr().err
-
-
 # Folders
 
 

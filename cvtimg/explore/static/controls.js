@@ -64,7 +64,7 @@ export class Controls {
 	}
 
 	number(control, id) {
-		const {from, to, step, log} = control, places = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
+		const {low, high, step, log} = control, [from, to] = control.slider ?? [low, high], places = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
 		const toSlider = value => log ? Math.round(1000 * Math.log(value / from) / Math.log(to / from)) : value;
 		const rounded = value => Number((Math.round(value / step) * step).toFixed(places));
 		const fromSlider = value => log ? rounded(from * (to / from) ** (value / 1000)) : rounded(Number(value));

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import write_image
+from cvtimg.explore.calls import Call, Line, Name, Named, literal, run
 from cvtimg.explore.controls import Brushed, Control, Settings, Switch, UnfitRequestError, active, words_of
-from cvtimg.explore.layers import Window
+from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 
-__all__ = ["OpenFiles", "Request", "Tab", "reading", "saved"]
+__all__ = ["OpenFiles", "Request", "Tab", "reading"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +49,7 @@ class Request:
     files: OpenFiles  # What else is open
     window: Window  # The part that a draft has to show
     is_whole: bool = False  # Whether all frames are wanted if the picture is one of several
+    step: int = 1  # Every how many pixels are used, for a draft
 
     @property
     def source(self) -> Picture:
@@ -63,6 +62,10 @@ class Request:
         if self.opened is None:
             raise UnfitRequestError("open an image first")
         return self.opened
+
+    def every(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return the pixels of an array that are used."""
+        return array[:: self.step, :: self.step] if self.step > 1 else array  # that of a file with alpha says so
 
     @property
     def stem(self) -> str:
@@ -84,13 +87,25 @@ class Tab:
     for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
-    def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python that make the result."""
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python that make the result, which are run as they are shown."""
         raise NotImplementedError
+
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return what the page shows of the values of these lines: a layer, and facts."""
+        raise NotImplementedError
+
+    def run(self, request: Request) -> dict[str, Any]:
+        """Run the lines, and return the values of their names."""
+        return run(self.lines(request))
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the files that the result can be saved as, the main one first."""
         raise NotImplementedError
+
+    def recipe(self, request: Request) -> Recipe:
+        """Return the command and the lines of Python that make the result."""
+        return Recipe(self.words(request), self.lines(request), for_many=not self.sheet)
 
     def draft_pixels(self, settings: Settings) -> int:
         """Return how many pixels a draft has at most: as many as are shown while a control moves."""
@@ -102,7 +117,12 @@ class Tab:
 
     def exact(self, request: Request) -> Outcome:
         """Return the result."""
-        raise NotImplementedError
+        values = self.run(request)
+        return Outcome(*self.seen(request, values), values, self.outputs(request), request.stem)
+
+    def quick(self, request: Request, drawn: Window | None = None) -> Outcome:
+        """Return a draft, of a part of the picture: what the lines of a simpler request make."""
+        return Outcome(*self.seen(request, self.run(request)), drawn=drawn)
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
@@ -125,19 +145,20 @@ class Tab:
         """Return the files of these images, which the command reads."""
         maps = self.maps(request)
         return [
-            Output(f"{one.label}, PNG", one.flag, one.pattern, partial(_save_map, image=maps[one.name]), "", read=True)
+            Output(f"{one.label}, PNG", one.flag, one.pattern, Call("write_image", (maps[one.name],)), read=True)
             for one in self._brushed(request)
         ]
 
-    def map_lines(self, request: Request) -> str:
-        """Write in Python that these images are read."""
-        names = {one.name: quoted(one.pattern.format(request.stem)) for one in self._brushed(request)}
-        return "".join(f"\n{name} = cvtimg.read_image({file})" for name, file in names.items())
+    def map_lines(self, request: Request) -> list[Line]:
+        """Return the lines by which these images are read."""
+        files = {one.name: literal(one.pattern.format(request.stem)) for one in self._brushed(request)}
+        maps = self.maps(request)
+        return [Line(name, Named(f"cvtimg.read_image({file})", maps[name])) for name, file in files.items()]
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
-        counted = [control for control in active(self.controls, settings) if control.keyword]
-        return {one.keyword: settings[one.name] for one in counted if settings[one.name] != one.default}
+        counted = [one for one in active(self.controls, settings) if one.keyword and one.says(settings[one.name])]
+        return {one.keyword: one.to(settings[one.name]) if one.to else settings[one.name] for one in counted}
 
     def in_effect(self, settings: Settings) -> set[str]:
         """Return the names of the controls that are in effect."""
@@ -168,19 +189,14 @@ def brushes(label: str) -> Switch:
     return Switch(name="brushes", label=label, about=about)
 
 
-def reading(picture: Picture) -> str:
-    """Write in Python that the picture is read."""
-    return f"import cvtimg\n\nimage = {picture.python}"
+IMAGE = Name("image")
 
 
-def _save_map(result: Any, path: Path, image: NDArray[np.uint8]) -> None:
-    write_image(path, image)
+def reading(request: Request) -> Line:
+    """Return the line by which the picture is read."""
+    return Line("image", Named(request.picture.python, request.every(request.picture.array)))
 
 
-def saved(result: Any, path: Path) -> None:
-    """Save a result that can save itself."""
-    result.save(path)
-
-
-#: The lines of Python that do the same.
-SAVED = "result.save({})"
+def missing(picture: Picture) -> str:
+    """Write in Python which pixels are no missing values."""
+    return f"(image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"

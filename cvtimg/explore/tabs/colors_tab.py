@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import find_palette, read_palette, write_palette
+from cvtimg import find_palette, read_palette
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
-from cvtimg.explore.calls import Call, Named
+from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal
 from cvtimg.explore.controls import (
     Brushed,
     Choice,
@@ -27,10 +26,10 @@ from cvtimg.explore.controls import (
     UnfitRequestError,
     controls_of,
 )
-from cvtimg.explore.layers import Indexed
+from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import MASK, SAVED, Request, Tab, brushes, reading, saved
+from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing, reading
 from cvtimg.options.common import color_bits
 from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
@@ -49,7 +48,10 @@ _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 #: The format of pages, with its label.
 _PAGES = {"Pages, TIFF": ".tif"}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
-_KILO = 1000
+
+
+def _in_bytes(kilobytes: int) -> int:
+    return 1000 * kilobytes
 
 
 class ColorsTab(Tab):
@@ -87,6 +89,8 @@ class ColorsTab(Tab):
             unit="kB",
             suffix="kB",
             flag="--max-bytes",
+            keyword="max_bytes",
+            to=_in_bytes,
             always=True,
             when={"aim": ["max_bytes"]},
         ),
@@ -107,7 +111,7 @@ class ColorsTab(Tab):
             when={"aim": list(_SEARCHED)},
             about="Kept in the palette as they are. Pick them in the image, or lock colors of the palette.",
         ),
-        ("color_bits", {"when": {"aim": list(_SEARCHED)}, "keyword": ""}),
+        ("color_bits", {"when": {"aim": list(_SEARCHED)}}),
         ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
         replace(brushes("Mask, weights"), only="images"),
@@ -130,68 +134,72 @@ class ColorsTab(Tab):
         if request.source.frames:
             is_film = isinstance(request.source.frames, Frames)
             ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
-            images = [Output(label, "-o", "{}-quantized" + end, saved, SAVED) for label, end in ends.items()]
-            if request.settings["per_frame"]:
-                return images
-            return [*images, *(_palette_output(end, label, _COUNTED_FRAMES) for end, label in _PALETTES.items())]
+            images = [Output(label, "-o", "{}-quantized" + end) for label, end in ends.items()]
+            return images if request.settings["per_frame"] else [*images, *_palettes(N_PIXELS_OF_ALL)]
         suffix = _suffix(request.picture)
         suffixes = [suffix] if suffix != ".png" else [".png", ".webp", ".gif"]
-        images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end, saved, SAVED) for end in suffixes]
-        palettes = [_palette_output(end, label) for end, label in _PALETTES.items()]
-        return [*images, *palettes, *self.map_outputs(request)]
+        images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
+        return [*images, *_palettes(N_PIXELS), *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        request = _fitting(request)
-        settings, picture = request.settings, request.picture
-        call = self._call(request)
-        known = _KNOWN if picture.header.nodata is not None and picture.known is not None else ""
-        words = ["-k", "auto"] if settings["aim"] == "auto" else []
-        if settings["aim"] == "palette":
-            words = ["--palette", request.files.palette(settings["palette"])[0]]
-        if settings["dither"] != "none" and settings["strength"] != _usual_strength(settings):
-            words += ["--dither-strength", f"{settings['strength']:g}"]
-        if request.source.frames:
-            is_film, name = isinstance(request.source.frames, Frames), quoted(request.source.name)
-            read = f"read_frames({name})" if is_film else f"read_pages({name}).joined()"
-            lines = f"import cvtimg\n\nframes = cvtimg.pictures.{read}\nresult = {call.text('frames')}"
-            return Recipe(self.words(request, *words), lines, always="" if is_film else "{}-quantized.tif")
-        start = reading(picture) + known.format(picture.header.nodata) + self.map_lines(request)
-        return Recipe(self.words(request, *words), f"{start}\nresult = {call.text()}")
+        has_pages = request.source.frames and not isinstance(request.source.frames, Frames)
+        always = "{}-quantized.tif" if has_pages else ""
+        return Recipe(self.words(request), self.lines(request), always=always)
 
-    def _call(self, request: Request) -> Call:
-        settings, picture = request.settings, request.picture
-        keywords = self._mapping(settings)
-        if picture.header.nodata is not None and picture.known is not None:
-            keywords["mask"] = Named("known", picture.known)
-        maps = self.maps(request)
+    def words(self, request: Request, *more: str) -> list[str]:
+        """Return the words of the command."""
+        request = _fitting(request)
+        settings = request.settings
+        if settings["aim"] == "auto":
+            more = ("-k", "auto")
+        elif settings["aim"] == "palette":
+            more = ("--palette", request.files.palette(settings["palette"])[0])
+        if "dither_strength" in (keywords := self.keywords(settings)):
+            more += ("--dither-strength", f"{keywords['dither_strength']:g}")
+        return Tab.words(self, request, *more)
+
+    def keywords(self, settings: Settings) -> dict[str, Any]:
+        """Return the keyword arguments; there is no usual strength of dithering for given palettes."""
+        keywords = Tab.keywords(self, settings)
+        usual = 1.0 if settings["aim"] == "palette" else STRENGTH
+        if settings["dither"] != "none" and settings["strength"] != usual:
+            keywords["dither_strength"] = settings["strength"]
+        return keywords
+
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python."""
+        request = _fitting(request)
+        settings, picture, frames = request.settings, request.picture, request.source.frames
+        keywords, maps = self.keywords(settings), self.maps(request)
+        if frames:
+            name = literal(request.source.name)
+            read = f"read_frames({name})" if isinstance(frames, Frames) else f"read_pages({name}).joined()"
+            lines = [Line("frames", Named(f"cvtimg.pictures.{read}", frames))]
+        else:
+            lines = [reading(request)]
+        known = picture.known if picture.header.nodata is not None else None
+        if known is not None:
+            lines += [Line("known", Named(missing(picture), known))]
+            keywords["mask"] = Name("known")
+        lines += self.map_lines(request)
         if (mask := maps.pop("mask", None)) is not None:
-            known = keywords.get("mask")
-            keywords["mask"] = Named("known & (mask > 0)", known.value & (mask > 0)) if known else Named("mask", mask)
-        keywords |= {name: Named(name, image) for name, image in maps.items()}
-        dtype = picture.array.dtype
-        function = "quantize_frames" if request.source.frames else "quantize"
-        if settings["per_frame"]:
-            keywords["per_frame"] = True
+            drawn = mask > 0
+            both = None if known is None else Named("known & (mask > 0)", known & drawn)
+            keywords["mask"] = both or Name("mask")
+        keywords |= {name: Name(name) for name in maps}
+        number: tuple[Any, ...] = ()
         if settings["aim"] == "palette":
-            name, colors = request.files.palette(settings["palette"])
-            text = f"cvtimg.read_palette({quoted(name)})"
-            if dtype != np.uint8:
-                text = f"cvtimg.colors.to_depth({text}, image.dtype)"
-            return Call(function, (), {"palette": Named(text, to_depth(colors, dtype)), **keywords})
-        if (own := self._own_palette(request)) is not None and "weights" not in keywords:
-            return Call(function, (), {"palette": own, **keywords})
-        if settings["locked"]:
-            keywords["locked"] = to_depth(rgb(settings["locked"]), dtype)
-        keywords |= _bits(settings)
-        if settings["effort"] != "balanced":
-            keywords["effort"] = settings["effort"]
-        if settings["aim"] == "psnr":
-            return Call(function, (), {"psnr": settings["psnr"], **keywords})
-        if settings["aim"] == "max_bytes":
-            return Call(function, (), {"max_bytes": settings["max_bytes"] * _KILO, **keywords})
-        n_colors = settings["k"] if settings["aim"] == "k" else "auto"
-        return Call(function, (n_colors,), keywords)
+            keywords["palette"] = read_as(*request.files.palette(settings["palette"]), picture.array.dtype)
+        elif (own := self._own_palette(request)) is not None and "weights" not in keywords:
+            keywords["palette"] = own
+            keywords.pop("effort", None)
+        else:
+            if settings["locked"]:
+                keywords["locked"] = to_depth(rgb(settings["locked"]), picture.array.dtype)
+            number = {"k": (settings["k"],), "auto": ("auto",)}.get(settings["aim"], ())
+        images = Name("frames") if frames else IMAGE
+        return [*lines, Line("result", Call("quantize_frames" if frames else "quantize", (images, *number), keywords))]
 
     def _own_palette(self, request: Request) -> Named | None:
         """Return the palette of an indexed picture of few colors, which it keeps."""
@@ -201,16 +209,7 @@ class ColorsTab(Tab):
             return None
         colors = picture.kept("own palette", lambda: read_palette(picture.path))
         fits = len(colors) <= settings["k"] and colors.shape[1:] == picture.array.shape[2:]
-        return Named(f"cvtimg.read_palette({quoted(picture.name)})", colors) if fits else None
-
-    def _mapping(self, settings: Settings) -> dict[str, Any]:
-        """Return how pixels get their colors."""
-        keywords = {} if settings["space"] == "rgb" else {"space": settings["space"]}
-        if settings["dither"] != "none":
-            keywords["dither"] = settings["dither"]
-            if settings["strength"] != _usual_strength(settings):
-                keywords["dither_strength"] = settings["strength"]
-        return keywords
+        return Named(f"cvtimg.read_palette({literal(picture.name)})", colors) if fits else None
 
     def draft_pixels(self, settings: Settings) -> int:
         """Return as many pixels as are mapped in a tenth of a second."""
@@ -230,7 +229,7 @@ class ColorsTab(Tab):
             dither=dither,
             dither_strength=settings["strength"] if dither else 1.0,
         )
-        return replace(self._outcome(picture, result), drawn=request.window)
+        return Outcome(*self.seen(request, {"result": result}), drawn=request.window)
 
     def _quick_palette(self, request: Request) -> NDArray[Any] | None:
         """Return a palette near the one that the exact result will have; None if none is found quickly."""
@@ -259,36 +258,24 @@ class ColorsTab(Tab):
 
     def exact(self, request: Request) -> Outcome:
         """Quantize the picture."""
-        request = _fitting(request)
-        call, outputs = self._call(request), self.outputs(request)
-        if request.source.frames:
-            return self._animated(request, call.run(request.source.frames), outputs)
-        result: Quantized = call.run(request.picture.array)
-        return self._outcome(request.picture, result, outputs)
+        outcome = Tab.exact(self, request)
+        if isinstance(result := outcome.values["result"], QuantizedSeries):
+            outcome.frames = [self.seen(request, {"result": one}) for one in result.results]
+        return outcome
 
-    def _animated(self, request: Request, result: QuantizedSeries, outputs: Sequence[Output]) -> Outcome:
-        seen = [self._outcome(request.picture, one) for one in result.results]
-        frames = [(one.layer, one.facts) for one in seen]
-        return Outcome(result, seen[0].layer, seen[0].facts, outputs, request.stem, frames=frames)
-
-    def _outcome(self, picture: Picture, result: Quantized, outputs: Sequence[Output] = ()) -> Outcome:
-        colors = picture.colors_seen(result.palette, alpha=result.alpha)
-        indices = result.indices
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the picture in its palette."""
+        result: Quantized = values["result"]
+        if isinstance(result, QuantizedSeries):
+            result = result.results[0]
+        colors, indices = request.picture.colors_seen(result.palette, alpha=result.alpha), result.indices
         counts = np.bincount(indices.ravel(), minlength=len(colors))
         if result.inside is not None:
             indices = np.where(result.inside, indices, len(colors)).astype(np.uint32)
             counts[0] -= np.count_nonzero(~result.inside)
             colors = np.append(colors, np.zeros((1, 4), np.uint8), axis=0)
-        facts = {
-            "k": len(result.palette),
-            "psnr": result.psnr if math.isfinite(result.psnr) else None,
-            "counts": counts.tolist(),
-        }
-        return Outcome(result, Indexed(indices, colors), facts, outputs, picture.stem)
-
-
-_KNOWN = """
-known = (image.reshape(*image.shape[:2], -1) != {}).any(axis=2)"""
+        psnr = result.psnr if math.isfinite(result.psnr) else None
+        return Indexed(indices, colors), {"k": len(result.palette), "psnr": psnr, "counts": counts.tolist()}
 
 
 def _suffix(picture: Picture) -> str:
@@ -301,10 +288,6 @@ def _suffix(picture: Picture) -> str:
 def _bits(settings: Settings) -> dict[str, Any]:
     """Return the bits per channel that the colors may have, as an argument."""
     return {} if settings["color_bits"] == "any" else {"color_bits": color_bits(settings["color_bits"])}
-
-
-def _usual_strength(settings: Settings) -> float:
-    return 1.0 if settings["aim"] == "palette" else STRENGTH
 
 
 def rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
@@ -324,18 +307,27 @@ def _fitting(request: Request) -> Request:
     return replace(request, settings={**settings, "brushes": False})
 
 
-_COUNTED = "n_pixels = numpy.bincount(result.indices.ravel(), minlength=len(result.palette))"
-_COUNTED_FRAMES = (
-    "n_pixels = sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)"
+def read_as(name: str, colors: NDArray[Any], dtype: np.dtype[Any]) -> Named:
+    """Return the palette that a file or a name has, in the depth of the picture."""
+    text = f"cvtimg.read_palette({literal(name)})"
+    if dtype != np.uint8:
+        text = f"cvtimg.colors.to_depth({text}, {literal(dtype.name)})"
+    return Named(text, to_depth(colors, dtype))
+
+
+def n_pixels(values: Mapping[str, Any]) -> Any:
+    """Count the pixels of each color."""
+    result = values["result"]
+    results = result.results if isinstance(result, QuantizedSeries) else (result,)
+    return sum(np.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in results)
+
+
+N_PIXELS = Formula("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))", n_pixels)
+N_PIXELS_OF_ALL = Formula(
+    "sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)", n_pixels
 )
 
 
-def _palette_output(suffix: str, label: str, counted: str = _COUNTED) -> Output:
-    lines = f"import numpy\n\n{counted}\ncvtimg.write_palette({{}}, result.palette, density=n_pixels)"
-    return Output(label, "--save-palette", "{}-palette" + suffix, _save_palette, lines)
-
-
-def _save_palette(result: Quantized | QuantizedSeries, path: Path) -> None:
-    results = result.results if isinstance(result, QuantizedSeries) else (result,)
-    n_pixels: Any = sum(np.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in results)
-    write_palette(path, result.palette, density=n_pixels)
+def _palettes(density: Formula) -> list[Output]:
+    write = Call("write_palette", (Name("result.palette"),), {"density": density})
+    return [Output(label, "--save-palette", "{}-palette" + end, write) for end, label in _PALETTES.items()]

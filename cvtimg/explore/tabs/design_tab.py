@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, ClassVar
 from xml.sax.saxutils import escape
@@ -11,11 +12,11 @@ import numpy as np
 
 from cvtimg._shared.svg import drawing
 from cvtimg.designs import Design, Factor
-from cvtimg.explore.calls import Call
+from cvtimg.explore.calls import Call, Line
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
-from cvtimg.explore.layers import Drawing
-from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.explore.layers import Drawing, Layer
+from cvtimg.explore.outcomes import Outcome, Output
+from cvtimg.explore.tabs.base import Request, Tab
 
 #: Axes that are drawn, and points of a draft.
 _MOST_AXES, _DRAFT = 8, 200
@@ -47,6 +48,7 @@ class DesignTab(Tab):
             most=64,
             adds="Add an axis",
             flag="--axis",
+            always=True,
             when={"box": ["axes"]},
             about="Values: a range as 0, 30; whole numbers as 1, 4, integer; or levels as A | B | C.",
         ),
@@ -59,35 +61,27 @@ class DesignTab(Tab):
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the tables."""
         ends = (".csv",) if any(factor.levels for factor in _factors(request.settings)) else (".csv", ".npy")
-        return [Output(f"Points, {end[1:].upper()}", "-o", f"design{end}", saved, SAVED) for end in ends]
+        return [Output(f"Points, {end[1:].upper()}", "-o", f"design{end}") for end in ends]
 
-    def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
-        call = self._call(request.settings)
-        lines = f"import cvtimg\n\nresult = {call.text(str(request.settings['n']))}"
-        return Recipe(self.words(request), lines, for_many=False)
-
-    def _call(self, settings: Settings) -> Call:
-        return Call("design", (_factors(settings) or settings["dimensions"],), self.keywords(settings))
+    def lines(self, request: Request) -> list[Line]:
+        """Return the line of Python."""
+        settings = request.settings
+        box = _factors(settings) or settings["dimensions"]
+        return [Line("result", Call("design", (settings["n"], box), self.keywords(settings)))]
 
     def draft(self, request: Request) -> Outcome | None:
         """Place the points quickly."""
         settings = {**request.settings, "effort": "fast"}
-        return self._outcome(settings, settings["n"]) if settings["n"] <= _DRAFT else None
+        return self.quick(replace(request, settings=settings)) if settings["n"] <= _DRAFT else None
 
-    def exact(self, request: Request) -> Outcome:
-        """Place the points."""
-        return self._outcome(request.settings, request.settings["n"], self.outputs(request))
-
-    def _outcome(self, settings: Settings, n_points: int, outputs: Sequence[Output] = ()) -> Outcome:
-        result: Design = self._call(settings).run(n_points)
-        n_axes = result.points.shape[1]
-        facts: dict[str, Any] = {"k": n_points, "noun": "points"}
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the drawing of the points."""
+        result: Design = values["result"]
+        n_points, n_axes = result.points.shape
         shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""
-        facts["about"] = (
-            f"In each pair of {shown}{n_axes} axes. Mean squared distance to the nearest {result.energy:.4g}."
-        )
-        return Outcome(result, Drawing(_drawn(result, result.factors[:_MOST_AXES])), facts, outputs)
+        about = f"In each pair of {shown}{n_axes} axes. Mean squared distance to the nearest {result.energy:.4g}."
+        layer = Drawing(_drawn(result, result.factors[:_MOST_AXES]))
+        return layer, {"k": n_points, "noun": "points", "about": about}
 
 
 def _factors(settings: Settings) -> list[Factor]:

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.progress import part
 from cvtimg._shared.svg import drawing, numbers
-from cvtimg.explore.calls import Call
-from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
-from cvtimg.explore.layers import Drawing
+from cvtimg.explore.calls import Call, Line, Name, Named, literal
+from cvtimg.explore.controls import Choice, Control, Number, UnfitRequestError, controls_of, words_of
+from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Request, Tab, reading, saved
+from cvtimg.explore.outcomes import Output, Recipe, safe_name
+from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
-#: Part of the time until the image is divided into segments.
-_SEGMENTED = 0.15
 _FILES = {".vtu": "VTK (.vtu)", ".msh": "Gmsh (.msh)", ".obj": "Wavefront (.obj)", ".stl": "STL (.stl)"}
 
 
@@ -53,7 +50,7 @@ class MeshTab(Tab):
             when={"of": ["segments"]},
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
-        ("n", {"when": {"by": ["n"]}, "always": False, "keyword": ""}),
+        ("n", {"when": {"by": ["n"]}, "always": False}),
         ("edge_length", {"when": {"by": ["edge"]}}),
         "grade",
         "min_size",
@@ -62,68 +59,48 @@ class MeshTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the formats of meshes."""
-        return [Output(label, "-o", f"{{}}-mesh{suffix}", saved, SAVED) for suffix, label in _FILES.items()]
+        return [Output(label, "-o", f"{{}}-mesh{suffix}") for suffix, label in _FILES.items()]
 
     def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
-        call = self._call(request)
-        if request.settings["of"] == "picture":
-            lines = f"import cvtimg\n\nlabels = cvtimg.labels.read_labels({quoted(request.picture.name)})"
-            image = "labels > 0" if _is_mask(request) else "labels"
-            return Recipe(self.words(request), f"{lines}\nresult = {call.text(image)}")
-        name, settings = f"{request.picture.stem}-labels.png", request.settings
+        """Return the command and the lines of Python; segments are found by a command of their own."""
+        lines, settings = self.lines(request), request.settings
+        if settings["of"] == "picture":
+            return Recipe(self.words(request), lines)
+        name = safe_name(f"{request.picture.stem}-labels.png")
         least = ["--min-size", str(settings["least"])] if settings["least"] else []
-        divide = ["cvtimg", "segment", *request.picture.words, "-k", str(settings["k"]), *least]
-        words = ["cvtimg", self.verb, safe_name(name), *words_of(self.controls, settings)]
-        lines = f"{reading(request.picture)}\nlabels = {_segments(settings).text()}.labels"
-        return Recipe(
-            words, f"{lines}\nresult = {call.text('labels')}", shlex.join([*divide, "-o", safe_name(name)]), False
-        )
+        divide = ["cvtimg", "segment", *request.picture.words, "-k", str(settings["k"]), *least, "-o", name]
+        words = ["cvtimg", self.verb, name, *words_of(self.controls, settings)]
+        return Recipe(words, lines, shlex.join(divide), False)
 
-    def _call(self, request: Request) -> Call:
-        keywords = self.keywords(request.settings)
-        for name in {"n", "edge_length"} & self.in_effect(request.settings):
-            if request.settings[name] != "auto":
-                keywords[name] = request.settings[name]
-        return Call("mesh_region" if _is_mask(request) else "mesh_labels", (), keywords)
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python."""
+        settings, picture, keywords = request.settings, request.picture, self.keywords(request.settings)
+        if settings["of"] == "picture":
+            labels = _stored_labels(picture)
+            values = np.unique(labels)
+            is_mask = len(values) <= 2 and bool(values[0] == 0)  # black and one more value, as the command sees it
+            read = Line("labels", Named(f"cvtimg.labels.read_labels({literal(picture.name)})", labels))
+            of = Named("labels > 0", labels > 0) if is_mask else Name("labels")
+            return [read, Line("result", Call("mesh_region" if is_mask else "mesh_labels", (of,), keywords))]
+        least = {"min_size": settings["least"]} if settings["least"] else {}
+        segments = Call("segment", (IMAGE, settings["k"]), least)
+        mesh = Call("mesh_labels", (Name("segments.labels"),), keywords)
+        return [reading(request), Line("segments", segments), Line("result", mesh)]
 
-    def exact(self, request: Request) -> Outcome:
-        """Mesh the segments or the mask."""
-        with part(0, _SEGMENTED):
-            labels = self._labels(request)
-        with part(_SEGMENTED, 1):
-            result: Mesh = self._call(request).run(labels)
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the drawing of the mesh."""
+        result: Mesh = values["result"]
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())
-        facts: dict[str, Any] = {"k": len(result.points), "noun": "vertices"}
-        facts["about"] = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
-        drawing = Drawing(_drawn(result, request.picture.size), over=True)
-        return Outcome(result, drawing, facts, self.outputs(request), request.picture.stem)
-
-    def _labels(self, request: Request) -> NDArray[Any]:
-        if request.settings["of"] == "segments":
-            return _segments(request.settings).run(request.picture.array).labels
-        labels = _stored_labels(request.picture)
-        return labels > 0 if _is_mask(request) else labels
+        about = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
+        facts = {"k": len(result.points), "noun": "vertices", "about": about}
+        return Drawing(_drawn(result, request.picture.size), over=True), facts
 
 
 def _stored_labels(picture: Picture) -> NDArray[np.int32]:
     if picture.page:
         raise UnfitRequestError("all pages of a mask are meshed together, as a volume, by the command line")
     return picture.kept("labels", lambda: read_labels(picture.path))
-
-
-def _is_mask(request: Request) -> bool:
-    """Whether the picture is a mask, black and one more value, as the command sees it."""
-    if request.settings["of"] == "segments":
-        return False
-    values = np.unique(_stored_labels(request.picture))
-    return len(values) <= 2 and bool(values[0] == 0)
-
-
-def _segments(settings: Settings) -> Call:
-    keywords = {"min_size": settings["least"]} if settings["least"] else {}
-    return Call("segment", (settings["k"],), keywords)
 
 
 def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:

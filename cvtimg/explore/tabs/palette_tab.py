@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import find_palette, write_palette
+from cvtimg import find_palette
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import to_depth
-from cvtimg.explore.calls import Call, Named
+from cvtimg.explore.calls import Call, Formula, Line, Name, Named, run
 from cvtimg.explore.controls import (
     Choice,
     Colors,
@@ -25,12 +24,11 @@ from cvtimg.explore.controls import (
     controls_of,
     words_of,
 )
-from cvtimg.explore.layers import Indexed
+from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import Request, Tab, reading
-from cvtimg.explore.tabs.colors_tab import rgb
-from cvtimg.palettes import color_order
+from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
+from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
 from cvtimg.quantization import Quantized, main_palette, map_to_palette
 
 _FORMATS = {
@@ -49,19 +47,6 @@ _FORMATS = {
 }
 _FOUND = {"start": ["image", "main"]}
 _GIVEN = {"start": ["given", "hand"]}
-_COUNTED = """
-import numpy
-
-n_pixels = numpy.bincount(result.indices.ravel(), minlength=len(result.palette))
-"""
-
-
-class Sorted(NamedTuple):
-    """A palette in its order, the pixels that each color has, and the picture in its colors."""
-
-    colors: NDArray[Any]
-    n_pixels: NDArray[np.int64]
-    result: Quantized
 
 
 class PaletteTab(Tab):
@@ -88,7 +73,7 @@ class PaletteTab(Tab):
             ("number", {"name": "k", "when": _FOUND, "label": "Number", "keyword": ""}),
             Files(name="palette", label="Palette", of="palettes", default=("pico-8",), when={"start": ["given"]}),
             ("sort", {"when": _FOUND}),
-            ("space", {"when": {"start": ["image"]}, "keyword": ""}),
+            ("space", {"when": {"start": ["image"]}}),
             Colors(
                 name="locked",
                 label="Locked colors",
@@ -103,50 +88,38 @@ class PaletteTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the palette in all formats, and the picture in it where the command makes that, too."""
-        order = (
-            f"order = cvtimg.palettes.color_order(result.palette, {quoted(request.settings['sort'])}, density=n_pixels)"
-        )
-        lines = (
-            f"{_COUNTED}{order}\ncvtimg.write_palette({{}}, result.palette[order], density=n_pixels[order])"
-            if _is_found(request.settings)
-            else f"{_COUNTED}cvtimg.write_palette({{}}, result.palette, density=n_pixels)"
-        )
-        return [
-            Output(label, "--save-palette", f"{{}}-palette{suffix}", _save_palette, lines)
-            for suffix, label in _FORMATS.items()
-        ]
+        is_found = _is_found(request.settings)
+        colors = Name("result.palette")
+        taken = (_ordered("result.palette"), _ordered("n_pixels")) if is_found else (colors, N_PIXELS)
+        write = Call("write_palette", taken[:1], {"density": taken[1]})
+        return [Output(label, "--save-palette", f"{{}}-palette{end}", write) for end, label in _FORMATS.items()]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
-        settings, picture = request.settings, request.picture
-        start = reading(picture)
-        if not _is_found(settings):
-            words = ["cvtimg", "quantize", *picture.words, "--palette", _given(request)[0]]
-            words += words_of(self.controls, settings)
-            return Recipe(words, f"{start}\nresult = {self._call(request).text()}", always="{}-quantized.png")
-        main = ["--main"] if settings["start"] == "main" else []
-        if picture.array.dtype != np.uint8:
-            start += '\nimage = cvtimg.colors.to_depth(image, "uint8")'
-        call = self._call(request)
-        if settings["start"] == "main":
-            start += f"\nmain = {call.text()}.colors"
-            call = _IN_MAIN
-        return Recipe(self.words(request, *main), f"{start}\nresult = {call.text()}", for_many=False)
+        settings, lines = request.settings, self.lines(request)
+        if _is_found(settings):
+            main = ["--main"] if settings["start"] == "main" else []
+            return Recipe(self.words(request, *main), lines, for_many=False)
+        words = ["cvtimg", "quantize", *request.picture.words, "--palette", _given(request)[0]]
+        return Recipe([*words, *words_of(self.controls, settings)], lines, always="{}-quantized.png")
 
-    def _call(self, request: Request) -> Call:
-        """Return the call that finds a palette, or maps the picture to one."""
-        settings = request.settings
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python that find a palette and its order, or map the picture to one."""
+        settings, array = request.settings, request.picture.array
+        keywords, lines = self.keywords(settings), [reading(request)]
         if not _is_found(settings):
-            name, colors = _given(request)
-            text, dtype = f"cvtimg.read_palette({quoted(name)})", request.picture.array.dtype
-            if dtype != np.uint8:
-                text = f"cvtimg.colors.to_depth({text}, image.dtype)"
-            return Call("quantize", (), {"palette": Named(text, to_depth(colors, dtype)), **self.keywords(settings)})
-        keywords: dict[str, Any] = {"locked": rgb(settings["locked"])} if settings["locked"] else {}
+            palette = {"palette": read_as(*_given(request), array.dtype)}
+            return [*lines, Line("result", Call("quantize", (IMAGE,), palette | keywords))]
+        if array.dtype != np.uint8:
+            bytes_of = Named('cvtimg.colors.to_depth(image, "uint8")', to_depth(array, np.dtype(np.uint8)))
+            lines += [Line("image", bytes_of)]
+        keywords |= {"locked": rgb(settings["locked"])} if settings["locked"] else {}
         if settings["start"] == "main":
-            return Call("quantization.main_palette", (settings["k"],), keywords)
-        keywords |= {} if settings["space"] == "rgb" else {"space": settings["space"]}
-        return Call("quantize", (settings["k"],), keywords)
+            lines += [Line("main", Call("quantization.main_palette", (IMAGE, settings["k"]), keywords))]
+            find = Call("quantization.map_to_palette", (IMAGE, Name("main.colors")), {"space": "oklab"})
+        else:
+            find = Call("quantize", (IMAGE, settings["k"]), keywords)
+        return [*lines, Line("result", find), *_order_lines(settings)]
 
     def draft(self, request: Request) -> Outcome | None:
         """Map the window to the palette of the picture in a small size."""
@@ -160,37 +133,30 @@ class PaletteTab(Tab):
             locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
             finds = main_palette if settings["start"] == "main" else partial(find_palette, space=space)
             colors = finds(picture.small_samples, settings["k"], locked=locked, effort="fast").colors
-        return self._outcome(request, map_to_palette(picture.samples_in(request.window), colors, space=space), False)
+        values = {"result": map_to_palette(picture.samples_in(request.window), colors, space=space)}
+        return Outcome(*self.seen(request, run(_order_lines(settings), values)), drawn=request.window)
 
-    def exact(self, request: Request) -> Outcome:
-        """Find the palette, and map the picture to it."""
-        image, call = request.picture.array, self._call(request)
-        if _is_found(request.settings):
-            image = to_depth(image, np.dtype(np.uint8))
-        found = call.run(image)
-        if request.settings["start"] == "main":
-            found = map_to_palette(image, found.colors, space="oklab")
-        return self._outcome(request, found, True)
-
-    def _outcome(self, request: Request, result: Quantized, is_exact: bool) -> Outcome:
-        counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
-        order = np.arange(len(counts))
-        if _is_found(request.settings):
-            order = color_order(result.palette, request.settings["sort"], density=counts)
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the picture in the palette, in its order."""
+        result: Quantized = values["result"]
+        counts = n_pixels(values)
+        order = values.get("order", np.arange(len(counts)))
         indices = np.argsort(order).astype(np.uint32)[result.indices]
-        shown = _seen(request.picture, result)[order]
-        facts = {
-            "k": len(order),
-            "psnr": result.psnr if np.isfinite(result.psnr) else None,
-            "counts": counts[order].tolist(),
-        }
-        value = Sorted(result.palette[order], counts[order], result)
-        if not is_exact:
-            return Outcome(None, Indexed(indices, shown), facts, drawn=request.window)
-        return Outcome(value, Indexed(indices, shown), facts, self.outputs(request), request.stem)
+        psnr = result.psnr if np.isfinite(result.psnr) else None
+        facts = {"k": len(order), "psnr": psnr, "counts": counts[order].tolist()}
+        return Indexed(indices, _seen(request.picture, result)[order]), facts
 
 
-_IN_MAIN = Call("quantization.map_to_palette", (Named("main", None),), {"space": "oklab"})
+def _order_lines(settings: Settings) -> list[Line]:
+    """Return the lines that sort a palette; one that is given keeps its order."""
+    if not _is_found(settings):
+        return []
+    order = Call("palettes.color_order", (Name("result.palette"), settings["sort"]), {"density": Name("n_pixels")})
+    return [Line("n_pixels", N_PIXELS), Line("order", order)]
+
+
+def _ordered(name: str) -> Formula:
+    return Formula(f"{name}[order]", lambda values: Name(name).run(values)[values["order"]])
 
 
 def _is_found(settings: Settings) -> bool:
@@ -216,7 +182,3 @@ def _seen(picture: Picture, result: Quantized) -> NDArray[np.uint8]:
     rgba = np.full((len(colors), 4), 255, np.uint8)
     rgba[:, : min(colors.shape[1], 4)] = colors[:, :4]
     return rgba
-
-
-def _save_palette(found: Sorted, path: Path) -> None:
-    write_palette(path, found.colors, density=found.n_pixels)

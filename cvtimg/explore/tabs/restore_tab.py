@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cvtimg import write_image
-from cvtimg.explore.calls import Call
+from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
-from cvtimg.explore.layers import Pixels
+from cvtimg.explore.layers import Layer, Pixels
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted, safe_name
-from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
+from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Restoration
@@ -75,32 +75,35 @@ class RestoreTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the restored picture and its segments."""
-        kind = '"uint8" if len(result.colors) < 256 else "uint16"'
-        labels = f"cvtimg.write_image({{}}, result.labels.astype({kind}))"
         files = [
-            Output(f"Restored image, {suffix[1:].upper()}", "-o", f"{{}}-restored{suffix}", saved, SAVED)
+            Output(f"Restored image, {suffix[1:].upper()}", "-o", f"{{}}-restored{suffix}")
             for suffix in _SUFFIXES[: None if request.picture.array.dtype == np.uint8 else 1]
         ]
         if request.settings["way"] != "flat":
             return files
-        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", _save_labels, labels)]
+        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", Call("write_image", (_LABELS,)))]
 
     def recipe(self, request: Request) -> Recipe:
         """Return the command and the lines of Python."""
         versions = _versions(request)
-        names = ", ".join(quoted(name) for name in dict.fromkeys(picture.name for picture in versions))
         files = dict.fromkeys(safe_name(picture.name) for picture in versions)
         page = versions[0].words[1:] if len(versions) == 1 else []
-        if any(picture.page for picture in versions) and not page:
+        words = ["cvtimg", self.verb, *files, *page, *["--detail"] * (request.settings["way"] == "detail")]
+        words += words_of(self.controls, request.settings)
+        return Recipe(words, self.lines(request), for_many=False, always=_RESTORED)
+
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python."""
+        versions = _versions(request)
+        names = ", ".join(literal(name) for name in dict.fromkeys(picture.name for picture in versions))
+        if len(versions) == 1:
+            read = f"[{versions[0].python}]"
+        elif any(picture.page for picture in versions):
             read = f"[page for name in [{names}] for page in cvtimg.pictures.read_pages(name).images]"
         else:
-            read = f"[{versions[0].python}]" if page else f"[cvtimg.read_image(name) for name in [{names}]]"
-        lines = f"import cvtimg\n\nimages = {read}"
-        words = ["cvtimg", self.verb, *files, *page]
-        words += ["--detail"] if request.settings["way"] == "detail" else []
-        words += words_of(self.controls, request.settings)
-        lines += f"\nresult = {self._call(request.settings).text('images')}"
-        return Recipe(words, lines, for_many=False, always=_RESTORED)
+            read = f"[cvtimg.read_image(name) for name in [{names}]]"
+        arrays = [picture.array for picture in versions]
+        return [Line("images", Named(read, arrays)), Line("result", self._call(request.settings))]
 
     def _call(self, settings: Settings) -> Call:
         keywords = self.keywords(settings)
@@ -112,7 +115,8 @@ class RestoreTab(Tab):
             keywords["nodata"] = settings["nodata"]
         if "averaging" in self.in_effect(settings) and settings["averaging"] != "none":
             keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
-        return Call("restore", (settings["k"],) if settings["way"] == "flat" else (), keywords)
+        number = (settings["k"],) if settings["way"] == "flat" else ()
+        return Call("restore", (Name("images"), *number), keywords)
 
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
@@ -124,21 +128,24 @@ class RestoreTab(Tab):
         versions = [one.array[rows, columns] for one in _versions(request)]
         if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
             return None
-        result: Restoration = self._call({**settings, "effort": "fast"}).run(versions)
+        result: Restoration = self._call({**settings, "effort": "fast"}).run({"images": versions})
         seen = request.picture.seen(request.window).pixels
         pixels = np.full((*seen.shape[:2], 4), 255, np.uint8)
         pixels[..., : seen.shape[2]] = seen
         part = _layer(request, result, len(versions)).pixels[::step, ::step]
         pixels[down : down + len(part), across : across + part.shape[1]] = part
         facts = {"k": len(result.colors), "noun": _noun(result)}
-        return Outcome(None, Pixels(pixels), facts, drawn=request.window)
+        return Outcome(Pixels(pixels), facts, drawn=request.window)
 
     def exact(self, request: Request) -> Outcome:
-        """Restore the picture."""
-        versions = _versions(request)
-        result: Restoration = self._call(request.settings).run([picture.array for picture in versions])
-        facts: dict[str, Any] = {"k": len(result.colors), "noun": _noun(result), "about": _found(result)}
-        return Outcome(result, _layer(request, result, len(versions)), facts, self.outputs(request), versions[0].stem)
+        """Restore the picture; files have the name of the first version."""
+        return replace(Tab.exact(self, request), stem=_versions(request)[0].stem)
+
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the restored picture."""
+        result: Restoration = values["result"]
+        facts = {"k": len(result.colors), "noun": _noun(result), "about": _found(result)}
+        return _layer(request, result, len(values["images"])), facts
 
 
 def _versions(request: Request) -> list[Picture]:
@@ -199,5 +206,9 @@ def _layer(request: Request, result: Restoration, n_versions: int) -> Pixels:
     return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
 
 
-def _save_labels(result: Restoration, path: Any) -> None:
-    write_image(path, result.labels.astype("uint8" if len(result.colors) < 256 else "uint16"))
+def _labels(values: Mapping[str, Any]) -> Any:
+    result: Restoration = values["result"]
+    return result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")
+
+
+_LABELS = Formula('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")', _labels)

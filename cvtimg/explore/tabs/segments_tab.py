@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg import find_contours, find_edges, write_image
-from cvtimg.explore.calls import Call, Named, literal
+from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, UnfitRequestError, controls_of
-from cvtimg.explore.layers import Indexed, Window
+from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import Picture
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, quoted
-from cvtimg.explore.tabs.base import MASK, Request, Tab, brushes, reading
-from cvtimg.labels import mean_picture, region_means, region_table, write_contours, write_labels, write_table
-from cvtimg.plotting import contour_drawing, draw_edges
-from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy, edit_labels
+from cvtimg.explore.outcomes import Outcome, Output
+from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing
+from cvtimg.labels import region_means
+from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy
 
 #: Pixels of a draft.
 _DRAFT = 1 << 17
 _SEGMENTS = {"way": ["segments"]}
 _REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
 _CELLS: dict[str, Any] = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
-
-
-class Divided(NamedTuple):
-    """A divided picture: its labels and the bands that count."""
-
-    labels: NDArray[np.int32]
-    image: NDArray[Any]
 
 
 class SegmentsTab(Tab):
@@ -98,52 +90,51 @@ class SegmentsTab(Tab):
         ignore, name = None if _has_objects(request.settings) else 0, Path(request.picture.name).name
         return [*_outputs(ignore, name), *self.map_outputs(request)]
 
-    def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python."""
         settings, picture = request.settings, request.picture
-        lines = [reading(picture)]
+        image, known = picture.plain[..., :3] if picture.has_alpha else picture.plain, _known(picture)
+        lines = [Line("image", Named(picture.python, request.every(image)))]
         if picture.has_alpha:
-            lines += ["known = image[..., 3] > 0"]
-        elif picture.header.nodata is not None and picture.known is not None:
-            lines += [f"known = (image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"]
+            lines += [Line("known", Named("image[..., 3] > 0", known))]
+        elif known is not None:
+            lines += [Line("known", Named(missing(picture), known))]
         if picture.header.has_alpha and picture.array.shape[2:] == (4,):
-            lines += ["image = image[..., :3]"]
-        known, mask = _known(picture), self.maps(request).get("mask")
-        if mask is not None:
-            lines += [self.map_lines(request).strip(), "known = mask > 0" if known is None else "known &= mask > 0"]
-            known = mask > 0
-        call = self._call(settings, known)
+            lines += [Line("image", Named("image[..., :3]", request.every(image)))]
+        if (mask := self.maps(request).get("mask")) is not None:
+            both = "mask > 0" if known is None else "known & (mask > 0)"
+            known = mask > 0 if known is None else known & (mask > 0)
+            if not known.any():
+                raise UnfitRequestError("the mask leaves nothing")
+            lines += [*self.map_lines(request), Line("known", Named(both, known))]
+        inside = {} if known is None else {"mask": Named("known", request.every(known))}
+        tree = Line("tree", Call("segment_hierarchy", (IMAGE,), inside))
+        call = self._call(settings, inside)
         if settings["way"] == "hierarchy":
-            lines += [f"tree = {call.text()}", f"labels = tree.{_cut_text(settings)}"]
+            tree = Line("tree", call)
+            lines += [tree, Line("labels", Formula(_cut_text(settings), partial(_cut, settings)))]
         else:
-            lines += [f"labels = {call.text()}.labels"]
-        if edits := settings["edits"]:
-            if settings["way"] != "hierarchy" and _splits(edits):
-                lines += [f"tree = {self._tree_call(settings, known).text()}"]
-            tree = ", hierarchy=tree" if _splits(edits) else ""
-            lines += [f"labels = cvtimg.segmentation.edit_labels(labels, {literal(list(edits))}{tree})"]
-        return Recipe(self.words(request), "\n".join(lines))
+            lines += [Line("segments", call), Line("labels", Name("segments.labels"))]
+        if edits := list(settings["edits"]):
+            splits = any(edit.startswith("split") for edit in edits)
+            lines += [tree] if splits and tree not in lines else []
+            by = {"hierarchy": Name("tree")} if splits else {}
+            lines += [Line("labels", Call("segmentation.edit_labels", (Name("labels"), edits), by))]
+        return lines
 
-    def _call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
-        keywords: dict[str, Any] = {} if known is None else {"mask": Named("known", known)}
-        keywords |= self.keywords(settings)
+    def _call(self, settings: Settings, inside: dict[str, Any]) -> Call:
+        keywords = inside | self.keywords(settings)
         if settings["way"] == "hierarchy":
-            return Call("segment_hierarchy", (), keywords)
+            return Call("segment_hierarchy", (IMAGE,), keywords)
         if settings["way"] == "superpixels":
-            return Call("superpixels", (settings["cells"],), keywords)
+            return Call("superpixels", (IMAGE, settings["cells"]), keywords)
         if settings["averaging"] != "none":
             keywords["averaging"] = Averaging(settings["averaging"], settings["kernel"], settings["radius"])
         if settings["pieces"] == "components":
             keywords["components"] = True
         elif settings["pieces"] == "objects":
             keywords["objects"] = Objects(settings["background"], settings["neck_depth"])
-        return Call("segment", (settings["k"],), keywords)
-
-    def _tree_call(self, settings: Settings, known: NDArray[np.bool_] | None) -> Call:
-        """Return the call that makes the tree by which segments are split."""
-        if settings["way"] == "hierarchy":
-            return self._call(settings, known)
-        return Call("segment_hierarchy", (), {} if known is None else {"mask": Named("known", known)})
+        return Call("segment", (IMAGE, settings["k"]), keywords)
 
     def draft(self, request: Request) -> Outcome | None:
         """Divide the picture in a small size; what is changed by hand is seen in full."""
@@ -151,55 +142,30 @@ class SegmentsTab(Tab):
         if request.settings["edits"]:
             return None
         window = picture.whole(_DRAFT)
-        if window.step == 1:
-            return self._outcome(request, self._divided(request, request.settings, window))
-        return self._outcome(request, self._divided(request, _scaled(request.settings, window.step), window), window)
+        scaled = replace(request, settings=_scaled(request.settings, window.step), step=window.step)
+        return Outcome(*self.seen(request, self.run(scaled)), drawn=window)
 
-    def exact(self, request: Request) -> Outcome:
-        """Divide the picture."""
-        whole = request.picture.whole(1 << 62)
-        return self._outcome(request, self._divided(request, request.settings, whole), outputs=self.outputs(request))
+    def run(self, request: Request) -> dict[str, Any]:
+        """Run the lines; what takes long is kept, for the next cut or change by hand."""
+        values: dict[str, Any] = {}
+        for line in self.lines(request):
+            if line.name in ("tree", "segments"):
+                key = literal(line.value), request.settings["mask"], request.step
+                values[line.name] = request.picture.kept(key, partial(line.value.run, values))
+            else:
+                values = run([line], values)
+        return values
 
-    def _divided(self, request: Request, settings: Settings, window: Window) -> Divided:
-        picture = request.picture
-        image = window.of_array(picture.plain[..., :3] if picture.has_alpha else picture.plain)
-        known = _known(picture)
-        if (mask := self.maps(request).get("mask")) is not None:
-            known = mask > 0 if known is None else known & (mask > 0)
-            if not known.any():
-                raise UnfitRequestError("the mask leaves nothing")
-        inside = None if known is None else window.of_array(known)
-
-        def tree() -> RegionHierarchy:
-            call = self._tree_call(settings, inside)
-            found: RegionHierarchy = picture.kept((call.text(), settings["mask"], window), lambda: call.run(image))
-            return found
-
-        def labels() -> NDArray[np.int32]:
-            if settings["way"] != "hierarchy":
-                found: NDArray[np.int32] = self._call(settings, inside).run(image).labels
-                return found
-            regions, threshold = settings["regions"], settings["threshold"]
-            if regions != "auto":
-                return tree().cut(min(max(regions, tree().n_parts), tree().n_leaves))
-            return tree().cut(threshold=None if threshold == "auto" else threshold)
-
-        if not settings["edits"]:
-            return Divided(labels(), image)
-        before = picture.kept(("before edits", *sorted({**settings, "edits": ()}.items())), labels)
-        return Divided(edit_labels(before, settings["edits"], hierarchy=tree), image)
-
-    def _outcome(
-        self, request: Request, divided: Divided, drawn: Window | None = None, outputs: Sequence[Output] = ()
-    ) -> Outcome:
-        labels, image = divided
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the segments in their mean colors."""
+        labels, image = values["labels"], values["image"]
         means = np.nan_to_num(region_means(labels, image))
         rounded = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)
         colors = request.picture.colors_seen(rounded, alpha=False)
         colors[0] = 0  # what is left out is seen through
         counts = np.bincount(labels.ravel(), minlength=len(colors))
         facts: dict[str, Any] = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
-        return Outcome(divided, Indexed(labels, colors), facts, outputs, request.picture.stem, drawn=drawn)
+        return Indexed(labels, colors), facts
 
 
 def _known(picture: Picture) -> NDArray[np.bool_] | None:
@@ -210,18 +176,22 @@ def _known(picture: Picture) -> NDArray[np.bool_] | None:
     return seen if picture.known is None else seen & picture.known
 
 
-def _splits(edits: Sequence[str]) -> bool:
-    return any(edit.startswith("split") for edit in edits)
-
-
 def _has_objects(settings: Settings) -> bool:
     return bool(settings["way"] == "segments" and settings["pieces"] == "objects")
 
 
 def _cut_text(settings: Settings) -> str:
     if settings["regions"] != "auto":
-        return f"cut({settings['regions']})"
-    return "cut()" if settings["threshold"] == "auto" else f"cut(threshold={settings['threshold']})"
+        return f"tree.cut({settings['regions']})"
+    return "tree.cut()" if settings["threshold"] == "auto" else f"tree.cut(threshold={settings['threshold']})"
+
+
+def _cut(settings: Settings, values: Mapping[str, Any]) -> NDArray[np.int32]:
+    tree: RegionHierarchy = values["tree"]
+    regions, threshold = settings["regions"], settings["threshold"]
+    if regions != "auto":  # a draft may have fewer
+        return tree.cut(min(max(regions, tree.n_parts), tree.n_leaves))
+    return tree.cut(threshold=None if threshold == "auto" else threshold)
 
 
 def _scaled(settings: Settings, step: int) -> Mapping[str, Any]:
@@ -231,45 +201,19 @@ def _scaled(settings: Settings, step: int) -> Mapping[str, Any]:
     return {**settings, **lengths, "min_size": settings["min_size"] // step**2}
 
 
-def _write_labels(divided: Divided, path: Path) -> None:
-    write_labels(path, divided.labels)
-
-
-def _write_mean(divided: Divided, path: Path) -> None:
-    write_image(path, mean_picture(divided.labels, divided.image), alpha=False)
-
-
-def _write_overlay(divided: Divided, path: Path, ignore: int | None) -> None:
-    write_image(path, draw_edges(divided.image, divided.labels, ignore=ignore))
-
-
-def _write_edges(divided: Divided, path: Path, ignore: int | None) -> None:
-    write_image(path, find_edges(divided.labels, ignore=ignore))
-
-
-def _write_contours(divided: Divided, path: Path) -> None:
-    write_contours(path, contour_drawing(find_contours(divided.labels), divided.labels, divided.image))
-
-
-def _write_table(divided: Divided, path: Path, image: str) -> None:
-    write_table(path, region_table(divided.labels, divided.image), image=image)
-
-
 def _outputs(ignore: int | None, name: str) -> tuple[Output, ...]:
     """Return the files, of an image of this name; borders of the label to ignore are not drawn."""
-    edges = f"labels, ignore={ignore}"
-    overlay = f"cvtimg.write_image({{}}, cvtimg.plotting.draw_edges(image, {edges}))"
-    mean = "cvtimg.write_image({}, cvtimg.labels.mean_picture(labels, image), alpha=False)"
-    contours = "drawing = cvtimg.plotting.contour_drawing(cvtimg.find_contours(labels), labels, image)\n"
-    contours += "cvtimg.labels.write_contours({}, drawing)"
-    called = quoted(name).replace("{", "{{").replace("}", "}}")
-    table = f"cvtimg.labels.write_table({{}}, cvtimg.labels.region_table(labels, image), image={called})"
-    over, lines = partial(_write_overlay, ignore=ignore), partial(_write_edges, ignore=ignore)
+    labels, ignored = Name("labels"), {"ignore": ignore}
+    overlay = Call("plotting.draw_edges", (IMAGE, labels), ignored)
+    edges = Call("find_edges", (labels,), ignored)
+    means = Call("labels.mean_picture", (labels, IMAGE))
+    contours = Call("plotting.contour_drawing", (Call("find_contours", (labels,)), labels, IMAGE))
+    table = Call("labels.write_table", (Call("labels.region_table", (labels, IMAGE)),), {"image": name})
     return (
-        Output("Labels, PNG", "-o", "{}-labels.png", _write_labels, "cvtimg.labels.write_labels({}, labels)"),
-        Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", over, overlay),
-        Output("Mean colors, PNG", "--mean", "{}-mean.png", _write_mean, mean),
-        Output("Edges, PNG", "--edges", "{}-edges.png", lines, f"cvtimg.write_image({{}}, cvtimg.find_edges({edges}))"),
-        Output("Contours, SVG", "--contours", "{}-contours.svg", _write_contours, contours),
-        Output("Table of segments, CSV", "--table", "{}-table.csv", partial(_write_table, image=name), table),
+        Output("Labels, PNG", "-o", "{}-labels.png", Call("labels.write_labels", (labels,))),
+        Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", Call("write_image", (overlay,))),
+        Output("Mean colors, PNG", "--mean", "{}-mean.png", Call("write_image", (means,), {"alpha": False})),
+        Output("Edges, PNG", "--edges", "{}-edges.png", Call("write_image", (edges,))),
+        Output("Contours, SVG", "--contours", "{}-contours.svg", Call("labels.write_contours", (contours,))),
+        Output("Table of segments, CSV", "--table", "{}-table.csv", table),
     )

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cvtimg.explore.calls import Call, Named
+from cvtimg.explore.calls import Call, Line, Named
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Table, UnfitRequestError, controls_of
-from cvtimg.explore.layers import Globe
-from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import SAVED, Request, Tab, saved
+from cvtimg.explore.layers import Globe, Layer
+from cvtimg.explore.outcomes import Outcome, Output
+from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle
 
 #: Points that the page shows at most, and those of a draft.
@@ -79,48 +80,45 @@ class SphereTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the formats of grids."""
-        return [Output(label, "-o", f"globe{suffix}", saved, SAVED) for suffix, label in _FILES.items()]
+        return [Output(label, "-o", f"globe{suffix}") for suffix, label in _FILES.items()]
 
-    def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
+    def lines(self, request: Request) -> list[Line]:
+        """Return the line of Python."""
         settings = request.settings
-        text = self._call(settings).text(str(settings["n"]) if settings["by"] == "n" else "")
-        lines = f"import cvtimg\n\nresult = {text}"
-        return Recipe(self.words(request), lines, for_many=False)
-
-    def _call(self, settings: Settings) -> Call:
-        keywords = {} if settings["effort"] == "balanced" else {"effort": settings["effort"]}
+        keywords = self.keywords(settings)
         if density := _density(settings):
             keywords["density"] = density
-        return Call("sphere_grid", (), keywords)
+        number = (settings["n"],) if settings["by"] == "n" else ()
+        return [Line("result", Call("sphere_grid", number, keywords))]
 
     def draft(self, request: Request) -> Outcome | None:
         """Place fewer points, quickly."""
         settings = {**request.settings, "effort": "fast"}
-        return self._outcome(settings, min(_n_points(settings), _DRAFT))
+        number = min(_n_points(settings), _DRAFT)
+        call = Call("sphere_grid", (number,), self.lines(replace(request, settings=settings))[0].value.keywords)
+        return Outcome(*self.seen(request, {"result": call.run({})}))
 
     def exact(self, request: Request) -> Outcome:
         """Place the points."""
-        return self._outcome(request.settings, _n_points(request.settings), self.outputs(request))
+        _n_points(request.settings)  # are they too many?
+        return Tab.exact(self, request)
 
-    def _outcome(self, settings: Settings, n_points: int, outputs: Sequence[Output] = ()) -> Outcome:
-        result: SphereGrid = self._call(settings).run(n_points)
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the edges of the cells."""
+        result: SphereGrid = values["result"]
         cells, measures, widths = result.cells(), result.measures(), result.widths()
-        if outputs:
-            obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"
-            about = f"Least angle {measures.least_angle:.1f}°, {obtuse}. "
-        else:
-            about = ""
+        obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"
         low, middle, high = np.quantile(widths, (0, 0.5, 1)).tolist()
         facts = {
-            "k": n_points,
+            "k": len(result.points),
             "noun": "cells",
-            "about": f"{about}Widths {low:.0f} to {high:.0f} km, median {middle:.0f}.",
+            "about": f"Least angle {measures.least_angle:.1f}°, {obtuse}. "
+            f"Widths {low:.0f} to {high:.0f} km, median {middle:.0f}.",
         }
         ends = np.stack([cells.corners, np.roll(cells.corners, -1)], axis=1)
         ends[cells.offsets[1:] - 1, 1] = cells.corners[cells.offsets[:-1]]
         once = ends[ends[:, 0] < ends[:, 1]]  # each edge belongs to two cells, which walk it in opposite ways
-        return Outcome(result, Globe(cells.vertices.astype(np.float32), once.astype(np.uint32)), facts, outputs)
+        return Globe(cells.vertices.astype(np.float32), once.astype(np.uint32)), facts
 
 
 def _density(settings: Settings) -> Any:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from cvtimg.artwork import Stipples
-from cvtimg.explore.calls import Call, Named, literal
+from cvtimg.explore.calls import Call, Line, Named, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
-from cvtimg.explore.layers import Drawing
-from cvtimg.explore.outcomes import Outcome, Output, Recipe, written_as
-from cvtimg.explore.tabs.base import Request, Tab, reading
+from cvtimg.explore.layers import Drawing, Layer
+from cvtimg.explore.outcomes import Output, written_as
+from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
 _DRAWN = {"width": 200.0, "marks": "disks", "pen_width": "auto", "order": "tour"}
@@ -52,7 +50,14 @@ class StippleTab(Tab):
         "tones",
         "max_ink",
         "white_cutoff",
-        Choice(name="layers", label="Pens", default="one", choices={"one": "one", "cmyk": "CMYK"}),
+        Choice(
+            name="layers",
+            label="Pens",
+            default="one",
+            choices={"one": "one", "cmyk": "CMYK"},
+            flag="--layers",
+            keyword="layers",
+        ),
         ("invert", {"when": {"layers": ["one"]}}),
         "marks",
         "width",
@@ -62,48 +67,39 @@ class StippleTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the drawing for plotters, pixels, and tables."""
-        drawing = _drawing(self, request.settings)
-        more = "".join(f", {name}={literal(value)}" for name, value in drawing.items())
-        write, lines = partial(_save, drawing=drawing), f"result.save({{}}{more})"
+        drawing = Call("save", (), _drawing(self, request.settings), "result")
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
-        return [Output(label, "-o", f"{{}}-stippled{suffix}", write, lines) for suffix, label in kinds.items()]
+        return [Output(label, "-o", f"{{}}-stippled{suffix}", drawing) for suffix, label in kinds.items()]
 
-    def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
-        settings, call = request.settings, _call(self, request)
-        words = []
+    def words(self, request: Request, *more: str) -> list[str]:
+        """Return the words of the command."""
+        settings = request.settings
         if "least" in self.in_effect(settings):
-            words += ["--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}"]
-        if settings["layers"] != "one":
-            words += ["--layers", "cmyk"]
-        return Recipe(self.words(request, *words), f"{reading(request.picture)}\nresult = {call.text()}")
+            more += ("--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}")
+        return Tab.words(self, request, *more)
 
-    def exact(self, request: Request) -> Outcome:
-        """Place the dots."""
-        result: Stipples = _call(self, request).run(request.picture.array)
-        outputs = self.outputs(request)
-        svg = written_as("drawing.svg", lambda path: outputs[0].write(result, path))
+    def lines(self, request: Request) -> list[Line]:
+        """Return the lines of Python."""
+        settings = request.settings
+        keywords = self.keywords(settings)
+        if settings["by"] == "pen":
+            pen, width = settings["pen"], settings["width"]
+            text = f"{literal(pen)} / {literal(width)} * image.shape[1]"
+            keywords["dot_diameter"] = Named(text, pen / width * request.picture.size[1])
+        if "least" in self.in_effect(settings):
+            keywords["radius_range"] = (settings["least"], settings["greatest"])
+        number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
+        return [reading(request), Line("result", Call("stipple", (IMAGE, *number), keywords))]
+
+    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+        """Return the drawing."""
+        result: Stipples = values["result"]
+        svg = written_as("drawing.svg", lambda path: self.outputs(request)[0].writing(path).run(values))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
         if len(result):
             scale = request.settings["width"] / request.picture.size[1]
             facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
-        return Outcome(result, Drawing(svg), facts, outputs, request.picture.stem)
-
-
-def _call(tab: StippleTab, request: Request) -> Call:
-    settings = request.settings
-    keywords = tab.keywords(settings)
-    if settings["by"] == "pen":
-        pen, width = settings["pen"], settings["width"]
-        text = f"{literal(pen)} / {literal(width)} * image.shape[1]"
-        keywords["dot_diameter"] = Named(text, pen / width * request.picture.size[1])
-    if "least" in tab.in_effect(settings):
-        keywords["radius_range"] = (settings["least"], settings["greatest"])
-    if settings["layers"] != "one":
-        keywords["layers"] = "cmyk"
-    has_number = settings["by"] == "n" and settings["n_dots"] != "auto"
-    number = (settings["n_dots"],) if has_number else ()
-    return Call("stipple", number, keywords)
+        return Drawing(svg), facts
 
 
 def _drawing(tab: StippleTab, settings: Settings) -> dict[str, Any]:
@@ -115,7 +111,3 @@ def _drawing(tab: StippleTab, settings: Settings) -> dict[str, Any]:
     if changed.pop("order", "tour") == "none":
         changed["tour"] = False
     return changed
-
-
-def _save(result: Stipples, path: Path, drawing: dict[str, Any]) -> None:
-    result.save(path, **drawing)

@@ -1,0 +1,202 @@
+"""What cannot be is said in one line before any work, with the right status, and leaves no file behind.
+
+What a function of Python refuses is claimed by the tests of its package: one row here shows that it becomes one line.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from commands import Run
+from PIL import Image
+from scipy.io import netcdf_file
+
+from cvtimg import write_image
+from cvtimg.cli.overview import COMMANDS
+
+RGB = np.random.default_rng(3).integers(0, 256, (24, 32, 3), np.uint8)
+
+#: Command lines that are wrong by themselves, and what is said of them: exit status 2.
+WRONG = """
+quantize -k 4 | Missing argument 'INPUT...'
+quantize a.png -k 4 --colour red | No such option: --colour
+quantize a.png -k abc | '-k': 'abc' must be auto or a whole number in 1..65536
+quantize a.png -k 0 | '0' must be auto or a whole number in 1..65536
+quantize a.png -k 2.5 | '2.5' must be auto or a whole number in 1..65536
+quantize a.png -k 4 --seed -1 | '--seed': '-1' must be a whole number in 0..
+quantize a.png --psnr -1 | '-1' must be a number >= 0
+quantize a.png -k 2 --volume-power nan | 'nan' must be a number >= 0
+quantize a.png -k 4 --dither bayer --dither-strength 2 | '2' must be a number in 0..1
+quantize a.png -k 4 --space hsv | '--space': 'hsv' must be one of rgb, linear, lab, oklab
+quantize a.png --max-bytes 0 | '0' must be a number of bytes >= 1
+quantize a.png --color-bits 0 | '0' must be a number of bits in 1..8, or three such as 5,6,5
+quantize a.png -k 4 --lock loud | 'loud' must be a color such as '#rgb', '#rrggbb' or '#rrggbbaa', or a name
+quantize a.png --goal error | one of -k, --quality, --psnr, --max-bytes and --palette must be given
+quantize a.png -k 4 -o out.xyz | 'out.xyz' must end in one of .png,
+quantize a.png -k 4 -o out | 'out' must end in one of .png,
+quantize a.png -k 4 --save-palette p.xyz | 'p.xyz' must end in one of .gpl, .json
+quantize a.png -k 4 --ext .jpg | 'NAME.jpg' must end in one of .png,
+quantize a.png -k 4 -o - --json | --json needs standard output for itself; name the output by -o FILE
+quantize a.png -k 4 -o xyz:- | '-.xyz' must end in one of .png,
+quantize - -k 4 --shared-palette -o x.png | --shared-palette reads each input twice
+quantize a.png -k 4 --optimize -o a.tif | --optimize is for .png, and not for a.tif
+quantize a.png b.png -k 4 | 2 inputs need --out-dir DIR
+quantize a.png b.png -k 4 -o x.png | -o is for one input, and these are 2: use --out-dir DIR for several
+quantize a.png none.png -k 4 -o out.png | -o is for one input, and these are 2
+quantize a.png b.png -k 4 --out-dir out --save-palette p.gpl | --save-palette is for one input
+quantize a.png more/a.tif -k 4 --out-dir out --overwrite | a.png and more/a.tif would both become out/a.png
+quantize a.png --palette wrong.gpl | --palette: wrong.gpl:
+quantize a.png -k 4 --weight-map none.png | --weight-map: none.png: no such file
+quantize a.png -k 3 --weight-map pages.tif | has 3 pages, where one image is expected
+quantize a.png -k 4 --weight-map a.png | --weight-map: a.png: must be a gray image
+palette a.png --lock #ff00ff | --lock needs -k
+segment pages.tif --objects --volume -k 2 -o l.tif | takes no -k
+segment a.png -k 3 --track -o l.tif | --track needs --objects
+cluster trees.csv | Missing option '--clusters' / '-k'
+cluster trees.csv -k many | 'many' must be auto or a whole number in 1..
+cluster trees.csv -k 3 --columns a,,b | --columns: 'a,,b' must be names with commas between them
+cluster trees.csv -k 3 -o labels.txt | 'labels.txt' must end in one of .csv, .npy
+cluster trees.csv -k 3 --generators g.npy | 'g.npy' must end in one of .csv
+cluster trees.csv -k 3 -o x.csv --generators x.csv | two outputs of trees.csv would both become x.csv
+cluster trees.csv -k 3 -o trees.csv --overwrite | trees.csv is an input, which is never replaced
+elbow a.png --rule psnr --space lab | --rule psnr needs --space rgb
+elbow a.png --effort best --edge-weight 3 | --effort cannot be used with --averaging or --edge-weight
+elbow a.png --csv x.csv --report x.csv | --csv and --report would both become x.csv
+design -n 3 | give one of -d, --bounds and --axis
+design -n 3 -d 2 --bounds box.csv | give one of -d, --bounds and --axis
+design -n 3 --axis heat,9,1 | heat
+design -n 3 --axis alloy,A|A | alloy
+sphere -n 100 | Missing option '--output' / '-o'
+sphere -n 100 -o a.txt | must end in
+sphere -n 100 -o a.nc --refine 10,50 | must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO
+sphere -o a.nc --cell-width 30km --refine 1,2,3 | must be LON,LAT,RADIUS,WIDTH
+sphere -n 99 -o a.nc --plot a.png --view 10 100 | '100' must be a number in -90..90; two are needed
+sphere -n 99 -o a.nc --region 1,2 | --region 1,2 must be WEST,SOUTH,EAST,NORTH
+sphere -n 99 -o a.nc --radius moon | 'moon' must be a number > 0, or mpas, cesm
+stipple a.png -n 50 --dots sized --radius-range 3 1 -o a.svg | --radius-range: A and B must be > 0, the least first
+stipple a.png --width 0 -o a.svg | '0' must be a length > 0 such as 200mm, 20cm or 8in
+explore --port 65536 | '65536' must be a whole number in 0..65535
+quantise | No such command 'quantise'; did you mean quantize?
+"""
+#: Command lines of which an input or another file cannot be used: exit status 1.
+FAILED = """
+quantize none.png -k 4 | none.png: no such file
+quantize float.tif -k 4 | float.tif: .png cannot hold floating point samples
+quantize a.png -k 300 -o a.gif | a.png: .gif holds images of at most 256 colors, and this one has 300
+quantize a.png -k 4 --weight-map black.png | weights of shape (20, 40) must be (24, 32)
+quantize a.png -k 4 --mask black.png | the mask black.png must have 32 x 24 pixels, as the image, and has 40 x 20
+quantize a.png --max-bytes 9 | --max-bytes 9 must be at least
+quantize a.png --psnr 70 -k 8 | --psnr 70.0 must be at most
+quantize a.png --quality 98-99 -k 8 --effort fast | at its lower end, which 8 colors reach
+quantize film.png -k 5 --depth 16 | film.png: is an animation, which --depth 16 cannot be used for
+quantize film.png -k auto | is an animation, which -k auto cannot be used for
+quantize film.png -k 5 --optimize | is an animation, which --optimize cannot be used for
+quantize film.png -k 300 -o out.gif | .gif holds frames of at most 256 colors
+quantize pages.tif -k 3 | has several pages: name an output that can hold them, -o FILE.tif
+quantize pages.tif -k 3 --depth 8 -o b.tif | --depth cannot be used for
+quantize pages.tif -k 4 --page 4 -o none.png | pages.tif: has 3 pages, and no page 4
+quantize pages.tif -k 4 --mask two.tif -o out.tif | needs a mask of 1 or 3 pages or frames, and two.tif has 2
+quantize bands.npy -k 4 -o out.npy | say which by --channel-axis 0 or 2
+segment pages.tif -k 3 | has several pages: name an output that can hold them, -o FILE.tif
+segment pages.tif -k 3 --edges e.png | that can hold them, --edges FILE.tif
+segment pages.tif -k 3 --contours c.svg | --contours holds one
+segment pages.tif --objects --volume -o l.tif | --pixel-size, such as 0.3x0.3x2um
+segment pages.tif --objects --volume --pixel-size 0.3um -o l.tif | of which only 0.3 um is known
+segment pages.tif --objects --volume --z 1 -o l.tif | a volume has several planes
+segment pages.tif --objects --track -o l.tif | without T to track objects along
+segment series.tif --objects --track -o l.tif | objects are tracked with --volume, or in one plane, --z N
+segment clear.png -k 2 | clear.png: has no pixel that counts: all are transparent
+restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
+restore pages.tif -k 3 --merge T -o r.tif | without T to --merge
+palette six.tif | has 6 bands, which are not colors
+elbow numbers.csv --edge-weight 3 | for images, not for tables
+elbow a.png --max-pixels 99 | has over 99 pixels
+cluster trees.csv -k 3 | choose columns of numbers (--columns height,girth,count)
+cluster trees.csv -k 3 --columns height,age | column 'age' must be one of site, height, girth, count
+cluster trees.csv -k 3 --columns height --weight height | column 'height' is the weight
+cluster trees.csv -k 41 --columns height | n_generators=41 must be in 1..4, the number of samples
+design -n 3 --bounds none.csv | none.csv: no such file
+design -n 3 -d 2 --existing none.csv -o a.csv | none.csv: no such file
+design -n 3 --bounds trees.csv | trees.csv: must have the columns name, low and high
+design -n 3 --bounds twice.csv | twice.csv: there must be one axis named a, not 2
+design -n 3 --bounds odd.csv | odd.csv: a of kind odd must be
+design -n 5 -d 2 --feasible 'speed < 1' | --feasible 'speed < 1' has no axis 'speed'; there are x1, x2
+design -n 5 -d 2 --density 'exp(' | --density 'exp(' cannot be computed
+design -n 3 -d 2 --existing far.csv | x1 of existing[0]=5.0 must be within its bounds, 0..1
+sphere -n 3 -o a.nc | n=3 must be an integer >= 4
+sphere -o a.nc --cell-width -3 | width=-3.0 must be a finite number > 0, in km
+sphere -o a.nc --cell-width bare.nc | it has no lon
+sphere -n 99 -o a.nc --region no.geojson | --region no.geojson: no such file
+sphere -n 99 -o a.nc --land land.png --strait 1,2,3 | --strait 1,2,3 must be LON,LAT
+sphere -n 100 -o a.nc --density a.png | must be twice as wide as high
+sphere -n 100 -o a.nc --density black.png | --density black.png must not be 0 everywhere
+sphere -n 100 -o a.nc --refine black.png,3 | --refine black.png must not be 0 everywhere
+sphere -n 100 -o a.nc --density nan.tif | --density nan.tif must be finite
+sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everywhere
+sphere -n 9 -o a.nc --parent few.csv --within 0,0,60 | must have at least 4 points
+sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
+sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
+explore --no-browser none.png | none.png: no such file
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with files of all kinds, most of them of little use."""
+    made = tmp_path_factory.mktemp("files")
+    (made / "more").mkdir()
+    for name in ("a.png", "b.png", "more/a.tif"):
+        write_image(made / name, RGB)
+    write_image(made / "clear.png", np.zeros((6, 6, 4), np.uint8))
+    write_image(made / "float.tif", RGB[..., 0].astype(np.float32))
+    write_image(made / "six.tif", np.zeros((2, 2, 6), np.uint8))
+    np.save(made / "bands.npy", np.zeros((3, 24, 32), np.uint8))
+    frames = [Image.fromarray(np.roll(RGB, shift, 0)) for shift in range(3)]
+    frames[0].save(made / "film.png", save_all=True, append_images=frames[1:])
+    for name, shape, axes in (("pages", (3, 8, 8), "ZYX"), ("two", (2, 8, 8), "ZYX"), ("series", (2, 3, 8, 8), "TZYX")):
+        metadata = {"axes": axes}
+        tifffile.imwrite(made / f"{name}.tif", np.zeros(shape, np.uint8), photometric="minisblack", metadata=metadata)
+    Image.new("L", (40, 20)).save(made / "black.png")
+    Image.linear_gradient("L").resize((40, 20)).save(made / "land.png")
+    Image.fromarray(np.full((20, 40), np.nan, np.float32)).save(made / "nan.tif")
+    netcdf_file(made / "bare.nc", "w").close()
+    texts = {
+        "wrong.gpl": "hello",
+        "trees.csv": "site,height,girth,count\nS0,1,5,1\nS1,2,6,1\nS2,9,4,2\nS3,8,7,3\n",
+        "numbers.csv": "1,2\n3,4\n5,7\n",
+        "box.csv": "name,low,high\nspeed,0,30\nheat,20,90\n",
+        "twice.csv": "name,low,high\na,0,1\na,0,1\n",
+        "odd.csv": "name,low,high,kind,levels,unit\na,0,1,odd,,\n",
+        "far.csv": "x1,x2\n5,5\n",
+        "few.csv": "x,y,z\n1,0,0\n0,1,0\n0,0,1\n",
+        "off.csv": "x,y,z\n1,0,0\n0,3,0\n0,0,1\n-1,0,0\n0,-1,0\n0,0,-1\n",
+    }
+    for name, text in texts.items():
+        (made / name).write_text(text)
+    return made
+
+
+def rows() -> list[tuple[str, int, str]]:
+    """Return command lines, their status, and what is said."""
+    lines = [(line, status) for text, status in ((WRONG, 2), (FAILED, 1)) for line in text.strip().splitlines()]
+    return [(command, status, said) for line, status in lines for command, said in [line.rsplit(" | ", 1)]]
+
+
+@pytest.mark.parametrize(("command", "status", "said"), rows(), ids=[row[0] for row in rows()])
+def test_what_cannot_be_is_one_line_and_leaves_nothing(
+    command: str, status: int, said: str, folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    words = shlex.split(command)
+    outcome = run(*words)
+    assert (outcome.status, outcome.out) == (status, ""), outcome.err
+    assert re.fullmatch(r"cvtimg: [^\n]+\n", outcome.err)
+    assert said in outcome.err
+    assert words[0] not in COMMANDS or (f"(see cvtimg {words[0]} --help)" in outcome.err) == (status == 2)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
