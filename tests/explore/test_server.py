@@ -378,7 +378,7 @@ NOT_ALLOWED: list[tuple[dict[str, Any], str]] = [
     ({"settings": {"j": 1}}, "no setting 'j'"),
     ({"settings": {"k": "x"}}, "Colors: 'x' must be a whole number in 1..65536"),
     ({"settings": {"k": 2.5}}, "whole number"),
-    ({"settings": {"k": True}}, "must be a number"),
+    ({"settings": {"k": True}}, "must be a whole number"),
     ({"settings": {"space": "cmyk"}}, "must be one of rgb, linear, lab, oklab"),
     ({"settings": {"locked": ["red; rm"]}}, "a color as #rrggbb"),
     ({"settings": {"aim": "palette"}}, "choose a palette, or open a file that has one"),
