@@ -39,7 +39,6 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     from cvtimg import quantize, write_palette
-    from cvtimg.cli.quantize_command import locked_colors
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
     from cvtimg.palettes import color_order
@@ -52,7 +51,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise ValueError(f"has {image.shape[2]} bands, which are not colors")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
-    locked = locked_colors(given.lock) if given.lock else None
+    locked = given.arguments.get("locked")
     if given.main:
         result = map_to_palette(
             image, main_palette(image, given.number or MAIN_COLORS, locked=locked).colors, space="oklab"

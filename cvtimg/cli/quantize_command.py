@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, Any
 from cvtimg._shared.extras import needs
 from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
 from cvtimg.batch.pipes import is_pipe
-from cvtimg.batch.report import reason
 from cvtimg.batch.runner import check_plan
 from cvtimg.cli.running import run_plan, running_of, selected
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from cvtimg.colors.samples import ColorSamples
@@ -68,7 +66,7 @@ def quantize(given: Given) -> int:
     Animations stay animations in .gif, .png and .webp, with one palette for all frames; so do TIFF files of several
     pages, with -o FILE.tif.
     """
-    from cvtimg import read_palette, write_palette
+    from cvtimg import write_palette
     from cvtimg.pictures.files import lossless_suffixes
 
     aims = (given.palette, given.number, given.psnr, given.max_bytes)
@@ -97,13 +95,7 @@ def quantize(given: Given) -> int:
         joint=saved if given.shared_palette else None,
     )
     how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes else "error"}
-    if given.dither == "none":
-        del how["dither"]
-    if given.weight_map:
-        how["weights"] = _read("--weight-map", given.weight_map, _read_weights)
-    if given.lock:
-        how["locked"] = locked_colors(given.lock)
-    palette = _read("--palette", given.palette, read_palette) if given.palette else None
+    palette = how.pop("palette", None)
     if given.shared_palette:
         running = running_of(given)
         find = partial(_palette_of_all, options={name: how[name] for name in (*_FINDING, "space") if name in how})
@@ -207,37 +199,3 @@ def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> NDArra
     if "locked" in options:
         options = {**options, "locked": to_depth(options["locked"], samples.colors.dtype)}
     return find_palette(samples, **options).colors
-
-
-def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
-    """(L, 3) colors, or (L, 4) if some have transparency, each once."""
-    import numpy as np
-
-    from cvtimg import read_palette
-
-    rgba: list[tuple[int, ...]] = []
-    for color in colors:
-        rows = [bytes.fromhex(color)] if isinstance(color, str) else _read("--lock", color, read_palette).tolist()
-        rgba += [(*row, 255)[:4] for row in rows]
-    distinct = np.array(list(dict.fromkeys(rgba)), np.uint8)
-    return distinct if (distinct[:, 3] < 255).any() else distinct[:, :3]
-
-
-def _read(option: str, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
-    """Read a file that all inputs need."""
-    try:
-        return reader(path)
-    except (OSError, ValueError) as error:
-        raise WrongUsageError(f"{option}: {path}: {reason(path, error)}") from error
-
-
-def _read_weights(path: Path) -> NDArray[Any]:
-    """Read a gray image: one channel, or the same in all."""
-    from cvtimg import read_image
-
-    weights = read_image(path)
-    if weights.ndim == 2:
-        return weights
-    if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
-        raise ValueError("must be a gray image")
-    return weights[..., 0]

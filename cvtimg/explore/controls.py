@@ -166,34 +166,45 @@ class Switch(Control):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Colors(Control):
-    """Colors as #rrggbb, each once; the option is repeated for each."""
+class Several(Control):
+    """A list of values, at most so many; on the command line the option is repeated for each."""
 
-    default: tuple[str, ...] = ()
+    default: tuple[Any, ...] = ()
     most: int = 64
 
-    def parse(self, value: Any) -> tuple[str, ...]:
-        """Check a list of colors."""
-        listed = value if isinstance(value, list) else [value]
-        for color in listed:
-            if not isinstance(color, str) or not re.fullmatch("#[0-9a-fA-F]{6}", color):
-                raise self.refuse(color, "a color as #rrggbb")
-        if len(listed) > self.most:
-            raise self.refuse(len(listed), f"at most {self.most} colors")
-        return tuple(dict.fromkeys(color.lower() for color in listed))
+    def parse(self, value: Any) -> tuple[Any, ...]:
+        """Check a list of values."""
+        if not isinstance(value, list) or len(value) > self.most:
+            raise self.refuse(value, f"a list of at most {self.most} {self.label.lower()}")
+        return tuple(map(self.parse_one, value))
+
+    def parse_one(self, value: Any) -> Any:
+        """Check one value."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swatches(Colors):
-    """Colors in an order of their own, which the page edits in the result."""
+class Swatches(Several):
+    """Colors as #rrggbb in an order of their own, which the page edits in the result."""
 
     most: int = 256
 
-    def parse(self, value: Any) -> tuple[str, ...]:
-        """Check a list of colors, which may be equal."""
-        if not isinstance(value, list) or len(value) > self.most:
-            raise self.refuse("colors", f"a list of at most {self.most}")
-        return tuple(color for one in value for color in Colors.parse(self, one))
+    def parse_one(self, value: Any) -> str:
+        """Check a color."""
+        if not isinstance(value, str) or not re.fullmatch("#[0-9a-fA-F]{6}", value):
+            raise self.refuse(value, "a color as #rrggbb")
+        return value.lower()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Colors(Swatches):
+    """Colors, each once."""
+
+    most: int = 64
+
+    def parse(self, value: Any) -> tuple[Any, ...]:
+        """Check a list of colors."""
+        return tuple(dict.fromkeys(Swatches.parse(self, value)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,22 +221,18 @@ class Entry(Control):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table(Control):
-    """Rows of numbers and texts; the option is repeated for each row, its values with commas between them."""
+class Table(Several):
+    """Rows of numbers and texts, which the command line writes with commas between them."""
 
-    default: tuple[tuple[Any, ...], ...] = ()
     #: Columns: numbers, whose slider range is not used, and texts.
     columns: tuple[Number | Entry, ...]
-    most: int = 64
     adds: str = "Add"  # What the button that adds a row says
 
-    def parse(self, value: Any) -> tuple[tuple[Any, ...], ...]:
-        """Check a list of rows."""
-        if not isinstance(value, list) or len(value) > self.most:
-            raise self.refuse("rows", f"a list of at most {self.most}")
-        if not all(isinstance(row, list) and len(row) == len(self.columns) for row in value):
+    def parse_one(self, value: Any) -> tuple[Any, ...]:
+        """Check a row."""
+        if not isinstance(value, list) or len(value) != len(self.columns):
             raise self.refuse("rows", f"lists of {len(self.columns)} values each")
-        return tuple(tuple(column.parse(one) for column, one in zip(self.columns, row, strict=True)) for row in value)
+        return tuple(column.parse(one) for column, one in zip(self.columns, value, strict=True))
 
     def text(self, value: Any) -> str:
         """Write a row, with commas between its values."""
@@ -240,24 +247,20 @@ class Table(Control):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Edits(Control):
-    """Changes that are made on the picture, as texts in their order; the option is repeated for each."""
+class Edits(Several):
+    """Changes that are made on the picture, as texts in their order."""
 
-    default: tuple[str, ...] = ()
     modes: Mapping[str, str]  # What the page offers, with its labels
     check: Callable[[str], Any]  # Raises ValueError for a text that says no change
     most: int = 1000
 
-    def parse(self, value: Any) -> tuple[str, ...]:
-        """Check a list of texts."""
-        if not isinstance(value, list) or len(value) > self.most or not all(isinstance(one, str) for one in value):
-            raise self.refuse("changes", f"a list of at most {self.most} texts")
+    def parse_one(self, value: Any) -> str:
+        """Check a change."""
         try:
-            for text in value:
-                self.check(text)
-        except ValueError as error:
+            self.check(value)
+        except (ValueError, TypeError, AttributeError) as error:
             raise UnfitRequestError(f"{self.label}: {error}") from error
-        return tuple(value)
+        return str(value)
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs, modes in their order."""
@@ -287,20 +290,17 @@ class Brushed(Edits):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Files(Control):
+class Files(Several):
     """Files that the page has sent before, by the keys that the server gave them."""
 
-    default: tuple[str, ...] = ()
     of: str = "pictures"  # What they are
     most: int = 1  # How many can be chosen
 
-    def parse(self, value: Any) -> tuple[str, ...]:
-        """Check a list of keys; whether such files are open is known elsewhere."""
-        if not isinstance(value, list) or not all(isinstance(key, str) and len(key) <= 64 for key in value):
-            raise self.refuse(value, "a list of open files")
-        if len(value) > self.most:
-            raise self.refuse(len(value), f"at most {self.most} files")
-        return tuple(value)
+    def parse_one(self, value: Any) -> str:
+        """Check a key; whether such a file is open is known elsewhere."""
+        if not isinstance(value, str) or len(value) > 64:
+            raise self.refuse(value, "a file that is open")
+        return value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ def serve(
     paths : sequence of Path
         Images to open.
     port : int
-        Port of the server; 0 takes a free one.
+        Port of the server; 0 takes a free one. OSError is raised if it is taken.
     browser : bool
         Open the page in the browser.
     keep : bool
@@ -50,13 +50,6 @@ def serve(
         End after so many minutes without an open page.
     say : callable
         Told the address, which contains the token that lets a page in.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If ``cvtimg[explore]`` is not installed.
-    OSError
-        If the port is taken.
     """
     import uvicorn
 

@@ -148,22 +148,16 @@ def _remove_left() -> None:
     """Remove folders, and doors in the home folder, of servers of this user that were killed."""
     if os.name == "nt":  # where processes are not found by their numbers
         return
+    import psutil
+
     found = [*Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*")]
     with suppress(RuntimeError):  # there is no home folder
         found += Path.home().glob(f"{FOLDERS}*-*.html")
     for left in found:
         number = left.name.removeprefix(FOLDERS).partition("-")[0]
         with suppress(OSError):
-            if number.isdigit() and left.lstat().st_uid == os.getuid() and not _runs(int(number)):
+            if number.isdigit() and left.lstat().st_uid == os.getuid() and not psutil.pid_exists(int(number)):
                 shutil.rmtree(left) if left.is_dir() else left.unlink()
-
-
-def _runs(number: int) -> bool:
-    try:
-        os.kill(number, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def _plain(name: str) -> str:

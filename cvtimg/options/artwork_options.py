@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passed
+from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, late, passed
 
 _PER_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "": 1.0}
 
@@ -19,18 +17,6 @@ def _length(text: str | float) -> float:
         return float(Real(above=0).parse(plain.removesuffix(unit)) * _PER_MM[unit])
     except ValueError as error:
         raise ValueError(f"{plain!r} must be a length > 0 such as 200mm, 20cm or 8in") from error
-
-
-def _dots() -> Sequence[str]:
-    from cvtimg.artwork.stipples import suffixes
-
-    return suffixes()
-
-
-def _tiles() -> Sequence[str]:
-    from cvtimg.artwork.mosaics import suffixes
-
-    return suffixes()
 
 
 STIPPLE = (
@@ -49,7 +35,7 @@ STIPPLE = (
         excludes=("number", "pen_width", "radius_range", "dots=sized"),
         keyword="dot_diameter",
     ).on_page("Pen", slider=(0.1, 2), step=0.05, unit="mm", suffix="mm", low=0.05, high=10, default=0.4),
-    common.output(common.IMAGE_OUTPUT, _dots, standard=".png"),
+    common.output(common.IMAGE_OUTPUT, late("artwork.stipples", "suffixes"), standard=".png"),
     common.OUT_DIR,
     passed(
         "dots",
@@ -117,7 +103,7 @@ MOSAIC = (
     common.number_of("tiles", 1 << 28, "--tiles -n", keyword="n_cells").on_page(
         "Tiles", slider=(50, 20_000), log=True, high=10**6, default=1000
     ),
-    common.output(common.IMAGE_OUTPUT, _tiles, standard=".png"),
+    common.output(common.IMAGE_OUTPUT, late("artwork.mosaics", "suffixes"), standard=".png"),
     common.OUT_DIR,
     passed(
         "shape",

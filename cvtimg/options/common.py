@@ -10,7 +10,7 @@ from string import hexdigits
 from typing import Any, get_args
 
 from cvtimg._shared.choices import AutoEffortName, AveragingName, EffortName, InitName, MethodName, SpaceName
-from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, passed
+from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, late, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
 PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt, .aseprite or .png"
@@ -68,43 +68,11 @@ def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:
     raise ValueError(f"{str(text)!r} must be a number of bits in 1..8, or three such as 5,6,5")
 
 
-def _pixel_size(text: str) -> Any:
-    from cvtimg.pictures.formats.pixel_size import PixelSize
-
-    return PixelSize.parse(text)
-
-
-# What files may end in, known to modules that import NumPy.
-
-
-def pictures() -> Sequence[str]:
-    """Return the suffixes of images."""
-    from cvtimg.pictures.files import image_suffixes
-
-    return image_suffixes()
-
-
-def lossless() -> Sequence[str]:
-    """Return the suffixes of images that keep all values."""
-    from cvtimg.pictures.files import lossless_suffixes
-
-    return lossless_suffixes()
-
-
-def palettes() -> Sequence[str]:
-    """Return the suffixes of palettes."""
-    from cvtimg.palettes.files import PALETTE_FORMATS
-
-    return list(PALETTE_FORMATS)
-
-
-def meshes() -> Sequence[str]:
-    """Return the suffixes of meshes."""
-    from cvtimg.meshes.files import suffixes
-
-    return suffixes()
-
-
+# What files may end in, known to modules that import NumPy: images, those that keep all values, palettes, meshes.
+pictures = late("pictures.files", "image_suffixes")
+lossless = late("pictures.files", "lossless_suffixes")
+palettes = late("palettes.files", "PALETTE_FORMATS.keys")
+meshes = late("meshes.files", "suffixes")
 PLOTS = (".png", ".svg")
 
 # Inputs and outputs
@@ -165,7 +133,7 @@ READING = (
     Option("z", Whole(1, 1 << 31), "Read only this plane of a stack."),
     Option(
         "pixel_size",
-        Text(_pixel_size),
+        Text(late("pictures.formats.pixel_size", "PixelSize.parse")),
         "Size of a pixel in place of what the file says, such as 0.325um, or 0.3x0.3x2um with the distance of planes.",
         metavar="SIZE",
     ),

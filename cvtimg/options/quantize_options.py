@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
 
 from cvtimg._shared.choices import DitherName, GoalName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 #: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
 DEFAULT_COLORS, MAIN_COLORS = 16, 6
@@ -33,6 +38,36 @@ def _images() -> Sequence[str]:
     return [*common.lossless(), ".zarr"]
 
 
+def _unless_none(name: str) -> str | None:
+    return None if name == "none" else name
+
+
+def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
+    """(L, 3) colors, or (L, 4) if some have transparency, each once."""
+    import numpy as np
+
+    from cvtimg import read_palette
+
+    rgba: list[tuple[int, ...]] = []
+    for color in colors:
+        rows = [bytes.fromhex(color)] if isinstance(color, str) else read_palette(color).tolist()
+        rgba += [(*row, 255)[:4] for row in rows]
+    distinct = np.array(list(dict.fromkeys(rgba)), np.uint8)
+    return distinct if (distinct[:, 3] < 255).any() else distinct[:, :3]
+
+
+def _weights(path: Path) -> NDArray[Any]:
+    """Read a gray image: one channel, or the same in all."""
+    from cvtimg import read_image
+
+    weights = read_image(path)
+    if weights.ndim == 2:
+        return weights
+    if weights.shape[2] > 4 or (weights[..., :1] != weights[..., :3]).any():
+        raise ValueError("must be a gray image")
+    return weights[..., 0]
+
+
 _LOCK = Option(
     "lock",
     Text(common.color_or_file),
@@ -40,6 +75,8 @@ _LOCK = Option(
     "repeated.",
     metavar="COLOR|FILE",
     many=True,
+    keyword="locked",
+    to=locked_colors,
 )
 
 QUANTIZE = (
@@ -89,6 +126,7 @@ QUANTIZE = (
         "or compact, for a small file.",
         metavar="NAME",
         default="none",
+        to=_unless_none,
     ).on_page("Dither"),
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength", step=0.05
@@ -98,6 +136,8 @@ QUANTIZE = (
         "Use the colors of a palette file or of an image, a palette by name: cga, game-boy, nes, pico-8, web-safe; or "
         "colors as '#102030,#f0e0d0'; with -k, the best of them.",
         excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
+        keyword="palette",
+        to=late("palettes.files", "read_palette"),
     ),
     switch(
         "ramp",
@@ -114,7 +154,7 @@ QUANTIZE = (
         metavar="N|R,G,B",
         excludes=("palette",),
     ).on_page("Hardware", default="any"),
-    file("weight_map", "Gray image of the same size: the weight of each pixel."),
+    file("weight_map", "Gray image of the same size: the weight of each pixel.", keyword="weights", to=_weights),
     replace(common.MASK, keyword="mask"),
     replace(common.NODATA, keyword="nodata"),
     passed("depth", Choice(("8", "16")), "Bits per channel to work and write with; by default those of the image."),

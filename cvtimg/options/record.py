@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,27 +20,7 @@ from typing import Any, TypeAlias
 from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
-
-
-@dataclass(frozen=True, slots=True)
-class Whole:
-    """A whole number in low..high, or "auto" where that is allowed."""
-
-    low: int
-    high: int
-    auto: bool = False
-    even: bool = False
-
-    def parse(self, text: Any) -> Any:
-        """Return the number that a text stands for."""
-        if self.auto and text == "auto":
-            return text
-        with suppress(ValueError):
-            value = int(text)
-            if self.low <= value <= self.high and not (self.even and value % 2):
-                return value
-        noun = "an even number" if self.even else "a whole number"
-        raise ValueError(f"{str(text)!r} must be {'auto or ' if self.auto else ''}{noun} in {self.low}..{self.high}")
+from cvtimg.batch.report import reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,24 +31,40 @@ class Real:
     high: float = math.inf
     above: float = -math.inf
     auto: bool = False
+    even: bool = False
 
     def parse(self, text: Any) -> Any:
         """Return the number that a text stands for."""
         if self.auto and text == "auto":
             return text
-        with suppress(ValueError):
-            value = float(text)
-            if math.isfinite(value) and self.low <= value <= self.high and value > self.above:
+        with suppress(ValueError, OverflowError):
+            value = self._read(text)
+            within = self.low <= value <= self.high and value > self.above
+            if math.isfinite(value) and within and not (self.even and value % 2):
                 return value
         raise ValueError(f"{str(text)!r} must be {'auto or ' if self.auto else ''}{self._allowed()}")
 
+    def _read(self, text: Any) -> float:
+        return float(text)
+
     def _allowed(self) -> str:
-        limits = [f"> {self.above:g}"] if self.above > -math.inf else []
-        if self.low > -math.inf:
-            limits = [f"in {self.low:g}..{self.high:g}" if self.high < math.inf else f">= {self.low:g}"]
-        elif self.high < math.inf:
-            limits.append(f"at most {self.high:g}")
-        return " ".join(["a number", " and ".join(limits)]).strip()
+        if self.above > -math.inf:
+            return f"a number > {self.above:g}" + (f" and at most {self.high:g}" if self.high < math.inf else "")
+        if self.low == -math.inf:
+            return "a number"
+        return f"a number in {self.low:g}..{self.high:g}" if self.high < math.inf else f"a number >= {self.low:g}"
+
+
+class Whole(Real):
+    """A whole number in low..high, or "auto" where that is allowed."""
+
+    __slots__ = ()
+
+    def _read(self, text: Any) -> int:
+        return int(text)
+
+    def _allowed(self) -> str:
+        return f"{'an even' if self.even else 'a whole'} number in {self.low}..{self.high}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +143,17 @@ class Pair:
             raise ValueError(f"{error}; two are needed, with a space between them") from error
 
 
-Kind: TypeAlias = Whole | Real | Choice | Switch | Text | File | Pair
+def late(module: str, name: str) -> Callable[..., Any]:
+    """Return a function of a module of cvtimg that is imported when it is called, so that --help imports little."""
+
+    def call(*given: Any) -> Any:
+        found: Any = import_module(f"cvtimg.{module}")
+        return reduce(getattr, name.split("."), found)(*given)
+
+    return call
+
+
+Kind: TypeAlias = Real | Choice | Switch | Text | File | Pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +173,9 @@ class Option:
     # Other options without which, or with which, it has no effect: by name, or as ``"name=value"``.
     needs: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
-    keyword: str = ""  # Argument of the Python function that takes the value as it is; "" where more is to be done
+    # Argument of the Python function that takes the value, or what `to` makes of it; "" where more is to be done.
+    keyword: str = ""
+    to: Callable[[Any], Any] | None = None
     # How the page shows it, where it does: fields of its control in `cvtimg.explore.controls`, such as its label, what
     # explains it, the usual range, and limits and a default where these are not those of the command.
     page: Mapping[str, Any] | None = None
@@ -214,9 +224,8 @@ class Given(SimpleNamespace):
 
     #: What was typed.
     command: str
-    #: Arguments of the Python function by option, and how the command line writes them.
-    keywords: Mapping[str, str]
-    flags: Mapping[str, str]
+    #: Options that are arguments of the Python function, by their names there.
+    keywords: Mapping[str, Option]
 
     def only(self, *names: str, **renamed: str) -> dict[str, Any]:
         """Return some values by name, ``rng="seed"`` under another."""
@@ -225,13 +234,22 @@ class Given(SimpleNamespace):
     def worded(self, message: str) -> str:
         """Return a message about an argument of the Python function in the words of the command line."""
         name, equals, rest = message.partition("=")
-        return f"{self.flags[name]} {rest}" if equals and name in self.flags else message
+        return f"{self.keywords[name].flag} {rest}" if equals and name in self.keywords else message
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The values that the Python function takes as they are, by their names there; those not given are left out."""
-        values = {keyword: getattr(self, name) for name, keyword in self.keywords.items()}
+        """The arguments of the Python function by their names there; those not given are left out."""
+        values = {keyword: self._argument(option) for keyword, option in self.keywords.items()}
         return {keyword: value for keyword, value in values.items() if value is not None}
+
+    def _argument(self, option: Option) -> Any:
+        value = getattr(self, option.name)
+        if not option.to or value is None or (option.many and not value):
+            return value
+        try:
+            return option.to(value)
+        except (OSError, ValueError) as error:  # of a file that all inputs need
+            raise WrongUsageError(f"{option.flag}: {value}: {reason(value, error)}") from error
 
 
 def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
@@ -262,6 +280,4 @@ def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
             raise WrongUsageError(f"{option.flag} needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
             check_suffix(option.flag, values[option.name], option.kind.endings)
-    passed = [option for option in known.values() if option.keyword]
-    keywords = {option.name: option.keyword for option in passed}
-    return Given(**values, keywords=keywords, flags={option.keyword: option.flag for option in passed})
+    return Given(**values, keywords={option.keyword: option for option in known.values() if option.keyword})

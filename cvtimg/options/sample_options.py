@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, passed
-
-
-def _factor(text: str) -> Any:
-    from cvtimg.designs.factors import Factor
-
-    return Factor.parse(text)
+from cvtimg.options.record import Choice, Option, Real, Switch, Text, Whole, late, passed
 
 
 def _labels() -> Sequence[str]:
@@ -104,7 +97,7 @@ DESIGN = (
     ),
     Option(
         "axis",
-        Text(_factor),
+        Text(late("designs.factors", "Factor.parse")),
         "An axis in place of --bounds: a range, whole numbers, or levels with | between them; once for each.",
         metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
         many=True,

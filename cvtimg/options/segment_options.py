@@ -4,19 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any
 
 from cvtimg.labels.formats import CONTOUR_FORMATS
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
-from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
-
-
-def _edit(text: str) -> Any:
-    from cvtimg.segmentation import Edit
-
-    return Edit.parse(text)
-
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
 
 _AVIF = (".avif",) if find_spec("PIL._avif") else ()
 _PICTURES = (".png", ".tif", ".tiff", ".webp", ".jpg", ".jpeg", ".npy", *_AVIF)
@@ -229,7 +221,7 @@ SEGMENT = (
     ).on_page("Compactness", slider=(0, 500), step=0.5, high=10**6),
     Option(
         "edit",
-        Text(_edit),
+        Text(late("segmentation", "Edit.parse")),
         "Change segments by hand, as cvtimg explore does: 'merge X,Y X,Y...', 'split X,Y', or by a brush of radius R: "
         "'paint R X,Y...', 'add R X,Y...', 'erase R X,Y...'. Repeat it for more.",
         metavar="TEXT",

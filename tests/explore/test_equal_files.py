@@ -96,11 +96,13 @@ def variants(control: Control, tab: str) -> list[Any]:
         return [["erase 12 20,20 50,30", "add 5 30,25"]]
     if isinstance(control, Edits):
         return [["merge 3,3 40,30 60,40", "split 20,50", "paint 4.5 10,10 30,30", "add 6 50,8 70,20", "erase 5 5,5"]]
+    if isinstance(control, Colors):
+        return [["#00ff7f", "#102030"]]
     if isinstance(control, Swatches):
         return [["#00ff7f", "#102030", "#00ff7f"]]
     if isinstance(control, Table):
         return [VALUES[tab, control.name]]
-    return [["#00ff7f", "#102030"]] if isinstance(control, Colors) else []
+    return []
 
 
 def needed(control: Control, controls: dict[str, Control]) -> dict[str, Any]:
