@@ -13,6 +13,7 @@ tiles that overlap.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
 
@@ -32,34 +33,40 @@ from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, numbers_of, split_at_saddles, with_own_borders
 
-#: Blur before anything else, in pixels: by the noise, of this share of the contrast, and within these limits.
-_BLUR_OF_NOISE, _BLURS = 4.0, (0.7, 3.0)
-#: Blur of the generators, as a share of the longer side, and how many pixels of a class their global means count for.
-#: Across planes, as a share of their number.
-_REACH, _PRIOR, _REACH_ACROSS = 0.125, (0.02, 0.05), 0.25
-_MAX_ROUNDS = 15
-#: Planes of a volume in which noise is measured.
-_SOME_PLANES = 9
-#: Generators that vary so slowly are found on so many pixels.
-_ENOUGH_PIXELS = 1 << 22
-#: Pixels of a tile, and how far tiles overlap, in radii of the usual object.
-_TILE, _OVERLAP = 1 << 24, 4.0
-#: Times the noise that the blur leaves: by which objects differ from the background, and pixels of a dim one.
-_SIGNIFICANT, _ABOVE_NOISE = 4.0, 5.0
-#: The dimmest objects, as a share of the contrast of the others, and how often brighter ones are taken away.
-_DIMMEST, _N_PEELS = 0.15, 3
-#: What fills so much of its convex hull is one object; two discs that overlap by a sixth of their width fill as much.
-_CONVEX = 0.93
-#: Rise, in the logarithm of the distance plus so many pixels, above a saddle between two objects.
-_DEPTH, _OFFSET = 0.015, 0.7
-_BLUR_OF_DISTANCE = 0.8
-#: Objects whose radius is less are divided on a grid twice as fine.
-_SMALL = 9.0
-#: The least object, as a share of the usual one.
-_LEAST = 0.12
-
 _Floats = NDArray[np.float32]
 _Inside = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What is an object, in shares of what is measured: lengths of the usual radius, contrasts of the usual one."""
+
+    blur_of_noise: float = 4.0  # pixels of blur before anything else, for noise as large as the contrast
+    blurs: tuple[float, float] = (0.7, 3.0)  # at least what sampling needs, at most what keeps necks
+    reach: float = 0.125  # blur of the generators, of the longer side
+    reach_across: float = 0.25  # the same across planes, of their number
+    ground_prior: float = 0.02  # how much the mean of all counts where the background is far
+    object_prior: float = 0.05  # objects are fewer
+    max_rounds: int = 15  # of generators; most images need five
+    some_planes: int = 9  # in which noise is measured
+    enough_pixels: int = 1 << 22  # generators that vary so slowly need no more
+    tile: int = 1 << 24  # pixels at a time, for 1 GB of memory
+    overlap: float = 4.0  # of tiles, so that each object is whole in one
+    significant: float = 4.0  # times the noise that the blur leaves, by which objects differ from the background
+    above_noise: float = 5.0  # the same for pixels of a dim object
+    dimmest: float = 0.15  # contrast of the dimmest objects
+    n_peels: int = 3  # how often brighter objects are taken away
+    thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
+    convex: float = 0.93  # of its hull, what one object fills; two discs that overlap by a sixth of their width do
+    depth: float = 0.015  # of saddles, in the logarithm of the distance ...
+    offset: float = 0.7  # ... plus so many pixels
+    blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
+    small: float = 9.0  # objects of a smaller radius in pixels are divided on a grid twice as fine
+    least_size: float = 0.12  # of the usual object's pixels
+
+
+#: Those of `count_objects`.
+SETTINGS = Settings()
 
 
 @hints_at_keywords
@@ -92,16 +99,6 @@ def count_objects(
         Labels of the objects from 1, in reading order, and 0 for the background; none where nothing stands out from the
         noise. `counting` says what was measured.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    segment : With ``objects=True``, by a number of segments, and with settings for borders and necks.
-    cvtimg.labels.volume_table : Measures of objects in a volume.
-
     Notes
     -----
     Some 15 bytes a pixel are in use, and up to 1 GB more: about 5 GB for 60 planes of 2048 by 2048; a quarter of that
@@ -126,123 +123,108 @@ def count_objects(
     """
     check_choice("background", background, BACKGROUNDS)
     least = None if min_size is None else check_non_negative("min_size", min_size)
-    if spacing is None:
-        bands, inside = check_partial_image("image", image, mask)
-        size: tuple[float, ...] = (1.0, 1.0)
+    bands, inside, size = _checked(image, spacing, mask)
+    gray = bands.mean(axis=-1, dtype=np.float32)
+    if not inside.all():
+        gray[~inside] = np.median(gray[inside])
+    smooth, blur, noise = denoised(gray, size)
+    del gray
+    contrast, step = contrast_of(smooth, inside, background)
+    radius = _radius((contrast > 0.5) & inside, size)
+    if not radius or abs(step) <= SETTINGS.significant * noise:
+        labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
-        bands, inside = _volume(image, mask)
-        size = (_between_planes(spacing), 1.0, 1.0)
-    labels, counting = _counted(bands, inside, background, least, size)
-    return measured(labels, bands, counting=counting)
+        threshold = float(np.clip(SETTINGS.above_noise * noise / abs(step), SETTINGS.dimmest, 0.5))
+        labels, least = sieved(_in_tiles(contrast, inside, threshold, radius, size), least)
+    return measured(labels, bands, counting=Counting(step < 0, blur, radius, least))
 
 
-def _volume(image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], _Inside]:
-    """Check a volume; return it with an axis of bands, and its voxels that count."""
-    volume = np.asarray(image)
-    shape = volume.shape
-    check_shape("image", shape, volume.ndim in (3, 4) and volume.size > 0, "(Z, H, W) or (Z, H, W, C), with spacing")
-    check_that(f"image of type {volume.dtype}", volume.dtype.kind in "uif", "be of integers or floating point")
-    bands = volume.reshape(*shape[:3], -1)
-    inside = np.ones(shape[:3], np.bool_) if mask is None else np.asarray(mask) != 0
-    check_shape("mask", inside.shape, inside.shape == shape[:3], f"{shape[:3]}, the size of the volume")
-    if volume.dtype.kind == "f":
-        inside = inside & np.isfinite(bands).all(axis=3)
-    check_that("image", bool(inside.any()), "have at least one voxel that is in the mask and finite")
-    return bands, inside
-
-
-def _between_planes(spacing: Sequence[float]) -> float:
-    """Return the distance of planes in pixels."""
+def _checked(
+    image: Any, spacing: Sequence[float] | None, mask: ArrayLike | None
+) -> tuple[NDArray[Any], _Inside, tuple[float, ...]]:
+    """Return an image or a volume with an axis of bands, the pixels that count, and their sides in those of a plane."""
+    if spacing is None:
+        return *check_partial_image("image", image, mask), (1.0, 1.0)
     sides = np.asarray(spacing, np.float64)
     fits = sides.shape == (3,) and np.isfinite(sides).all() and sides.min() > 0
     check_that(f"spacing={spacing}", bool(fits), "be three distances > 0, along Z, H and W")
     check_that(f"spacing={spacing}", bool(np.isclose(sides[1], sides[2], rtol=0.01)), "be the same along H and W")
-    return float(sides[0] / sides[1:].mean())
+    shape = np.shape(image)
+    check_shape("image", shape, len(shape) in (3, 4) and min(shape) > 0, "(Z, H, W) or (Z, H, W, C), with spacing")
+    if mask is not None:
+        check_shape("mask", np.shape(mask), np.shape(mask) == shape[:3], f"{shape[:3]}, the size of the volume")
+        mask = np.reshape(mask, (-1, shape[2]))
+    bands, inside = check_partial_image("image", np.reshape(image, (-1, *shape[2:])), mask)
+    return bands.reshape(*shape[:3], -1), inside.reshape(shape[:3]), (float(sides[0] / sides[1:].mean()), 1.0, 1.0)
 
 
-def _counted(
-    bands: NDArray[Any], inside: _Inside, background: str, least: float | None, size: tuple[float, ...]
-) -> tuple[NDArray[np.int32], Counting]:
-    """Return the labels of objects, and what was measured to find them; `size` is that of pixels along the axes."""
-    gray = bands.mean(axis=-1, dtype=np.float32)
-    if not inside.all():
-        gray[~inside] = np.median(gray[inside])
-    smooth, blur, noise = _denoised(gray, size)
-    del gray
-    contrast, step = _contrast(smooth, inside, background)
-    radius = _radius((contrast > 0.5) & inside, size)
-    if not radius or abs(step) <= _SIGNIFICANT * noise:
-        return np.zeros(inside.shape, np.int32), Counting(step < 0, blur, 0.0, 0.0)
-    threshold = float(np.clip(_ABOVE_NOISE * noise / abs(step), _DIMMEST, 0.5))
-    objects = np.zeros(inside.shape, np.int32)
-    for tile, core in _tiles(inside.shape, round(_OVERLAP * radius)):
-        found = _split(contrast[tile], inside[tile], threshold, radius, size)
-        found = with_own_borders(found, contrast[tile][..., None], np.zeros(1, np.float32))
-        _enter(objects[tile], found, core, int(objects.max()))
+def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.int32], float]:
+    """Leave out objects that are too small, number the others from 1, and return the least size."""
     sizes = np.bincount(objects.ravel())
     sizes[0] = 0
     if least is None:
-        least = float(_LEAST * np.average(sizes, weights=sizes)) if sizes.any() else 0.0
-    return numbers_of(sizes >= max(least, 1))[objects], Counting(step < 0, blur, radius, least)
+        least = float(SETTINGS.least_size * np.average(sizes, weights=sizes)) if sizes.any() else 0.0
+    return numbers_of(sizes >= max(least, 1))[objects], least
 
 
 def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
     """Return the radius of the usual object, 0 if there is none; of a large image, in its middle."""
     from scipy.ndimage import distance_transform_edt
 
-    side = max(int((_TILE / bright[..., 0, 0].size) ** 0.5), 1)
-    starts = [max(length - side, 0) // 2 for length in bright.shape[-2:]]
-    middle = bright[..., starts[0] : starts[0] + side, starts[1] : starts[1] + side]
+    tiles = [tile for tile, _ in _tiles(bright.shape, 0)]
+    middle = bright[tiles[len(tiles) // 2]]
     shown = _whole(middle if middle.any() else bright)
     if not shown.any():
         return 0.0
     # In a ball of n dimensions, the mean squared distance to its rim is 2 / (n + 1) (n + 2) of its squared radius.
     n = sum(length > 1 for length in shown.shape)
-    mean = np.mean(distance_transform_edt(shown, size)[shown] ** 2)
-    return float(np.sqrt((n + 1) * (n + 2) / 2 * mean))
+    return float(np.sqrt((n + 1) * (n + 2) / 2 * np.mean(distance_transform_edt(shown, size)[shown] ** 2)))
 
 
-def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[slice, ...], tuple[slice, ...]]]:
-    """Yield overlapping tiles of planes, and the core of each, which belongs to no other, in its coordinates."""
-    n_planes = int(np.prod(shape[:-2]))
-    side = max(int((_TILE / n_planes) ** 0.5) - 2 * overlap, 4 * overlap, 1)
-    along = []
-    for length in shape[-2:]:
-        n_parts = max(-(-length // side), 1) if length > side + 2 * overlap else 1
-        ends = [length * part // n_parts for part in range(n_parts + 1)]
-        parts = [(low, high, max(low - overlap, 0), min(high + overlap, length)) for low, high in pairwise(ends)]
-        along.append([(slice(first, last), slice(low - first, high - first)) for low, high, first, last in parts])
-    for down, right in product(*along):
-        every = (slice(None),) * (len(shape) - 2)
-        yield (*every, down[0], right[0]), (*every, down[1], right[1])
+def _in_tiles(
+    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...]
+) -> NDArray[np.int32]:
+    """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
+    from scipy.ndimage import center_of_mass
+
+    objects, last = np.zeros(inside.shape, np.int32), 0
+    for tile, core in _tiles(inside.shape, round(SETTINGS.overlap * radius)):
+        found = split(contrast[tile], inside[tile], threshold, radius, size)
+        found = with_own_borders(found, contrast[tile][..., None], np.zeros(1, np.float32))
+        middles = center_of_mass(found > 0, found, np.arange(1, int(found.max()) + 1))
+        own = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
+        numbers = numbers_of(np.array([False, *own]))
+        free = (numbers[found] > 0) & (objects[tile] == 0)
+        objects[tile][free] = numbers[found][free] + last
+        last += int(numbers.max())
+    return objects
 
 
-def _enter(objects: NDArray[np.int32], found: NDArray[np.int32], core: tuple[slice, ...], last: int) -> None:
-    """Enter the objects of a tile whose middle is in its core, where no other is; numbers follow the last."""
-    from scipy.ndimage import find_objects
+def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ...], NDArray[np.int64]]]:
+    """Yield overlapping tiles of planes, and the first and last corner of the core of each, which no other has."""
+    side = max(int((SETTINGS.tile / np.prod(shape[:-2])) ** 0.5) - 2 * overlap, 4 * overlap, 1)
+    lengths = np.array(shape[-2:])
+    n_parts = np.where(lengths > side + 2 * overlap, -(-lengths // side), 1).tolist()
+    along = [
+        pairwise([length * part // n for part in range(n + 1)]) for length, n in zip(shape[-2:], n_parts, strict=True)
+    ]
+    for core in product(*along):
+        first, last = np.array(core).T
+        top, bottom = np.maximum(first - overlap, 0), np.minimum(last + overlap, lengths)
+        yield (..., *map(slice, top, bottom)), np.array([first - top, last - top])
 
-    if tuple(part.stop - part.start for part in core[-2:]) == found.shape[-2:]:
-        objects[:] = found
-        return
-    for label, box in enumerate(find_objects(found), start=1):
-        here = found[box] == label
-        middles = [part.start + at.mean() for part, at in zip(box, here.nonzero(), strict=True)][-2:]
-        if all(part.start <= middle < part.stop for part, middle in zip(core[-2:], middles, strict=True)):
-            last += 1
-            objects[box][here & (objects[box] == 0)] = last
 
-
-def _denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
+def denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
     from scipy.ndimage import gaussian_filter
 
     planes = gray.reshape(-1, *gray.shape[-2:])
-    some = planes[:: -(-len(planes) // _SOME_PLANES)]
+    some = planes[:: -(-len(planes) // SETTINGS.some_planes)]
     noise = float(np.median([estimate_noise(plane)[0] for plane in some]))
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
     bright = first > _otsu(first)
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
-    blur = float(np.clip(_BLUR_OF_NOISE * noise / step, *_BLURS)) if step else _BLURS[0]
+    blur = float(np.clip(SETTINGS.blur_of_noise * noise / step, *SETTINGS.blurs)) if step else SETTINGS.blurs[0]
     sigmas = [blur / side for side in size]
     left = [min(1.0, (2 * np.sqrt(np.pi) * sigma) ** -0.5) for sigma in sigmas]
     return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
@@ -254,25 +236,25 @@ def _otsu(values: _Floats) -> float:
     return float(threshold_otsu(values)) if np.ptp(values) else float(values.flat[0])  # type: ignore[no-untyped-call]
 
 
-def _contrast(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats, float]:
+def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
     The image is overwritten.
     """
-    apart = max(int(np.sqrt(image.size / _ENOUGH_PIXELS)), 1)
+    apart = max(int(np.sqrt(image.size / SETTINGS.enough_pixels)), 1)
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
-    reach = [_REACH_ACROSS * length for length in some.shape[:-2]] + [_REACH * max(some.shape[-2:])] * 2
+    reach = [SETTINGS.reach_across * length for length in some.shape[:-2]] + [SETTINGS.reach * max(some.shape[-2:])] * 2
     objects = (some > _otsu(some[counts])) & counts
     if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None
-    for _ in range(_MAX_ROUNDS):
+    for _ in range(SETTINGS.max_rounds):
         rest = counts & ~objects
         if not objects.any() or not rest.any():
             break
-        ground = local_mean(some, rest, reach, _PRIOR[0])
+        ground = local_mean(some, rest, reach, SETTINGS.ground_prior)
         beyond = some - spread(ground, some.shape)
-        above = local_mean(beyond, objects, reach, _PRIOR[1])
+        above = local_mean(beyond, objects, reach, SETTINGS.object_prior)
         step = float(spread(above, some.shape).mean())
         generators = ground, np.where(above * step > 0, above, step or 1).astype(np.float32)
         before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
@@ -280,34 +262,30 @@ def _contrast(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats
             break
     if generators is None:
         return np.zeros_like(image), 0.0
-    if image.ndim == 2:
-        return _between(image, *generators), step
-    along = [spread(field, (len(image), *field.shape[1:])) for field in generators]
-    for plane, *fields in zip(image, *along, strict=True):
-        plane[:] = _between(plane, *fields)
+    planes = image.reshape(-1, *image.shape[-2:])
+    blocks = [field.reshape(-1, *field.shape[-2:]) for field in generators]
+    along = [spread(field, (len(planes), *field.shape[1:])) for field in blocks]
+    for plane, *fields in zip(planes, *along, strict=True):
+        ground, above = (spread(field, plane.shape) for field in fields)
+        plane[:] = (plane - ground) / above
     return image, step
 
 
-def _between(image: _Floats, ground: _Floats, scale: _Floats) -> _Floats:
-    """Return where values lie between those of two fields that are known in blocks."""
-    return (image - spread(ground, image.shape)) / spread(scale, image.shape)
-
-
-def _split(
+def split(
     contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...]
 ) -> NDArray[np.int32]:
     """Return labels of the objects, touching ones split at their necks."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
 
-    fine = 2 if radius < _SMALL and contrast.ndim == 2 else 1
+    fine = 2 if radius < SETTINGS.small and contrast.ndim == 2 else 1
     if fine > 1:
         contrast = zoom(contrast, fine, order=1, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
-    objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine / 3, 1), size)
-    sigmas = [_BLUR_OF_DISTANCE * fine / side for side in size]
+    objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine * SETTINGS.thin, 1), size)
+    sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
     distance = gaussian_filter(distance_transform_edt(objects, size).astype(np.float32), sigmas, mode="nearest") / fine
-    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(_OFFSET))
-    return split_at_saddles(height, objects, _DEPTH)[(slice(None, None, fine),) * contrast.ndim]
+    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
+    return split_at_saddles(height, objects, SETTINGS.depth)[(slice(None, None, fine),) * contrast.ndim]
 
 
 def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[float, ...]) -> _Inside:
@@ -315,7 +293,7 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
     rest, found = contrast > threshold, np.zeros(contrast.shape, np.bool_)
-    for _ in range(_N_PEELS):
+    for _ in range(SETTINGS.n_peels):
         pieces, n_pieces = label(rest)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
@@ -330,18 +308,14 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
 
 def _whole(objects: _Inside) -> _Inside:
     """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background."""
-    from scipy.ndimage import binary_erosion, binary_fill_holes, find_objects, label
-    from scipy.spatial import ConvexHull
+    from scipy.ndimage import binary_fill_holes, label
+    from skimage.measure import regionprops
 
     filled = np.asarray(binary_fill_holes(objects))
     pieces, n_pieces = label(filled)
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
-    for number, box in enumerate(find_objects(pieces), start=1):
-        if with_holes[number]:
-            own = pieces[box] == number
-            rim = np.argwhere(own & ~binary_erosion(own))
-            corners = np.concatenate([rim + way for way in product((-0.5, 0.5), repeat=own.ndim)])
-            if np.count_nonzero(own) > _CONVEX * ConvexHull(corners).volume:
-                whole[box] |= own
+    for region in regionprops(pieces * with_holes[pieces]):  # type: ignore[no-untyped-call]
+        if region.solidity > SETTINGS.convex:
+            whole[region.slice] |= region.image
     return whole

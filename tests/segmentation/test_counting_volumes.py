@@ -59,7 +59,7 @@ def test_tiles_give_the_objects_of_the_whole(monkeypatch: pytest.MonkeyPatch) ->
     volume, _ = balls(4.0)
     volume = np.tile(volume, (1, 3, 3))
     whole = count_objects(volume, spacing=(4, 1, 1))
-    monkeypatch.setattr(counting, "_TILE", 11 * 100**2)
+    monkeypatch.setattr(counting, "SETTINGS", counting.Settings(tile=11 * 100**2))
     tiled = count_objects(volume, spacing=(4, 1, 1))
     assert whole.n_segments == tiled.n_segments == 27
     assert min(overlap(tiled.labels, whole.labels)) > 0.9
@@ -81,8 +81,8 @@ def test_masked_voxels_belong_to_no_object() -> None:
         (np.zeros((4, 4, 4)), (1, 1), "three distances > 0"),
         (np.zeros((4, 4, 4)), (1, 1, 0), "three distances > 0"),
         (np.zeros((4, 4, 4)), (1, 1, 2), "the same along H and W"),
-        (np.full((4, 4, 4), np.nan), (1, 1, 1), "at least one voxel"),
-        (np.zeros((4, 4, 4), complex), (1, 1, 1), "integers or floating point"),
+        (np.full((4, 4, 4), np.nan), (1, 1, 1), "at least one pixel"),
+        (np.zeros((4, 4, 0)), (1, 1, 1), "image"),
     ],
 )
 def test_what_is_no_volume_is_refused(image: NDArray[Any], spacing: Any, message: str) -> None:
