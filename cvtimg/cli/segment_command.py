@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +12,6 @@ from cvtimg.cli.segment_outputs import Style, check_room, kind_of, outputs_of, w
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
 
@@ -30,8 +27,10 @@ EXAMPLES = """\
   cvtimg segment photo.jpg --hierarchy --overlay regions.png --strengths edges.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
-#: Arguments of `segment` that do not need the whole image at a time.
+#: Arguments of `segment` that do not need the whole image at a time, and options that do.
 _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort", "rng")
+_WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "border_price", "shading", "averaging",
+          "objects", "edit")  # fmt: skip
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 #: Columns where objects are counted: what was measured.
@@ -96,146 +95,68 @@ def _averaging(given: Given) -> Averaging | None:
 
 
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg.segmentation.files import divide_file
+    from cvtimg.pictures import open_stack
+    from cvtimg.segmentation.files import divide_stack
 
-    counts = given.number is None
     if _needs_tiles(task):
         return _segment_in_tiles(task, stopwatch, given)
-    found = divide_file(
-        task.source,
-        partial(_divide, given=given),
-        mask=given.mask,
-        nodata=given.nodata,
-        volume=partial(_count_in_volume, given=given) if given.volume and given.objects else given.volume,
-        track=given.track,
-        apart=given.edge_radius,
-        on_pages=partial(check_room, task.outputs),
-        on_stage=stopwatch.lap,
-    )
-    results, first, labels, image = found.results, found.results[0], found.labels, found.images[0]
-    axes = found.pages.axes if found.pages else ""
-    in_volume = given.volume and given.objects and found.pages is not None
+    stack = open_stack(task.source, given.mask, given.nodata, frames=False)
+    check_room(task.outputs, len(stack.known))
+    stopwatch.lap("read")
+    in_volume = given.volume and given.objects
+    ways = {"together": given.volume, "volumes": in_volume, "track": given.track, "apart": given.edge_radius}
+    found = divide_stack(stack, _way(given), **ways, edits=given.edit)
+    stopwatch.lap("cluster")
     write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
     stopwatch.lap("write")
+    image, pages = found.images[0], found.pages
+    by_planes = given.objects and not in_volume and pages is not None and "Z" in pages.axes
     return {
         "width": image.shape[1],
         "height": image.shape[0],
         "channels": image.shape[2] if image.ndim == 3 else 1,
-        **({} if found.pages is None else {"pages": len(found.pages.images)}),
-        "left_out": int((labels == 0).sum()),
-        "k": (sum if counts else max)(result.n_segments for result in results),
-        "elbow": first.curve.elbows() if first.curve and found.pages is None else None,
-        **({"tracks": int(labels.max())} if given.track else {}),
-        **(asdict(first.counting) if first.counting else {}),
-        "edge_weight": first.edge_weight,
-        **_shape_of(labels),
-        "energy": sum(result.energy for result in results),
-        "n_iter": max(len(result.energies) - 1 for result in results),
-        "converged": all(result.converged for result in results),
-        **({"warning": _OF_PLANES} if given.objects and not in_volume and len(results) > 1 and "Z" in axes else {}),
+        **({} if pages is None else {"pages": len(pages.images)}),
+        **found.summary(),
+        **({"tracks": int(found.labels.max())} if given.track else {}),
+        **({"warning": _OF_PLANES} if by_planes else {}),
     }
 
 
-def _shape_of(labels: NDArray[np.int32]) -> dict[str, int]:
-    """Count the connected regions of all pages, and the pixel sides that part them."""
-    import numpy as np
-
-    from cvtimg.labels.components import connected_pieces
-
-    regions = sum(int(connected_pieces(page).max()) for page in labels)
-    sides = sum(int(np.count_nonzero(np.diff(labels, axis=axis))) for axis in (1, 2))
-    return {"regions": regions, "edge_length": sides}
-
-
-def _divide(image: NDArray[Any], known: NDArray[np.bool_], *, given: Given) -> Segmentation:
-    """Segment an image, and change its labels by hand."""
+def _way(given: Given) -> Callable[..., Segmentation]:
+    """Return the function that divides an image, with its options."""
     import cvtimg
-    from cvtimg.segmentation import edit_labels
-    from cvtimg.segmentation.result import measured
+    from cvtimg.segmentation import Objects, count_objects
+    from cvtimg.segmentation.files import by_tree
 
-    result = _found(image, known, given)
-    if not given.edit:
-        return result
-    tree = partial(cvtimg.segment_hierarchy, image, mask=known) if result.hierarchy is None else result.hierarchy
-    return measured(edit_labels(result.labels, given.edit, hierarchy=tree), image, hierarchy=result.hierarchy)
-
-
-def _found(image: NDArray[Any], known: NDArray[np.bool_], given: Given) -> Segmentation:
-    """Segment an image."""
-    import cvtimg
-    from cvtimg.segmentation import count_objects
-    from cvtimg.segmentation.result import from_cut
-    from cvtimg.segmentation.touching import Objects
-
-    if not known.any():
-        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
     options = given.arguments
     if given.hierarchy:
         space = {} if given.space is None else {"space": given.space}
-        tree = cvtimg.segment_hierarchy(image, mask=known, **space)
-        return from_cut(tree, image, None if given.number == "auto" else given.number, given.threshold)
+        number = None if given.number == "auto" else given.number
+        return partial(by_tree, n_regions=number, threshold=given.threshold, **space)
     if given.superpixels:
-        options = {name: value for name, value in options.items() if name in ("space", "compactness")}
-        return cvtimg.superpixels(image, given.number, mask=known, **options)
+        return partial(cvtimg.superpixels, n_superpixels=given.number, **_chosen(options, ("space", "compactness")))
     if given.number is None:
-        least = given.min_size or None
-        return count_objects(image, background=given.background, min_size=least, mask=known)
+        return partial(count_objects, background=given.background, min_size=given.min_size or None)
     objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
-    return cvtimg.segment(image, given.number, mask=known, averaging=given.averaging, objects=objects, **options)
+    return partial(cvtimg.segment, n_segments=given.number, averaging=given.averaging, objects=objects, **options)
 
 
-def _count_in_volume(
-    volume: NDArray[Any], known: NDArray[np.bool_], spacing: tuple[float, float, float], *, given: Given
-) -> Segmentation:
-    """Count the objects of a volume."""
-    from cvtimg.segmentation import count_objects
-
-    least = given.min_size or None
-    return count_objects(volume, spacing=spacing, background=given.background, min_size=least, mask=known)
+def _chosen(options: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if name in names}
 
 
 def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg.pictures.tiles import open_bands
     from cvtimg.segmentation import segment_file
 
-    for option in _needing_memory(given):
+    refused = [f"--{name.replace('_', '-')}" for name in _WHOLE if getattr(given, name)]
+    for option in (["-k auto"] if given.number == "auto" else []) + refused:
         raise ValueError(f"is read in tiles, and {option} needs the whole image in memory")
-    if given.max_pixels is not None and open_bands(task.source).form.n_pixels > given.max_pixels:
-        raise ValueError(f"has over {given.max_pixels} pixels, the limit that --max-pixels sets")
-    options = {name: value for name, value in given.arguments.items() if name in _IN_TILES}
+    options = _chosen(given.arguments, _IN_TILES)
     options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite}
-    result = segment_file(task.source, task.output, given.number, **options)
+    result = segment_file(task.source, task.output, given.number, max_pixels=given.max_pixels, **options)
     stopwatch.lap("all")
-    return {
-        "width": result.shape[1],
-        "height": result.shape[0],
-        "channels": result.generators.shape[1],
-        "left_out": result.shape[0] * result.shape[1] - int(result.masses.sum()),
-        "exact": result.exact,
-        "k": result.n_segments,
-        "edge_weight": result.edge_weight,
-        "energy": result.energy,
-        "n_iter": len(result.energies) - 1,
-        "converged": result.converged,
-    }
-
-
-def _needing_memory(given: Given) -> list[str]:
-    """Return the options that need the whole image, by their names on the command line."""
-    ways = (
-        "superpixels",
-        "hierarchy",
-        "volume_power",
-        "components",
-        "min_size",
-        "border_price",
-        "shading",
-        "averaging",
-        "objects",
-        "edit",
-    )
-    flags = [f"--{name.replace('_', '-')}" for name in ways if getattr(given, name)]
-    return ["-k auto", *flags] if given.number == "auto" else flags
+    size = {"width": result.shape[1], "height": result.shape[0], "channels": result.generators.shape[1]}
+    return {**size, **result.summary()}
 
 
 def _needs_tiles(task: Task) -> bool:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cvtimg.pictures import Metadata, Pages
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
-    from cvtimg.segmentation.files import DividedFile
+    from cvtimg.segmentation.files import DividedStack
 
 
 class Style(NamedTuple):
@@ -128,6 +128,8 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
     """Refuse outputs that hold one page alone, before several are segmented."""
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
+    if n_pages == 1:
+        return
     for option, path in outputs.items():
         kind = kind_of(option)
         if kind in _OF_ONE or path.suffix.lower() == ".svg":
@@ -137,7 +139,7 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(task: Task, found: DividedFile, style: Style, *, in_volume: bool, overwrite: bool) -> None:
+def write_outputs(task: Task, found: DividedStack, style: Style, *, in_volume: bool, overwrite: bool) -> None:
     """Write what was asked for; of several pages, all into one file."""
     places = [{}] if found.pages is None else found.pages.places
     tree = found.results[0].hierarchy if found.pages is None else None

@@ -9,9 +9,9 @@ from .hierarchy.tree import RegionHierarchy as RegionHierarchy
 from .noise import estimate_noise as estimate_noise
 from .result import Counting as Counting
 from .result import Segmentation as Segmentation
+from .result import SegmentedFile as SegmentedFile
 from .segments import segment as segment
 from .segments import segment_curve as segment_curve
-from .tiled import SegmentedFile as SegmentedFile
 from .tiled import segment_file as segment_file
 from .touching import Objects as Objects
 from .touching import split_touching as split_touching

@@ -43,7 +43,7 @@ class EdgeWeighted(ReadOnly):
     generators: NDArray[np.float64]
     masses: NDArray[np.float64]  # (K, D): weight of each segment in each channel; 0 for segments that have vanished
     energies: tuple[float, ...]  # energy before each sweep and at the end; it never rises
-    n_sweeps: int  # number of sweeps over the boundary pixels
+    edge_weight: float  # the cost of each pair of near pixels, from either side
     converged: bool  # whether the last sweep transferred almost no pixels
 
 
@@ -58,14 +58,14 @@ def descend(
     volume_power: float = 0,
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
-    first_weight: float = 0,
+    detail: float = 0,
 ) -> EdgeWeighted:
     """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
     # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
     # is nobody's neighbor. Each pair of near pixels in different segments costs `edge_weight` twice, once from each
     # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
-    # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `first_weight`,
-    # segments descend at this weight first, and the energies are those of what follows.
+    # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `detail`, the
+    # edge weight is at least that of `State.descend`.
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
     whole = Layers(
         values=np.ascontiguousarray(values, dtype=np.float32),
@@ -74,43 +74,11 @@ def descend(
         others=np.zeros(padded.shape, np.uint16),
         stale=np.zeros(padded.shape, np.uint8),
     )
-    state = State(whole, [(0, len(values))], values.shape[1:], n_segments, radius)
-    state.begin()
-    if first_weight:
-        settle(state, first_weight, volume_power, connected, max_sweeps)
-        state.wake()
-    energies, converged = settle(state, edge_weight, volume_power, connected, max_sweeps)
-    return EdgeWeighted(
-        labels=padded[radius:-radius, radius:-radius].copy(),
-        generators=state.cells.means[1:].copy(),
-        masses=state.cells.masses[1:].copy(),
-        energies=energies,
-        n_sweeps=len(energies) - 1,
-        converged=converged,
-    )
-
-
-def settle(
-    state: State, edge_weight: float, volume_power: float = 0, connected: bool = False, max_sweeps: int = _MAX_SWEEPS
-) -> tuple[tuple[float, ...], bool]:
-    """Sweep until almost nothing moves; return the energies before each sweep and at the end, and whether it rests."""
-    energies = [state.energy(edge_weight, volume_power)]
-    all_visited, converged = True, False
-    shares: list[float] = []  # of pixels on boundaries that moved
-    while not converged and len(energies) <= max_sweeps:
-        moved = state.sweep(edge_weight, volume_power, connected, backward=len(energies) % 2 == 0)
-        energies.append(state.energy(edge_weight, volume_power))
-        shares.append(moved / max(state.n_boundary, 1))
-        at_rest = shares[-1] <= _ALMOST_NONE
-        if not at_rest:
-            tell(log(max(shares) / shares[-1]) / log(max(shares) / _ALMOST_NONE))
-        # Generators have moved a little since some pixels were last visited: visit all once more before stopping.
-        converged = at_rest and all_visited
-        all_visited = at_rest
-        if at_rest:
-            state.wake()
-    state.measure()  # without the rounding of the sweeps
-    return tuple(energies), converged
+    state = State(whole, [(0, len(values))], values.shape[1:], n_segments, Moves(radius, volume_power, connected))
+    energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
+    means, masses = state.cells.means[1:].copy(), state.cells.masses[1:].copy()
+    inner = padded[radius:-radius, radius:-radius].copy()
+    return EdgeWeighted(inner, means, masses, energies, edge_weight, converged)
 
 
 def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> NDArray[np.int32]:
@@ -143,6 +111,14 @@ class Layers(NamedTuple):
         return Layers(self.values[own], weights, *(layer[framed] for layer in self[2:]))
 
 
+class Moves(NamedTuple):
+    """Which transfers lower the energy, and which are allowed."""
+
+    radius: int  # pixels are near each other up to this distance
+    volume_power: float = 0  # cells count by their share of the mass to this power
+    connected: bool = False  # whether cells must stay in one piece
+
+
 class Disc(NamedTuple):
     """The neighbors of a pixel: steps to each in a flat padded image, (S,) int32, and the width of its frame."""
 
@@ -170,17 +146,54 @@ class State:
     # Strips are the first and the last row of each. The shape, (W, D), is the pixels in a row and the values per pixel.
 
     def __init__(
-        self, image: Layers, strips: Sequence[tuple[int, int]], shape: tuple[int, ...], n_segments: int, radius: int
+        self, image: Layers, strips: Sequence[tuple[int, int]], shape: tuple[int, ...], n_segments: int, moves: Moves
     ) -> None:
-        width, n_dims = shape
+        (width, n_dims), radius = shape, moves.radius
         self.disc = Disc((disc(radius) @ (width + 2 * radius, 1)).astype(np.int32), radius)
         places = (n_segments + 1, n_dims)
         self.cells = SegmentMoments(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
-        self._image, self._strips = image, strips
-        self._n_pairs = self.n_boundary = 0
+        self._image, self._strips, self._moves = image, strips, moves
+        self._n_pairs = self._n_boundary = 0
+        self.measure()  # about the origin, to find the means
+        self.measure()
 
-    def begin(self) -> None:
-        """Count neighbors, and measure the cells."""
+    def descend(self, edge_weight: float, detail: float, max_sweeps: int = _MAX_SWEEPS) -> tuple[Any, float, bool]:
+        """Sweep until nothing moves; return the energies, the edge weight, and whether that was the end.
+
+        The weight is the least at which discs of the radius `detail` are just worth their edge where the contrast
+        between segments that meet is greatest.
+        """
+        worth = self._greatest_step() * weight_of_detail(detail, self.disc.margin) if detail else 0.0
+        weight = max(edge_weight, worth)
+        self._begin()
+        if 2 * worth > weight:
+            self._settle(2 * worth, max_sweeps)
+            self._wake()
+        energies, converged = self._settle(weight, max_sweeps)
+        return energies, weight, converged
+
+    def _settle(self, edge_weight: float, max_sweeps: int) -> tuple[tuple[float, ...], bool]:
+        """Sweep until almost nothing moves; return the energies before each sweep and at the end."""
+        energies = [self._energy(edge_weight)]
+        all_visited, converged = True, False
+        shares: list[float] = []  # of pixels on boundaries that moved
+        while not converged and len(energies) <= max_sweeps:
+            moved = self._sweep(edge_weight, backward=len(energies) % 2 == 0)
+            energies.append(self._energy(edge_weight))
+            shares.append(moved / max(self._n_boundary, 1))
+            at_rest = shares[-1] <= _ALMOST_NONE
+            if not at_rest:
+                tell(log(max(shares) / shares[-1]) / log(max(shares) / _ALMOST_NONE))
+            # Generators have moved a little since some pixels were last visited: visit all once more before stopping.
+            converged = at_rest and all_visited
+            all_visited = at_rest
+            if at_rest:
+                self._wake()
+        self.measure()  # without the rounding of the sweeps
+        return tuple(energies), converged
+
+    def _begin(self) -> None:
+        """Count neighbors."""
         steps, margin = self.disc
         for top, bottom in self._strips:
             labels, others, stale = self._image.rows(top, bottom, margin)[2:]
@@ -191,35 +204,49 @@ class State:
             in_parts(count, bottom - top, work=labels.size * len(steps) / 8)
             stale[:] = 1
         self._count()
-        self.measure()  # about the origin, to find the means
-        self.measure()
 
     def _count(self) -> None:
         """Add up the pairs and the boundary pixels of all strips."""
-        self._n_pairs = self.n_boundary = 0
+        self._n_pairs = self._n_boundary = 0
         for first, last in self._strips:
             own = self._image.others[first + self.disc.margin : last + self.disc.margin]
             self._n_pairs += int(own.sum(dtype=np.int64))
-            self.n_boundary += int(np.count_nonzero(own))
+            self._n_boundary += int(np.count_nonzero(own))
 
-    def wake(self) -> None:
+    def _wake(self) -> None:
         """Make the next sweep visit all pixels."""
         for first, last in self._strips:
             self._image.stale[first : last + 2 * self.disc.margin][:] = 1
 
-    def energy(self, edge_weight: float, volume_power: float) -> float:
-        """Return the energy of the labels as they are."""
+    def _shares(self) -> NDArray[np.float64]:
+        """(K + 1,) factors of the energies of cells: their shares of the mass to the power."""
         sizes = self.cells.masses.mean(axis=1)
-        shares = sizes / max(sizes.sum(), 1e-300)
-        return float(np.einsum("k,k->", shares**volume_power, self.cells.energies)) + edge_weight * self._n_pairs
+        return np.asarray((sizes / max(sizes.sum(), 1e-300)) ** self._moves.volume_power)
 
-    def sweep(self, edge_weight: float, volume_power: float, connected: bool, backward: bool) -> int:
+    def _energy(self, edge_weight: float) -> float:
+        """Return the energy of the labels as they are."""
+        return float(np.einsum("k,k->", self._shares(), self.cells.energies)) + edge_weight * self._n_pairs
+
+    def _greatest_step(self) -> float:
+        """Return the greatest squared distance between the means of segments that meet, times the share of either."""
+        means, shares, greatest, margin = self.cells.means, self._shares(), 0.0, self.disc.margin
+        for first, last in self._strips:
+            labels = self._image.labels[first + margin : last + margin + 1]
+            for here, there in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
+                meet = (here != there) & (here > 0) & (there > 0)
+                pairs = np.unique(here[meet].astype(np.int64) * len(means) + there[meet])
+                one, other = pairs // len(means), pairs % len(means)
+                steps = np.square(means[one] - means[other]).sum(axis=1) * np.maximum(shares[one], shares[other])
+                greatest = max(greatest, float(steps.max(initial=0)))
+        return greatest
+
+    def _sweep(self, edge_weight: float, backward: bool) -> int:
         """Return how many pixels were transferred."""
-        moved = 0
+        moved, (_, power, connected) = 0, self._moves
         for first, last in reversed(self._strips) if backward else self._strips:
             if self._image.stale[first : last + 2 * self.disc.margin].any():
                 strip = self._image.rows(first, last, self.disc.margin)
-                moved += _segments.sweep(strip, self.cells, self.disc, edge_weight, volume_power, connected, backward)
+                moved += _segments.sweep(strip, self.cells, self.disc, edge_weight, power, connected, backward)
         self._count()
         return moved
 
@@ -262,16 +289,3 @@ def weight_of_detail(detail: float, radius: int) -> float:
     shared = 2 * detail**2 * (np.arccos(half) - half * np.sqrt(1 - half**2))
     area = np.pi * detail**2
     return float(min(area, 1) ** 2 * area / (2 * (area - shared).sum()))
-
-
-def greatest_step(labels: NDArray[np.int32], means: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
-    """Return the greatest squared distance between the means of labels that meet, times the share of either."""
-    # Rows of means and of shares are those of the labels, which count from 1; 0 has no neighbors.
-    greatest = 0.0
-    for here, there in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
-        meet = (here != there) & (here > 0) & (there > 0)
-        pairs = np.unique(here[meet].astype(np.int64) * len(means) + there[meet] - len(means) - 1)
-        one, other = pairs // len(means), pairs % len(means)
-        steps = np.square(means[one] - means[other]).sum(axis=1) * np.maximum(shares[one], shares[other])
-        greatest = max(greatest, float(steps.max(initial=0)))
-    return greatest

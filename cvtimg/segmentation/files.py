@@ -1,32 +1,34 @@
-"""Divide a file into segments, in the way that suits it: a picture, or pages by themselves or as one volume.
+"""Divide the images of a file into segments: a picture, or pages by themselves or as one volume.
 
 What is larger than memory is divided in strips, by `cvtimg.segmentation.segment_file`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.files.whole import StrPath
+from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.tracking import track_labels
-from cvtimg.pictures.files import ImageInfo, image_info, read_image
-from cvtimg.pictures.known import known_in_all, known_pixels
-from cvtimg.pictures.pages import Pages, read_pages
-from cvtimg.segmentation.result import Segmentation
+from cvtimg.pictures.files import ImageInfo
+from cvtimg.pictures.pages import Pages
+from cvtimg.pictures.stacks import Stack
+from cvtimg.segmentation.editing import edit_labels
+from cvtimg.segmentation.hierarchy.building import segment_hierarchy
+from cvtimg.segmentation.result import Segmentation, measured
 
-#: Takes an image and its pixels that count; `segment` and its siblings with their options.
-Divide = Callable[[NDArray[Any], NDArray[np.bool_]], Segmentation]
-#: Takes a volume, (Z, H, W) or (Z, H, W, C), its voxels that count, and their distances along Z, H and W.
-DivideVolume = Callable[[NDArray[Any], NDArray[np.bool_], tuple[float, float, float]], Segmentation]
+#: `segment` and its siblings with their options: takes an image, and its pixels that count as `mask`.
+Divide = Callable[..., Segmentation]
+_Part = tuple[NDArray[Any], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DividedFile:
+class DividedStack:
     """A file divided into segments."""
 
     header: ImageInfo
@@ -35,118 +37,109 @@ class DividedFile:
     results: tuple[Segmentation, ...]  # of each page, or of each volume; their labels are parts of those below
     labels: NDArray[np.int32]  # (P, H, W), of the pages
 
-    @classmethod
-    def of(
-        cls, header: ImageInfo, pages: Pages | None, images: tuple[NDArray[Any], ...], each: Iterable[Segmentation]
-    ) -> DividedFile:
-        """Put the labels of all results together, as these come."""
-        labels = np.empty((len(images), *images[0].shape[:2]), np.int32)
-        rows, at, results = labels.reshape(-1, labels.shape[2]), 0, []
-        for result in each:
-            shape = result.labels.shape
-            part = rows[at : at + result.labels.size // shape[-1]].reshape(shape)
-            part[:] = result.labels
-            at += part.size // shape[-1]
-            results.append(replace(result, labels=part))
-        return cls(header, pages, images, tuple(results), labels)
-
-    def tracked(self) -> DividedFile:
-        """Return labels that keep their number from frame to frame."""
-        n_frames = self.pages.shape[0] if self.pages else 1
-        frames = self.labels.reshape(n_frames, -1, *self.labels.shape[1:])
-        return replace(self, labels=track_labels(frames).reshape(self.labels.shape))
+    def summary(self) -> dict[str, Any]:
+        """Return what a table says of all results, by column."""
+        each = [result.summary() for result in self.results]
+        together = {"k": sum if self.results[0].counting else max, "energy": sum, "n_iter": max, "converged": all}
+        found = each[0] | {name: join(one[name] for one in each) for name, join in together.items()}
+        found["elbow"] = None if self.pages else found["elbow"]
+        regions = sum(int(connected_pieces(page).max()) for page in self.labels)
+        sides = sum(int(np.count_nonzero(np.diff(self.labels, axis=axis))) for axis in (1, 2))
+        return {"left_out": int((self.labels == 0).sum()), **found, "regions": regions, "edge_length": sides}
 
 
-def divide_file(
-    source: StrPath,
+def by_tree(
+    image: NDArray[Any], n_regions: int | None = None, threshold: float | None = None, **options: Any
+) -> Segmentation:
+    """Cut the tree of an image into regions, and measure these on the image itself."""
+    tree = segment_hierarchy(image, **options)
+    return measured(tree.cut(n_regions, threshold=threshold), image, hierarchy=tree)
+
+
+def divide_stack(
+    stack: Stack,
     divide: Divide,
     *,
-    mask: StrPath | None = None,
-    nodata: float | None = None,
-    volume: bool | DivideVolume = False,
+    together: bool = False,
+    volumes: bool = False,
     track: bool = False,
     apart: int = 0,
-    on_pages: Callable[[int], None] = lambda n_pages: None,
-    on_stage: Callable[[str], None] = lambda stage: None,
-) -> DividedFile:
-    """Divide the picture of a file, or each of its pages, or with `volume` all pages together."""
-    # With `volume=True`, the same generators divide all pages, as if they were one image with so many rows between them
-    # that pages are not near each other; a function gets the planes of
-    # each frame as a volume. With `track`, labels keep their number from frame to frame. Pixels without data, black in
-    # the image `mask`, or transparent have label 0. `on_pages` is called with the number of several pages
-    # before any is divided, `on_stage` with the name of each stage that is done.
-    header = image_info(source)
-    pages = read_pages(source).joined() if header.has_pages else None
+    edits: Sequence[str] = (),
+) -> DividedStack:
+    """Divide each image of a file, all pages `together` by the same generators, or the `volumes` of its frames."""
+    # Together, pages are one image with so many rows `apart` that they are not near each other. With `track`, labels
+    # keep their number from frame to frame.
+    assert stack.header is not None  # in tiles, there is none
+    parts = [_without_alpha(image, known, stack.header) for image, known in stack]
+    pages = stack.content if stack.kind == "pages" and len(parts) > 1 else None
     if track:
-        _check_frames(pages, in_volumes=callable(volume))
-    if pages is None or len(pages.images) == 1:
-        if callable(volume):
-            raise ValueError("is one image, and a volume has several planes")
-        image = read_image(source) if pages is None else pages.images[0]
-        known = known_pixels(image, header, mask, nodata)
-        on_stage("read")
-        image, known = _without_alpha(image, known, header)
-        result = divide(image, known)
-        on_stage("cluster")
-        return DividedFile.of(header, None, (image,), (result,))
-    on_pages(len(pages.images))
-    images, inside = list(pages.images), known_in_all(pages.images, header, mask, nodata, "page")
-    on_stage("read")
-    parts = [_without_alpha(image, known, header) for image, known in zip(images, inside, strict=True)]
-    seen = tuple(image for image, _ in parts)
-    if volume is True:
-        each: Iterable[Segmentation] = (_divided_together(parts, divide, apart),)
-    elif callable(volume):
-        each = _divided_volumes(parts, pages, volume)
+        _check_frames(pages, volumes)
+    if volumes and pages is None:
+        raise ValueError("is one image, and a volume has several planes")
+    if volumes:
+        each = _volumes(parts, pages, divide)
+    elif together and pages:
+        each = iter([_together(parts, divide, apart)])
     else:
-        each = (divide(*part) for part in parts)
-    found = DividedFile.of(header, pages, seen, each)
-    on_stage("cluster")
-    return found.tracked() if track else found
+        each = (_edited(image, known, divide, edits) for image, known in parts)
+    labels, results, at = np.empty((len(parts), *parts[0][0].shape[:2]), np.int32), [], 0
+    for result in each:
+        own = labels[at : at + result.labels.size // labels[0].size]
+        own[:] = result.labels.reshape(own.shape)
+        at += len(own)
+        results.append(replace(result, labels=own))
+    if track:
+        frames = labels.reshape(pages.shape[0] if pages else 1, -1, *labels.shape[1:])
+        labels = track_labels(frames).reshape(labels.shape)
+    return DividedStack(stack.header, pages, tuple(image for image, _ in parts), tuple(results), labels)
 
 
-def _check_frames(pages: Pages | None, *, in_volumes: bool) -> None:
+def _edited(image: NDArray[Any], known: NDArray[np.bool_], divide: Divide, edits: Sequence[str]) -> Segmentation:
+    """Divide an image, and change its labels by hand."""
+    if not known.any():
+        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
+    result = divide(image, mask=known)
+    if not edits:
+        return result
+    tree = result.hierarchy or partial(segment_hierarchy, image, mask=known)
+    return measured(edit_labels(result.labels, edits, hierarchy=tree), image, hierarchy=result.hierarchy)
+
+
+def _check_frames(pages: Pages | None, in_volumes: bool) -> None:
     """Refuse stacks without frames to track objects along."""
-    axes = pages.axes if pages and len(pages.images) > 1 else ""
+    axes = pages.axes if pages else ""
     if not axes.startswith("T"):
         raise ValueError(f"has the axes {axes}YX, without T to track objects along; --axes names them")
     if axes != "T" and not in_volumes:
         raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
 
 
-def _divided_together(
-    parts: Sequence[tuple[NDArray[Any], NDArray[np.bool_]]], divide: Divide, apart: int
-) -> Segmentation:
+def _together(parts: Sequence[_Part], divide: Divide, apart: int) -> Segmentation:
     """Divide pages as one image, in which rows that do not count are between them."""
-    height = len(parts[0][0])
-    together = [
+    images, known = (
         np.concatenate([np.pad(page, ((0, apart), *[(0, 0)] * (page.ndim - 1))) for page in pages])
         for pages in zip(*parts, strict=True)
-    ]
-    found = divide(*together)
-    rows = found.labels.reshape(len(parts), height + apart, -1)[:, :height]
-    return replace(found, labels=rows.reshape(len(parts) * height, -1))
+    )
+    found = _edited(images, known, divide, ())
+    rows = found.labels.reshape(len(parts), -1, found.labels.shape[1])[:, : len(parts[0][0])]
+    return replace(found, labels=rows)
 
 
-def _divided_volumes(
-    parts: Sequence[tuple[NDArray[Any], NDArray[np.bool_]]], pages: Pages, divide: DivideVolume
-) -> Iterator[Segmentation]:
+def _volumes(parts: Sequence[_Part], pages: Pages | None, divide: Divide) -> Iterator[Segmentation]:
     """Divide the volume of each frame of a stack."""
+    assert pages is not None
     size = pages.pixel_size
     if size is None or size.z is None:
         said = f", of which only {size} is known" if size else ""
         raise ValueError(f"needs the size of voxels{said}; name it by --pixel-size, such as 0.3x0.3x2um")
     if pages.axes not in ("Z", "TZ", "Q"):
         raise ValueError(f"has the axes {pages.axes}YX, where (T)ZYX is expected; --axes names them")
-    n_planes = pages.shape[-1]
-    for start in range(0, len(parts), n_planes):
-        images, known = zip(*parts[start : start + n_planes], strict=True)
-        yield divide(np.stack(images), np.stack(known), (size.z, size.y, size.x))
+    for start in range(0, len(parts), pages.shape[-1]):
+        images, known = zip(*parts[start : start + pages.shape[-1]], strict=True)
+        yield divide(np.stack(images), mask=np.stack(known), spacing=(size.z, size.y, size.x))
 
 
-def _without_alpha(
-    image: NDArray[Any], known: NDArray[np.bool_], header: ImageInfo
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def _without_alpha(image: NDArray[Any], known: NDArray[np.bool_], header: ImageInfo) -> _Part:
     """Return the bands that count, and the pixels that count and can be seen."""
     if header.has_alpha and image.shape[2:] == (4,):
         return image[:, :, :3], known & (image[:, :, 3] > 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from cvtimg.elbow.rules import Scale
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import assign, pack
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
-from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, greatest_step, length_cost, weight_of_detail
+from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
 
@@ -63,33 +64,16 @@ class Prepared:
 
     def settle(
         self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True
-    ) -> tuple[NDArray[np.int32], EdgeWeighted | None, float]:
-        """Average segments, then lower their edge-weighted energy, each if asked for; return the weight, too."""
+    ) -> tuple[NDArray[np.int32], EdgeWeighted | None]:
+        """Average segments, then lower their edge-weighted energy, each if asked for."""
         if self.average_after is not None:
             labels = average_segments(self.data, labels, n_segments, self.average_after)
-        weight, first = self.edge_weight, 0.0
-        if by_detail and self.smallest_detail:
-            worth = self._worth(labels, n_segments) * weight_of_detail(self.smallest_detail, self.edge_radius)
-            weight, first = max(weight, worth), 2 * worth
-        if not weight:
-            return labels, None, 0.0
-        end = descend(
-            self.data,
-            labels,
-            n_segments,
-            edge_weight=weight,
-            radius=self.edge_radius,
-            volume_power=self.volume_power,
-            first_weight=first if first > weight else 0,
-        )
-        return end.labels, end, weight
-
-    def _worth(self, labels: NDArray[np.int32], n_segments: int) -> float:
-        """Return what a pixel of the strongest edge is worth: the greatest squared step between segments that meet."""
-        own = labels[labels > 0] - 1
-        masses = np.bincount(own, minlength=n_segments).astype(np.float64)
-        means = per_mass(sum_by_label(own, self.data[labels > 0], n_segments), masses)
-        return greatest_step(labels, means, (masses / masses.sum()) ** self.volume_power)
+        detail = self.smallest_detail if by_detail else 0.0
+        if not (self.edge_weight or detail):
+            return labels, None
+        options: dict[str, Any] = {"radius": self.edge_radius, "volume_power": self.volume_power, "detail": detail}
+        end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, **options)
+        return end.labels, end
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,20 +98,19 @@ class Smoothness:
         detail = check_non_negative("smallest_detail", smallest_detail)
         return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail)
 
-    @property
-    def is_none(self) -> bool:
-        """Whether nothing is averaged and edges are free."""
-        return self.averaging is None and self.edge_weight == 0
+    def weight_under(self, noise: NDArray[np.float64], gain: float = 1.0) -> tuple[float, float]:
+        """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
+        if self.edge_weight is not None:
+            return self.edge_weight, 0.0
+        return auto_weight(noise, self.edge_radius) * gain, self.smallest_detail
 
     def prepare(self, values: PictureValues, volume_power: float, shaded: int = 0) -> Prepared:
         """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
         before = self.averaging if self.averaging and self.averaging.when == "before" else None
-        field, weight, detail = values.field(), self.edge_weight, 0.0
+        field = values.field()
         data = values.in_even_light(field, shaded) if shaded else field
-        noise = np.zeros((1, 1)) if weight == 0 else noise_covariance(data, values.inside)
-        if weight is None:
-            weight = auto_weight(noise, self.edge_radius) * (before.noise_gain if before else 1.0)
-            detail = self.smallest_detail
+        noise = np.zeros((1, 1)) if self.edge_weight == 0 else noise_covariance(data, values.inside)
+        weight, detail = self.weight_under(noise, before.noise_gain if before else 1.0)
         return Prepared(
             values=values,
             field=field,
@@ -187,7 +170,7 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
 
 def _settled(prepared: Prepared, start: NDArray[np.int32], n_segments: int) -> tuple[float, NDArray[np.float64]]:
     """Return the energy of the segments in the end, and their means."""
-    labels, end, _ = prepared.settle(start, n_segments, by_detail=False)
+    labels, end = prepared.settle(start, n_segments, by_detail=False)
     if end is not None:
         return end.energies[-1], end.generators[end.masses[:, 0] > 0]
     own = labels[labels > 0] - 1

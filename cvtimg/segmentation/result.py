@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -46,8 +47,63 @@ class Counting:
     least_size: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Segmentation(ReadOnly):
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Segments(ReadOnly):
+    """What is known of segments, wherever their labels are: see `Segmentation`."""
+
+    generators: NDArray[np.float64]
+    masses: NDArray[np.float64]
+    energy: float
+    energies: tuple[float, ...]
+    edge_weight: float
+    converged: bool
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments, K."""
+        return len(self.generators)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a table says of the result, by column."""
+        return {
+            "k": self.n_segments,
+            "edge_weight": self.edge_weight,
+            "energy": self.energy,
+            "n_iter": len(self.energies) - 1,
+            "converged": self.converged,
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SegmentedFile(Segments):
+    """The result of segmenting an image on disk.
+
+    Attributes
+    ----------
+    generators, masses, energy, energies, edge_weight, converged
+        As in `Segmentation`.
+    shape : tuple of int
+        Shape of the image: (H, W) or (H, W, C).
+    exact : bool
+        Whether segments start from all distinct colors of the image, or of its averages in 255 levels. Of more than
+        2^22, similar ones are merged.
+    """
+
+    shape: tuple[int, ...]
+    exact: bool
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a table says of the result, by column."""
+        left_out = self.shape[0] * self.shape[1] - int(self.masses.sum())
+        return {"left_out": left_out, "exact": self.exact, **Segments.summary(self)}
+
+    def __repr__(self) -> str:
+        size = " x ".join(map(str, self.shape[1::-1]))
+        return f"SegmentedFile({self.n_segments} segments of {size} pixels, energy={self.energy:.6g})"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Segmentation(Segments):
     """Segments of an image.
 
     Attributes
@@ -80,20 +136,14 @@ class Segmentation(ReadOnly):
     """
 
     labels: NDArray[np.int32]
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    energy: float
-    energies: tuple[float, ...]
-    edge_weight: float
-    converged: bool
     curve: EnergyCurve | None = None
     hierarchy: RegionHierarchy | None = None
     counting: Counting | None = None
 
-    @property
-    def n_segments(self) -> int:
-        """Number of segments, K."""
-        return len(self.generators)
+    def summary(self) -> dict[str, Any]:
+        """Return what a table says of the result, by column."""
+        elbow = self.curve.elbows() if self.curve else None
+        return {**Segments.summary(self), "elbow": elbow, **(asdict(self.counting) if self.counting else {})}
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the labels to a .png, .tif or .npy file, as `write_labels` does."""
@@ -124,30 +174,6 @@ class Segmentation(ReadOnly):
         )
 
 
-def from_tessellation(values: PictureValues, cells: Tessellation) -> Segmentation:
-    """Carry a tessellation of the distinct colors to the pixels, without computing anything per pixel."""
-    generators = values.to_picture(cells.generators * values.scale)
-    new_label = dark_to_bright(generators, cells.masses)
-    order = in_order(new_label)
-    unit = (values.scale / values.unit) ** 2
-    return Segmentation(
-        labels=values.to_pixels(new_label[cells.labels][values.samples.inverse[0]]),
-        generators=generators[order],
-        masses=cells.masses[order],
-        energy=cells.energy * unit,
-        energies=tuple(energy * unit for energy in cells.energies),
-        edge_weight=0.0,
-        converged=cells.converged,
-    )
-
-
-def from_cut(
-    hierarchy: RegionHierarchy, image: NDArray[Any], n_regions: int | None = None, threshold: float | None = None
-) -> Segmentation:
-    """Cut the tree of an image, and measure the regions on the image itself; the cut is that of `hierarchy.cut`."""
-    return measured(hierarchy.cut(n_regions, threshold=threshold), image, hierarchy=hierarchy)
-
-
 def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Segmentation:
     """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
     inside = labels > 0
@@ -156,7 +182,16 @@ def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Seg
     means = per_mass(sum_by_label(own, rows), masses)
     rest = rows - means[own]
     energy = float(np.einsum("nd,nd->", rest, rest))
-    return Segmentation(labels, means, masses, energy, (energy,), 0.0, True, **more)
+    return Segmentation(
+        labels=labels,
+        generators=means,
+        masses=masses,
+        energy=energy,
+        energies=(energy,),
+        edge_weight=0.0,
+        converged=True,
+        **more,
+    )
 
 
 def from_labels(
@@ -165,6 +200,7 @@ def from_labels(
     labels: NDArray[np.int32],
     iteration: EdgeWeighted | Tessellation,
     edge_weight: float,
+    curve: EnergyCurve | None = None,
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
     inside = labels > 0
@@ -174,15 +210,27 @@ def from_labels(
     means = per_mass(sums, masses)
     squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
     energy = max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
+    new_label, ends = sorted_ends(values, means, masses, energy, iteration.energies)
+    return Segmentation(
+        labels=np.append(np.int32(0), new_label)[labels],
+        edge_weight=edge_weight,
+        converged=iteration.converged,
+        curve=curve,
+        **ends,
+    )
+
+
+def sorted_ends(
+    values: PictureValues,
+    means: NDArray[np.float64],
+    masses: NDArray[np.float64],
+    energy: float,
+    energies: Sequence[float],
+) -> tuple[NDArray[np.int32], dict[str, Any]]:
+    """Return the new label of each segment, from dark to bright, and attributes of the result in units of the image."""
     generators = values.to_picture(means + values.center)
     new_label = dark_to_bright(generators, masses)
     order = in_order(new_label)
-    return Segmentation(
-        labels=np.append(np.int32(0), new_label)[labels],
-        generators=generators[order],
-        masses=masses[order],
-        energy=energy / values.unit**2,
-        energies=tuple(energy / values.unit**2 for energy in iteration.energies),
-        edge_weight=edge_weight,
-        converged=iteration.converged,
-    )
+    unit = values.unit**2
+    found = {"energy": energy / unit, "energies": tuple(one / unit for one in energies)}
+    return new_label, {"generators": generators[order], "masses": masses[order], **found}

@@ -19,16 +19,16 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
-from cvtimg.elbow.curves import EnergyCurve, energy_curve
+from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.edge_weight import length_cost
-from cvtimg.segmentation.prepared import Prepared, Smoothness, curve_of_segments
-from cvtimg.segmentation.result import Segmentation, from_labels, from_tessellation
+from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
+from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
-from cvtimg.segmentation.values import PictureValues, picture_values
+from cvtimg.segmentation.values import picture_values
 
 _MAX_SEGMENTS = 1 << 16
 _BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
@@ -108,11 +108,6 @@ def segment(
     -------
     Segmentation
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     See Also
     --------
     superpixels, segment_hierarchy : Cells of similar size, and a tree of regions.
@@ -142,28 +137,26 @@ def segment(
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     values = picture_values(image, check_choice("space", space, SPACES), mask)
     shaded = (2 if n_segments == "auto" else min(n_segments, values.samples.n_colors)) if shading else 0
-    plain = smoothness.is_none and pieces is None and not shaded
-    prepared = None if plain else smoothness.prepare(values, volume_power, shaded)
+    prepared = smoothness.prepare(values, volume_power, shaded)
     curve = None
     if n_segments == "auto":
         with part(0, _CURVE):
-            curve = _curve(values, prepared, CHORD_ENDS, volume_power, rng)
+            curve = curve_of_segments(prepared, CHORD_ENDS, rng)
         n_segments = curve.elbow()
     n_cells = min(n_segments, values.samples.n_colors)
-    start = prepared.start(n_cells) if prepared else None
+    start = prepared.start(n_cells)
     samples: Any = values.samples if start is None else start[values.inside]
     with part(_CURVE if curve else 0, _CELLS):
         cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
-    if prepared is None:
-        result = from_tessellation(values, cells)
-    else:
-        own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
-        with part(_CELLS, 1):
-            labels, descent, weight = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
-        if pieces is not None:
-            labels = pieces.applied(labels, prepared.data, weight * length_cost(edge_radius))
-        result = from_labels(values, prepared.field, labels, descent or cells, weight)
-    return replace(result, curve=curve) if curve else result
+    own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
+    with part(_CELLS, 1):
+        labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
+    weight = descent.edge_weight if descent else 0.0
+    if pieces is not None:
+        labels = pieces.applied(labels, prepared.data, weight * length_cost(edge_radius))
+    scale = values.scale**2 if descent is None and start is None else 1.0
+    end: Any = descent or replace(cells, energies=tuple(scale * energy for energy in cells.energies))
+    return from_labels(values, prepared.field, labels, end, weight, curve)
 
 
 def segment_curve(
@@ -192,15 +185,6 @@ def segment_curve(
     EnergyCurve
         In squared 8-bit levels; see `energy_curve`.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    segment : Takes its elbow for ``"auto"``.
-
     Examples
     --------
     >>> import numpy as np
@@ -211,16 +195,7 @@ def segment_curve(
     """
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail=0)
     values = picture_values(image, check_choice("space", space, SPACES), mask)
-    prepared = None if smoothness.is_none else smoothness.prepare(values, volume_power)
-    return _curve(values, prepared, n_max, volume_power, rng)
-
-
-def _curve(
-    values: PictureValues, prepared: Prepared | None, n_max: int, volume_power: float, rng: int | np.random.Generator
-) -> EnergyCurve:
-    if prepared is None:
-        return energy_curve(values.samples, n_max, volume_power=volume_power, rng=rng)
-    return curve_of_segments(prepared, n_max, rng)
+    return curve_of_segments(smoothness.prepare(values, volume_power), n_max, rng)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,14 @@ order and with the same sums as in memory, so that strips leave no seams.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator
+from math import prod
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
@@ -22,54 +24,25 @@ from cvtimg.colors.spaces import SPACES
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath, scratch_folder
-from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, open_bands, write_bands
+from cvtimg.pictures.stacks import Stack, open_stack
+from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
 from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
-from cvtimg.segmentation.disk_values import DiskRows, DiskValues
-from cvtimg.segmentation.edge_weight import Layers, State, greatest_step, settle, weight_of_detail
+from cvtimg.segmentation.edge_weight import Layers, Moves, State
 from cvtimg.segmentation.noise import noise_of_rows
-from cvtimg.segmentation.prepared import Smoothness, auto_weight, blur_at_start
-from cvtimg.segmentation.values import dark_to_bright, in_order
-
-__all__ = ["SegmentedFile", "segment_file"]
+from cvtimg.segmentation.prepared import Smoothness, blur_at_start
+from cvtimg.segmentation.result import SegmentedFile, sorted_ends
+from cvtimg.segmentation.values import values_of
 
 #: Labels have 8 or 16 bits, and 0 is outside the mask.
 _MOST_SEGMENTS = 65535
 #: Number of levels by which an averaged image is counted.
 _LEVELS = 255
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SegmentedFile:
-    """The result of segmenting an image on disk.
-
-    Attributes
-    ----------
-    generators, masses, energy, energies, edge_weight, converged
-        As in `Segmentation`.
-    shape : tuple of int
-        Shape of the image: (H, W) or (H, W, C).
-    exact : bool
-        Whether segments start from all distinct colors of the image, or of its averages in 255 levels. Of more than
-        2^22, similar ones are merged.
-    """
-
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    energy: float
-    energies: tuple[float, ...]
-    edge_weight: float
-    converged: bool
-    shape: tuple[int, ...]
-    exact: bool
-
-    @property
-    def n_segments(self) -> int:
-        """Number of segments, K."""
-        return len(self.generators)
-
-    def __repr__(self) -> str:
-        size = " x ".join(map(str, self.shape[1::-1]))
-        return f"SegmentedFile({self.n_segments} segments of {size} pixels, energy={self.energy:.6g})"
+#: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
+STRIP_PIXELS = 1 << 21
+#: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
+_LEAST_ROWS = 32
+#: Bytes that are written at a time where the system cannot allocate a file.
+_AT_ONCE = 1 << 24
 
 
 def segment_file(
@@ -81,9 +54,9 @@ def segment_file(
     smallest_detail: float = 1,
     edge_weight: float | str = "auto",
     edge_radius: int = 3,
-    has_alpha: bool | None = None,
     nodata: float | None = None,
     mask: StrPath | None = None,
+    max_pixels: int | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
     overwrite: bool = False,
@@ -91,14 +64,14 @@ def segment_file(
     """Divide an image on disk, of any size, into segments of similar color.
 
     Segments are those of the whole image, without seams. Memory does not grow with the image, as in `quantize_file`.
-    Until the end, the folder of the target needs room for the uncompressed pixels and 4 bytes more per pixel, 7 with an
-    edge weight.
+    Until the end, the folder of the target needs room for the uncompressed pixels and 8 bytes more per pixel.
 
     Parameters
     ----------
     source : path
         A TIFF in tiles or strips (BigTIFF too), or a Zarr array in a folder that ends in .zarr: any integer type,
-        float32 or float64, (H, W) or (H, W, C). Pixels that are NaN or infinite in any band are left out.
+        float32 or float64, (H, W) or (H, W, C). Pixels that are NaN or infinite in any band are left out, and those
+        where a band of alpha is 0.
     target : path
         Ends in .tif, .tiff or .zarr. Labels start at 1, from dark to bright; 0 marks pixels that are left out. They
         have 8 bits for up to 255 segments, otherwise 16. A TIFF keeps its georeference.
@@ -106,12 +79,12 @@ def segment_file(
         K, in 1..65535.
     space, smallest_detail, edge_weight, edge_radius, effort, rng
         As in `segment`.
-    has_alpha : bool, optional
-        Whether the last band is alpha; pixels where it is 0 are left out. By default what the file says.
     nodata : float, optional
         Pixels with this value in all bands are left out; by default what the file says.
     mask : path, optional
         Image of the same size, whose black pixels are left out.
+    max_pixels : int, optional
+        Refuse images of more pixels.
     overwrite : bool
         Replace an existing file.
 
@@ -121,14 +94,8 @@ def segment_file(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
     OSError
         If a file cannot be read in tiles or written.
-
-    See Also
-    --------
-    segment : An image in memory.
 
     Examples
     --------
@@ -146,52 +113,121 @@ def segment_file(
     check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
     check_choice("space", space, SPACES)
     smoothness = Smoothness.checked(None, edge_weight, edge_radius, smallest_detail)
-    weight, detail = smoothness.edge_weight, 0.0
-    bands = open_bands(source)
-    has_alpha = bands.form.alpha if has_alpha is None else has_alpha
-    nodata = bands.form.nodata if nodata is None else nodata
+    stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)
     with scratch_folder(target) as folder:
-        picture = DiskValues(bands, folder / "pixels", space, has_alpha=has_alpha, nodata=nodata, mask=mask)
-        noise = np.zeros((1, 1)) if weight == 0 else noise_of_rows(picture.read, picture.shape)
-        if weight is None:
-            weight, detail = auto_weight(noise, edge_radius), smoothness.smallest_detail
-        blur = blur_at_start(picture.variance, noise, min(n_segments, picture.values.samples.n_colors))
-        start = _Start(picture, Averaging("before", "gaussian", blur) if blur else None)
-        tessellation = start.tessellate(n_segments, effort, rng)
-        cells = _LabelsOnDisk(picture, folder, edge_radius)
-        cells.put(start.labels(tessellation))
-        weight, energies, converged = cells.settle(len(tessellation.generators), weight, detail)
-        generators = picture.values.to_picture(cells.state.cells.means[1:] + picture.values.center)
-        masses = cells.state.cells.masses[1:, 0]
-        new_label = dark_to_bright(generators, masses)
+        picture = PixelsOnDisk(stack, folder, space)
+        noise = np.zeros((1, 1)) if edge_weight == 0 else noise_of_rows(picture.read, picture.shape)
+        weight, detail = smoothness.weight_under(noise)
+        n_cells = min(n_segments, picture.values.samples.n_colors)
+        start = Start(picture, blur_at_start(picture.variance, noise, n_cells))
+        cells = tessellate(start.samples, min(n_cells, start.samples.n_colors), effort=effort, rng=rng)
+        layers = picture.layers(folder, edge_radius)
+        for (first, last), labels in zip(picture.strips, start.labels(cells), strict=True):
+            layers.labels[first + edge_radius : last + edge_radius][:, edge_radius:-edge_radius] = labels
+        shape = (picture.shape[1], picture.values.samples.colors.shape[1])
+        state = State(layers, picture.strips, shape, len(cells.generators), Moves(edge_radius))
+        energies, converged = tuple(energy * start.scale**2 for energy in cells.energies), cells.converged
+        if weight or detail:
+            energies, weight, converged = state.descend(weight, detail)
+        energy = float(state.cells.energies.sum())
+        means, masses = state.cells.means[1:], state.cells.masses[1:, 0]
+        new_label, ends = sorted_ends(picture.values, means, masses, energy, energies)
+        bands: Form = stack.content.form
         dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
-        form = Form(bands.form.shape[:2], dtype, geo=bands.form.geo, nodata=0 if bands.form.geo else None)
-        write_bands(target, form, cells.labels(np.append(0, new_label).astype(dtype)), overwrite=overwrite)
-    order = in_order(new_label)
-    unit = picture.values.unit**2
-    if not weight:
-        energies, converged = tuple(e * start.scale**2 for e in tessellation.energies), tessellation.converged
-    return SegmentedFile(
-        generators=generators[order],
-        masses=masses[order],
-        energy=float(cells.state.cells.energies.sum()) / unit,
-        energies=tuple(energy / unit for energy in energies),
-        edge_weight=weight,
-        converged=converged,
-        shape=bands.form.shape,
-        exact=picture.exact and start.exact,
-    )
+        form = Form(bands.shape[:2], dtype, geo=bands.geo, nodata=0 if bands.geo else None)
+        numbers = np.append(0, new_label).astype(dtype)
+        own = (layers.labels[first + edge_radius : last + edge_radius] for first, last in picture.strips)
+        write_bands(target, form, (numbers[rows[:, edge_radius:-edge_radius]] for rows in own), overwrite=overwrite)
+    exact = picture.exact and start.exact
+    return SegmentedFile(edge_weight=weight, converged=converged, shape=bands.shape, exact=exact, **ends)
 
 
-class _Start:
-    """The initial segments: of the image, or of its averages if it is noisy."""
+class RowsOnDisk:
+    """An array of zeros in a file, of which slices of rows are mapped into memory."""
 
-    def __init__(self, picture: DiskValues, average: Averaging | None) -> None:
-        self._picture, self._average = picture, average
-        self._halo = int(TRUNCATE * average.radius + 0.5) if average else 0
+    def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
+        self.shape, self.dtype, self._path = shape, np.dtype(dtype), path
+        self._n_bytes = prod(shape[1:]) * self.dtype.itemsize
+        with path.open("wb") as file:
+            _allocate(file, shape[0] * self._n_bytes)
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        first, last, _ = rows.indices(self.shape[0])
+        shape = (last - first, *self.shape[1:])
+        return np.memmap(self._path, self.dtype, "r+", first * self._n_bytes, shape)
+
+
+def _allocate(file: BinaryIO, n_bytes: int) -> None:
+    """Take the room on the disk now: a full one is an error here, but ends the program where a file is mapped."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.fileno(), 0, n_bytes)
+        return
+    for left in range(n_bytes, 0, -_AT_ONCE):
+        file.write(bytes(min(left, _AT_ONCE)))
+
+
+class PixelsOnDisk:
+    """The pixels of an image in an uncompressed file, which of them count, and their colors."""
+
+    # `strips` are the rows to hold in memory at a time, `values` the colors of all pixels inside, and `exact` says
+    # whether they distinguish all.
+
+    def __init__(self, stack: Stack, folder: Path, space: SpaceName) -> None:
+        form = stack.content.form
+        self.shape = form.shape[:2]
+        n_dims = (form.shape[2] if len(form.shape) > 2 else 1) - form.alpha
+        height, width = self.shape
+        n_rows = max(STRIP_PIXELS // width, _LEAST_ROWS)
+        self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
+        self._pixels = RowsOnDisk(folder / "pixels", (*self.shape, n_dims), form.dtype)
+        self._inside = RowsOnDisk(folder / "inside", self.shape, np.bool_)
+        counter, top = Counter(), 0
+        for band, known in stack:
+            colors = band.reshape(*known.shape, -1)
+            colors = colors[:, :, :-1] if form.alpha else colors
+            seen = known & (band[:, :, -1] > 0) if form.alpha else known
+            rows = slice(top, top + len(band))
+            self._pixels[rows][:], self._inside[rows][:] = colors, seen
+            if seen.any():
+                counter.add(colors if seen.all() else colors[seen][None])
+            top += len(band)
+        count = counter.total()
+        self.exact = count.exact
+        self.values = values_of(count.of_some("is known"), np.empty((0, 0), np.bool_), space, form.dtype)
+        self._center = self.values.center
+
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
+        colors, inside = self._pixels[first:last], self._inside[first:last]
+        field = np.zeros(colors.shape, np.float32)
+        field[inside] = self.values.of_colors(colors[inside], self._center)
+        return field, inside
+
+    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
+        return self.read(rows.start, rows.stop)[0]
+
+    def layers(self, folder: Path, margin: int) -> Layers:
+        """Return the values, and labels of 0 with what the descent knows about them."""
+        shape = tuple(side + 2 * margin for side in self.shape)
+        kinds = {"labels": np.int32, "others": np.uint16, "stale": np.uint8}
+        return Layers(self, None, *(RowsOnDisk(folder / name, shape, kinds[name]) for name in kinds))
+
+    @property
+    def variance(self) -> float:
+        """Sum over the dimensions of the variance of values."""
+        samples, scale = self.values.samples, self.values.scale
+        steps = samples.colors * scale - self._center
+        return float(np.einsum("n,nd->", samples.density, steps**2) / samples.density.sum())
+
+
+class Start:
+    """The colors of an image, or of its averages if it is noisy, and the segments that they start from."""
+
+    def __init__(self, picture: PixelsOnDisk, blur: float) -> None:
+        self._picture, self.exact = picture, True
+        self._average = Averaging("before", "gaussian", blur) if blur else None
         self.samples, self.scale, self._offset = picture.values.samples, picture.values.scale, -picture.values.center
-        self.exact = True
-        if average:
+        if self._average:
             self.samples = self._count()
 
     def _count(self) -> ColorSamples:
@@ -200,78 +236,31 @@ class _Start:
         low, high = float(places.min()), float(places.max())
         self.scale, self._offset = (high - low) / _LEVELS, np.full(places.shape[1], low)
         counter = Counter()
-        for values, inside in self._strips():
+        for values, inside in self.strips():
             counter.add(np.rint((values[inside] - low) / self.scale).astype(np.uint8)[None])
         count = counter.total()
         self.exact = count.exact
         return count.of_some()
 
-    def _strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+    def strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
         """Yield strips of values, averaged if asked for, and the mask of each."""
+        halo = int(TRUNCATE * self._average.radius + 0.5) if self._average else 0
         for first, last in self._picture.strips:
-            above, below = max(first - self._halo, 0), min(last + self._halo, self._picture.shape[0])
+            above, below = max(first - halo, 0), min(last + halo, self._picture.shape[0])
             values, inside = self._picture.read(above, below)
             own = slice(first - above, last - above)
             if self._average:
                 values = averaged(values, self._average, inside)
             yield values[own], inside[own]
 
-    def tessellate(self, n_segments: int, effort: EffortName, rng: int | np.random.Generator) -> Tessellation:
-        n_most = min(n_segments, self.samples.n_colors)
-        return tessellate(self.samples, n_most, effort=effort, rng=rng)
-
     def labels(self, tessellation: Tessellation) -> Iterator[NDArray[np.int32]]:
         """Yield strips of labels, those of the nearest generators."""
         generators = tessellation.generators * self.scale + self._offset
         origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are broken alike
-        for values, inside in self._strips():
+        for values, inside in self.strips():
             labels = np.zeros(inside.shape, np.int32)
             rows = values[inside]
             if len(rows):
                 points = pack(rows, np.ones(len(rows)), center=origin)
                 labels[inside] = assign(points, points.frame.inward(generators))[: len(rows)] + 1
             yield labels
-
-
-class _LabelsOnDisk:
-    """Labels on disk in a frame of zeros, and the counts that the descent keeps up to date with them."""
-
-    def __init__(self, picture: DiskValues, folder: Path, radius: int) -> None:
-        self.picture, self.radius = picture, radius
-        shape = tuple(side + 2 * radius for side in picture.shape)
-        kinds = {"labels": np.int32, "others": np.uint16, "stale": np.uint8}
-        self._layers = Layers(picture, None, *(DiskRows(folder / name, shape, kinds[name]) for name in kinds))
-
-    def _own(self, first: int, last: int) -> NDArray[np.int32]:
-        """Return the labels of rows, without the frame."""
-        framed: NDArray[np.int32] = self._layers.labels[first + self.radius : last + self.radius]
-        return framed[:, self.radius : -self.radius]
-
-    def put(self, strips: Iterable[NDArray[np.int32]]) -> None:
-        for ends, strip in zip(self.picture.strips, strips, strict=True):
-            self._own(*ends)[:] = strip
-
-    def settle(self, n_segments: int, weight: float, detail: float) -> tuple[float, tuple[float, ...], bool]:
-        """Measure the cells, after the descent if there is an edge weight; return that, the energies and the end."""
-        shape = (self.picture.shape[1], self.picture.n_dims)
-        self.state = State(self._layers, self.picture.strips, shape, n_segments, self.radius)
-        self.state.measure()  # about the origin, to find the means
-        self.state.measure()
-        first = 0.0
-        if detail:
-            means, shares = self.state.cells.means[1:], np.ones(n_segments)
-            strips = (self._own(first, last + 1) for first, last in self.picture.strips)
-            worth = max(greatest_step(strip, means, shares) for strip in strips)
-            worth *= weight_of_detail(detail, self.radius)
-            weight, first = max(weight, worth), 2 * worth
-        if not weight:
-            return 0.0, (), True
-        self.state.begin()
-        if first > weight:
-            settle(self.state, first)
-            self.state.wake()
-        return weight, *settle(self.state, weight)
-
-    def labels(self, new_label: NDArray[np.unsignedinteger]) -> Iterator[NDArray[np.unsignedinteger]]:
-        """Yield strips of labels, renumbered."""
-        return (new_label[self._own(*ends)] for ends in self.picture.strips)

@@ -50,6 +50,16 @@ class PictureValues:
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
         return self.to_pixels(places[self.samples.inverse[0]])
 
+    def of_colors(self, colors: NDArray[Any], center: NDArray[np.float64]) -> NDArray[np.float32]:
+        """(N, D) values of (N, C) colors of an image without an offset, about their center."""
+        scale = self.scale
+        if self.space != "rgb":
+            colors, scale = to_space(colors.astype(np.float64) / peak(self.dtype), self.space), self.unit
+        values = np.empty(colors.shape, np.float32)
+        for dim, middle in enumerate(center):  # long loops, one per dimension
+            values[:, dim] = colors[:, dim].astype(np.float64) * scale - middle
+        return values
+
     @property
     def center(self) -> NDArray[np.float64]:
         """(D,) mean of the values."""
@@ -93,12 +103,23 @@ def picture_values(image: Any, space: SpaceName, mask: ArrayLike | None) -> Pict
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
     found = to_levels(rows)
     samples = color_samples(found.levels[None])
-    scale = found.step * 255 / peak(array.dtype)
-    if space != "rgb":
-        colors = np.clip(found.offset + found.step * samples.colors.astype(np.float64), rows.min(), rows.max())
-        places = to_space(colors / peak(array.dtype), space) * unit_of(space, array.dtype)
-        samples, scale = replace(samples, rows=places), 1.0
-    return PictureValues(inside, samples, scale, found.offset, space, array.dtype)
+    return values_of(samples, inside, space, array.dtype, found.step, found.offset)
+
+
+def values_of(
+    samples: ColorSamples,
+    inside: NDArray[np.bool_],
+    space: SpaceName,
+    dtype: np.dtype[Any],
+    step: float = 1.0,
+    offset: float = 0.0,
+) -> PictureValues:
+    """Return the values of distinct colors, whole numbers of steps above the offset in the units of the image."""
+    if space == "rgb":
+        return PictureValues(inside, samples, step * 255 / peak(dtype), offset, space, dtype)
+    colors = offset + step * samples.colors.astype(np.float64)
+    places = to_space(colors / peak(dtype), space) * unit_of(space, dtype)
+    return PictureValues(inside, replace(samples, rows=places), 1.0, offset, space, dtype)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,18 +27,8 @@ RNG = np.random.default_rng(6)
 FIELDS = gaussian_filter(RNG.normal(size=(40, 50, 3)), (4, 4, 0))
 RGB = np.rint(255 * (FIELDS - FIELDS.min()) / np.ptp(FIELDS)).astype(np.uint8)
 
-KEYS = ["input", "output", "width", "height", "channels", "left_out", "k", "elbow"]
-KEYS += [
-    "edge_weight",
-    "regions",
-    "edge_length",
-    "energy",
-    "n_iter",
-    "converged",
-    "input_bytes",
-    "output_bytes",
-    "seconds",
-]
+KEYS = {"input", "output", "width", "height", "channels", "left_out", "k", "elbow", "edge_weight", "regions"}
+KEYS |= {"edge_length", "energy", "n_iter", "converged", "input_bytes", "output_bytes", "seconds"}
 
 
 class Outcome(NamedTuple):
@@ -73,7 +63,7 @@ def listing() -> set[str]:
 def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
     (row,) = run("rgb.png", "-k", "3").rows
     assert listing() == {"rgb.png", "rgb-labels.png"}
-    assert list(row) == KEYS
+    assert set(row) == KEYS
     assert (row["output"], row["k"], row["left_out"]) == ("rgb-labels.png", 3, 0)
     assert (row["width"], row["height"], row["channels"]) == (50, 40, 3)
     labels = read_labels("rgb-labels.png")

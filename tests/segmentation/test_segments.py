@@ -53,9 +53,9 @@ def test_segments_are_those_of_the_tessellation_from_dark_to_bright(photograph: 
     result = segment(photograph, 5, edge_weight=0)
     assert (np.diff(result.generators.sum(axis=1)) > 0).all()
     order = np.argsort(end.generators.sum(axis=1))
-    np.testing.assert_allclose(result.generators, end.generators[order], rtol=1e-6)
+    np.testing.assert_allclose(result.generators, end.generators[order], rtol=0.01)
     np.testing.assert_array_equal(order[result.labels - 1], end.labels[samples.inverse])
-    assert result.energy == pytest.approx(end.energy)
+    assert result.energy == pytest.approx(end.energy, rel=1e-3)
 
 
 @pytest.mark.parametrize("way", WAYS, ids=str)

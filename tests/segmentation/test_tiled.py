@@ -15,12 +15,11 @@ from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.colors.counting import Counter
 from cvtimg.labels import region_means
-from cvtimg.pictures import tiles
+from cvtimg.pictures import open_stack, tiles
 from cvtimg.pictures import tiles as _tiled
-from cvtimg.segmentation import Averaging, disk_values, segment_file
+from cvtimg.segmentation import Averaging, segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation
 from cvtimg.segmentation.averaging import averaged
-from cvtimg.segmentation.disk_values import DiskRows
 
 RNG = np.random.default_rng(8)
 zarr = pytest.importorskip("zarr")
@@ -31,7 +30,7 @@ def small_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several strips in a picture."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tiles, "BAND_PIXELS", 20_000)
-    monkeypatch.setattr(disk_values, "STRIP_PIXELS", 4000)
+    monkeypatch.setattr(tiled_segmentation, "STRIP_PIXELS", 4000)
 
 
 def write(image: NDArray[Any], **layout: Any) -> None:
@@ -105,9 +104,9 @@ def test_noise_leaves_no_seams(radius: int) -> None:
 def test_averages_reach_across_strips() -> None:
     image = noisy()
     write(image)
-    picture = disk_values.DiskValues(tiles.open_bands("a.tif"), Path("pixels"), "rgb", has_alpha=False, nodata=None)
+    picture = tiled_segmentation.PixelsOnDisk(open_stack("a.tif", tiles=True), Path(), "rgb")
     average = Averaging("before", "gaussian", 3.7)
-    strips = [values for values, _ in tiled_segmentation._Start(picture, average)._strips()]
+    strips = [values for values, _ in tiled_segmentation.Start(picture, 3.7).strips()]
     expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
     assert len(strips) > 3
     np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
@@ -128,7 +127,7 @@ def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
     expected = segment(image, 4, edge_weight=9, mask=(image != 7).any(axis=2))
     assert same(tifffile.imread("b.tif"), expected.labels) > 0.999
     write(np.dstack([image, np.where((image == 7).all(axis=2), 0, 200).astype(np.uint8)]), extrasamples=["unassalpha"])
-    segment_file("a.tif", "c.tif", 4, edge_weight=9, has_alpha=True)
+    segment_file("a.tif", "c.tif", 4, edge_weight=9)
     assert same(tifffile.imread("c.tif"), tifffile.imread("b.tif")) > 0.999
     holes = np.where(image == 7, np.nan, image).astype(np.float32)
     write(holes)
@@ -146,13 +145,8 @@ def test_exact_says_whether_all_colors_were_told_apart(monkeypatch: pytest.Monke
 
     write(noisy((96, 80)).astype(np.uint16) * 200)
     assert segment_file("a.tif", "b.tif", 3).exact
-    with monkeypatch.context() as patch:  # of the picture
-        patch.setattr(disk_values, "Counter", few(500))
-        assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
-    with monkeypatch.context() as patch:  # of its averages, from which segments start
-        patch.setattr(tiled_segmentation, "Counter", few(500))
-        assert segment_file("a.tif", "b.tif", 3, edge_weight=0, overwrite=True).exact
-        assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
+    monkeypatch.setattr(tiled_segmentation, "Counter", few(500))
+    assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
 
 
 def test_many_segments_take_16_bits_and_zarr_is_read_and_written(photograph: NDArray[Any]) -> None:
@@ -182,7 +176,7 @@ def test_the_place_on_earth_stays(photograph: NDArray[Any]) -> None:
         ({"edge_weight": "much"}, ValueError, "must be a finite number >= 0, or 'auto'"),
         ({"edge_radius": 31}, ValueError, "edge_radius=31"),
         ({"space": "hsv"}, ValueError, "space"),
-        ({"has_alpha": True}, ValueError, "has_alpha needs more bands"),
+        ({"max_pixels": 60}, ValueError, "has over 60 pixels"),
         ({"target": "b.png"}, ValueError, "b.png: suffix"),
         ({"source": "missing.tif"}, OSError, "no such file"),
     ],
@@ -193,14 +187,6 @@ def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exceptio
     with pytest.raises(error, match=message):
         segment_file(**given)
     assert {path.name for path in Path().iterdir()} == {"a.tif"}
-
-
-def test_rows_on_disk_are_an_array() -> None:
-    rows, array = DiskRows(Path("rows"), (50, 7), np.uint16), np.zeros((50, 7), np.uint16)
-    for first, last in ((3, 9), (8, 50), (0, 1)):
-        array[first:last] = RNG.integers(0, 65536, (last - first, 7))
-        rows[first:last][:] = array[first:last]
-    np.testing.assert_array_equal(rows[2:50], array[2:])
 
 
 # The command
