@@ -293,16 +293,6 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
     -------
     Contours
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    find_edges : Edges as pixels.
-    write_contours : Files of contours.
-
     Notes
     -----
     For two segments of a gray image the lines are those of ``skimage.measure.find_contours`` at the level half way

@@ -34,11 +34,6 @@ def find_edges(
     -------
     (H, W) bool array
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     Notes
     -----
     For objects on label 0 that do not touch, the modes are those of ``skimage.segmentation.find_boundaries``. Where

@@ -63,10 +63,6 @@ def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
     (H, W) or (H, W, C) array
         Of the type of the image, rounded if that is an integer type; 0 where there is no finite value.
 
-    See Also
-    --------
-    region_means : The means alone.
-
     Examples
     --------
     >>> from cvtimg.labels import mean_picture
@@ -116,15 +112,6 @@ def region_table(
         right and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`. With a pixel size in um:
         ``area_um2``, ``equivalent_diameter_um``, ``axis_major_um``, ``axis_minor_um``, ``x_um``, ``y_um`` and, where
         pixels are square, ``perimeter_um``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    write_table : The same as a file.
 
     Notes
     -----
@@ -202,15 +189,6 @@ def volume_table(
         ``y`` and ``z`` of the centroid, in voxels, of which the first spans 0..1; the bounding box ``left``, ``top``,
         ``front``, ``right``, ``bottom`` and ``back``; and the ``mean_`` and ``std_`` of each band. With a pixel size in
         um: ``volume_um3``, ``surface_um2``, ``equivalent_diameter_um``, ``x_um``, ``y_um`` and ``z_um``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    region_table : Of images. cvtimg.segmentation.count_objects finds objects in volumes.
 
     Notes
     -----

@@ -27,11 +27,6 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> NDArray[np.i
     int32 array of the same shape
         Numbers from 1, in the order in which objects appear; 0 stays 0.
 
-    Raises
-    ------
-    ValueError
-        If an argument is invalid; the message names it.
-
     Examples
     --------
     >>> from cvtimg.labels import track_labels

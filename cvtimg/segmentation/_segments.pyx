@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops of segmentation: the edge-weighted descent, half discs along borders, and labels of a cut.
+"""The compiled loops of segmentation: the edge-weighted descent, and half discs along borders.
 
 Nothing here checks its arguments or decides when to stop. Each argument is marked IN, OUT or INOUT. In the descent,
 labels are padded: a frame of label 0, as wide as the disc of neighbors, surrounds the image, so that no labeled pixel
@@ -336,19 +336,3 @@ def half_disc_distances(
                 begin = end
                 for c in range(n_channels):
                     distances[p, c, r] = channel_distance(slots + 2 * c * _SLOT, &taps[0], c == n_channels - 1)
-
-
-def label_pixels(
-    const int32_t[:, ::1] leaves,  # IN (H, W): leaf of each pixel, plus 1; 0 outside the mask
-    const int32_t[::1] labels,     # IN (N + 1,): label of each leaf, that of 0 first
-):
-    """Look up the (H, W) label of each pixel, in a third of the time of numpy.take, which widens leaves to 64 bits."""
-    found = np.empty((leaves.shape[0], leaves.shape[1]), np.int32)
-    cdef int32_t[:, ::1] pixels = found
-    cdef Py_ssize_t i, n = leaves.shape[0] * leaves.shape[1]
-    cdef const int32_t *leaf = &leaves[0, 0]
-    cdef int32_t *pixel = &pixels[0, 0]
-    with nogil:
-        for i in range(n):
-            pixel[i] = labels[leaf[i]]
-    return found

@@ -87,10 +87,6 @@ def edit_labels(
     ValueError
         If an edit is not what is said here, or a segment has no parts in the tree.
 
-    See Also
-    --------
-    cvtimg.segment_hierarchy
-
     Examples
     --------
     >>> import numpy as np

@@ -61,16 +61,6 @@ def superpixels(
     Segmentation
         As `segment` returns it.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    segment : Segments of one color, in any number of pieces.
-    segment_hierarchy : Regions, merged from superpixels.
-
     Examples
     --------
     >>> import numpy as np

@@ -46,11 +46,6 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
     (C,) float64 array
         In the units of the image; 0 if it has fewer than 3 rows or columns.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `image` is invalid.
-
     References
     ----------
     J. Immerkaer, Computer Vision and Image Understanding 64 (1996) 300-302, doi 10.1006/cviu.1996.0060: the second

@@ -108,12 +108,6 @@ def segment(
     -------
     Segmentation
 
-    See Also
-    --------
-    superpixels, segment_hierarchy : Cells of similar size, and a tree of regions.
-    segment_file : Images larger than memory.
-    cvtimg.find_contours, cvtimg.labels.region_table : What to do with labels.
-
     References
     ----------
     Q. Du, M. Gunzburger, L. Ju, X. Wang, J. Math. Imaging Vision 24 (2006) 177-194, doi 10.1007/s10851-005-3620-4.

@@ -22,27 +22,13 @@ from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MOST_LEAVES = 1 << 16
 #: Parts of the time until leaves are sought, and until those of the whole image are found.
 _READY, _FULL_SIZE = 0.2, 0.7
-#: Smaller images are not looked at from farther away.
-_ENOUGH_PIXELS = 1 << 12
-#: Weight of the hierarchy of the reduced image, and its factor on the scale of strengths.
-_WEIGHT, _WORTH = 0.6, 0.6
-#: Borders at the two scales belong to each other within this many half pixels of the reduced image.
-_NEAR = 2
-#: The best threshold for training pictures of the Berkeley Segmentation Data Set, against regions that people drew.
-OF_PHOTOGRAPHS = 0.5
-#: Noise stays below this.
-_LEAST = 0.25
-#: The threshold is lowered where borders above it have less than the first of these shares of the power of all, and
-#: until they have the second. Training pictures have shares from 0.21 on, but for one, which is texture.
-_HARDLY_ANY, _MOST = 0.15, 2 / 3
-#: Leaves that explain less of the variance than this lie in noise or texture, where there are no faint regions to find.
-_EXPLAINED = 2 / 3
 
 
 @hints_at_keywords
@@ -69,19 +55,9 @@ def segment_hierarchy(
     RegionHierarchy
         The same bits for the same image, whatever the number of threads.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
-    See Also
-    --------
-    segment : A given number of colors rather than regions.
-    superpixels : The leaves.
-
     Notes
     -----
-    Nothing is learned but about ten numbers, set by hand on 60 photographs of the Berkeley Segmentation Data Set.
+    Nothing is learned but some numbers, set by hand on 60 photographs of the Berkeley Segmentation Data Set.
     Borders are measured in discs of 2 to 10 pixels. Images of more than 1.3 megapixels are therefore reduced by a whole
     number first; leaves are found, and their colors and energies measured, on the reduced image, and then their borders
     follow the edges of the whole one.
@@ -111,7 +87,7 @@ def segment_hierarchy(
     values = picture_values(seen, space, seen_inside)
     with part(_READY, _FULL_SIZE):
         leaves = find_leaves(values, find_channels(values), n_leaves)
-    if inside.size >= _ENOUGH_PIXELS:
+    if inside.size >= SETTINGS.enough_pixels:
         smaller, smaller_inside = reduced(seen, seen_inside, 2)
         half = picture_values(smaller, space, smaller_inside)
         with part(_FULL_SIZE, 1):
@@ -132,7 +108,7 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     merges = coarse.merged()
     between = altitudes_between(coarse.borders.pairs, merges.pairs, merges.altitudes, len(coarse.sizes))
     height, width = coarse.labels.shape
-    near = maximum_filter(coarse.borders.on_cracks(between, (height, width)), 2 * _NEAR + 1)
+    near = maximum_filter(coarse.borders.on_cracks(between, (height, width)), 2 * SETTINGS.near + 1)
     borders = leaves.borders
     # A pixel of the whole image is half a pixel of the other: as large as a step in its map of cracks.
     rows, columns = borders.places.T + 1
@@ -140,7 +116,8 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     if not len(seen):
         return leaves
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
-    return replace(leaves, strengths=(leaves.strengths + _WEIGHT * means) / (1 + _WEIGHT * _WORTH))
+    weight, worth = SETTINGS.coarse_weight, SETTINGS.coarse_worth
+    return replace(leaves, strengths=(leaves.strengths + weight * means) / (1 + weight * worth))
 
 
 def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHierarchy:
@@ -178,10 +155,10 @@ def default_threshold(lengths: NDArray[np.int32], altitudes: NDArray[np.float64]
     # `explained` is the part of the variance of the image that the means of the leaves have.
     order = np.argsort(-altitudes, kind="stable")
     power = np.cumsum(lengths[order] * altitudes[order] ** 2)
-    if explained < _EXPLAINED or not len(power) or power[-1] <= 0:
-        return OF_PHOTOGRAPHS
-    n_above = np.count_nonzero(altitudes > OF_PHOTOGRAPHS)
-    if n_above and power[n_above - 1] >= _HARDLY_ANY * power[-1]:
-        return OF_PHOTOGRAPHS
-    last = altitudes[order[np.searchsorted(power, _MOST * power[-1])]]
-    return min(max(float(np.nextafter(last, 0)), _LEAST), OF_PHOTOGRAPHS)
+    if explained < SETTINGS.explained or not len(power) or power[-1] <= 0:
+        return SETTINGS.threshold
+    n_above = np.count_nonzero(altitudes > SETTINGS.threshold)
+    if n_above and power[n_above - 1] >= SETTINGS.hardly_any * power[-1]:
+        return SETTINGS.threshold
+    last = altitudes[order[np.searchsorted(power, SETTINGS.most * power[-1])]]
+    return min(max(float(np.nextafter(last, 0)), SETTINGS.least_threshold), SETTINGS.threshold)

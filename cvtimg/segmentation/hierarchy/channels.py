@@ -19,28 +19,9 @@ from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
-
-#: Least and greatest value of each channel, in values, where white is 255.
-_RANGES = {
-    "rgb": ((0, 255), (0, 255), (0, 255)),
-    "linear": ((0, 255), (0, 255), (0, 255)),
-    "lab": ((0, 255), (-186, 242), (-186, 242)),
-    "oklab": ((0, 255), (-140, 140), (-160, 110)),
-}
-#: Filters are derivatives of Gaussians of these widths, in pixels.
-_SCALES = (1.0, 2.0)
-#: Responses of this size are about halfway between weak ones, which count as they are, and strong ones, of which
-#: only the logarithm does. In the units of the lightness, 0 to 1.
-_CONTRAST = 0.03
-#: Textons are found from one of so many pixels at least, and from so many at most.
-_SAMPLED, _ENOUGH = 7, 40_000
-#: Contrast is stretched until these percentiles of the first channel are black and white.
-_EXTREMES = (0.1, 99.9)
-#: Noise of this standard deviation, in values, does no harm. More is blurred, by Gaussians of these widths.
-_HARMLESS_NOISE = 6.0
-_LEAST_BLUR, _LARGEST_BLUR = 0.5, 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,8 +59,8 @@ def _blur_for(noise: NDArray[np.float64]) -> float:
     """Return the width of the Gaussian that leaves of noise what does no harm; 0 if none is needed."""
     deviation = float(np.sqrt(noise[0, 0]))
     # A Gaussian of width s leaves 1 / (2 s sqrt(pi)) of white noise.
-    blur = deviation / _HARMLESS_NOISE / (2 * np.sqrt(np.pi))
-    return 0.0 if blur < _LEAST_BLUR else min(blur, _LARGEST_BLUR)
+    blur = deviation / SETTINGS.harmless_noise / (2 * np.sqrt(np.pi))
+    return 0.0 if blur < SETTINGS.blurs[0] else min(blur, SETTINGS.blurs[1])
 
 
 def _colors(
@@ -90,7 +71,7 @@ def _colors(
     n_bands = field.shape[2]
     if n_bands in (1, 3):
         colors = field + values.center.astype(np.float32)
-        return colors, _RANGES[values.space][:n_bands]
+        return colors, SETTINGS.ranges[values.space][:n_bands]
     rows = field[values.inside].astype(np.float64)
     axes = np.linalg.eigh(np.einsum("ni,nj->ij", rows, rows))[1][:, ::-1][:, :3]
     axes *= np.where(axes.sum(axis=0) < 0, -1, 1)
@@ -100,7 +81,7 @@ def _colors(
 
 def _full_contrast(rows: NDArray[np.float32], noise: NDArray[np.float64]) -> tuple[float, float]:
     """Return the least value of the first channel, and what stretches its contrast to 255."""
-    low, high = np.percentile(rows[:, 0], _EXTREMES)
+    low, high = np.percentile(rows[:, 0], SETTINGS.extremes)
     # No bin is narrower than the noise.
     span = max(float(high - low), N_LEVELS * float(np.sqrt(noise[0, 0])))
     return float(low), 255 / span if span > 0 else 1.0
@@ -120,7 +101,7 @@ def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArra
     """(H, W) number of the pattern around each pixel."""
     responses = _responses(lightness).reshape(lightness.size, -1)
     flat = inside.ravel()
-    sampled = responses[flat][:: max(_SAMPLED, flat.sum() // _ENOUGH)]
+    sampled = responses[flat][:: max(SETTINGS.texton_step, flat.sum() // SETTINGS.texton_samples)]
     n_textons = min(N_TEXTONS, len(np.unique(sampled, axis=0)))
     generators = tessellate(sampled, n_textons, effort="fast").generators
     packed = pack(responses, np.ones(len(responses)), center=np.zeros(responses.shape[1]))
@@ -131,12 +112,12 @@ def _responses(lightness: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, F) derivatives of the first and second order at each scale, their contrast compressed."""
     from scipy.ndimage import gaussian_filter
 
-    responses = np.empty((*lightness.shape, 5 * len(_SCALES)), np.float32)
-    for number, scale in enumerate(_SCALES):
+    responses = np.empty((*lightness.shape, 5 * len(SETTINGS.texton_scales)), np.float32)
+    for number, scale in enumerate(SETTINGS.texton_scales):
         for place, order in enumerate(((0, 1), (1, 0), (0, 2), (1, 1), (2, 0))):
             gain = scale ** sum(order) * (2**0.5 if order == (1, 1) else 1)
             responses[..., 5 * number + place] = gaussian_filter(lightness, scale, order) * np.float32(gain)
     size = np.sqrt(np.einsum("hwf,hwf->hw", responses, responses))
-    gain = np.log1p(size / np.float32(_CONTRAST)) / np.maximum(size, np.float32(1e-9))
+    gain = np.log1p(size / np.float32(SETTINGS.texton_contrast)) / np.maximum(size, np.float32(1e-9))
     responses *= gain[..., None]
     return responses

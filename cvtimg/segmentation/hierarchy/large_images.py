@@ -15,19 +15,17 @@ from cvtimg._shared.pixels import peak
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
-from cvtimg.segmentation.hierarchy.leaves import COMPACTNESS, Leaves, without_gaps
+from cvtimg.segmentation.hierarchy.leaves import Leaves
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
+from cvtimg.segmentation.touching import numbered
 
-#: Images of more pixels are reduced.
-MOST_PIXELS = 5 << 18
 #: Reduced rows at a time.
 _ROWS = 64
-#: Sweeps over the borders of the whole image for each pixel that they may be off.
-_SWEEPS = 2
 
 
 def reduction(n_pixels: int) -> int:
     """Return how many times an image of so many pixels is reduced along each axis."""
-    return max(1, int(np.ceil(np.sqrt(n_pixels / MOST_PIXELS))))
+    return max(1, int(np.ceil(np.sqrt(n_pixels / SETTINGS.most_pixels))))
 
 
 def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -76,7 +74,7 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
 def _in_pieces(labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
     """Make leaves of the pieces into which the mask cuts leaves; very small ones join a neighbor, if they have one."""
     pieces = connected_pieces(labels)
-    return without_gaps(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
+    return numbered(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
 
 
 def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
@@ -86,9 +84,9 @@ def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> ND
     values = image.astype(np.float32)
     values -= np.float32((low + high) / 2)
     values *= np.float32(255 / (high - low) if high > low else 1)
-    n_sweeps = _SWEEPS * factor
+    n_sweeps = SETTINGS.sweeps * factor
     return descend(
-        values, labels, int(labels.max()), edge_weight=COMPACTNESS, connected=True, max_sweeps=n_sweeps
+        values, labels, int(labels.max()), edge_weight=SETTINGS.compactness, connected=True, max_sweeps=n_sweeps
     ).labels
 
 

@@ -14,20 +14,16 @@ from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.merging import Merges, Weights, merge_regions
+from cvtimg.segmentation.hierarchy.merging import Merges, merge_regions
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
+from cvtimg.segmentation.touching import numbered
 from cvtimg.segmentation.values import PictureValues
 
-#: Least penalty for each pair of near pixels in different leaves, in squared values; noise raises it.
-COMPACTNESS = 5.0
-#: Leaves smaller than the mean size divided by this join a neighbor.
-_SPECK = 12
 #: Part of the time that superpixels take.
 _DIVIDED = 0.5
-#: What steps of eigenvectors across a border add to its strength.
-_GLOBAL_WEIGHT = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +41,7 @@ class Leaves:
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""
         pairs, lengths = self.borders.pairs, self.borders.lengths
-        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, Weights())
+        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, SETTINGS)
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
@@ -66,25 +62,17 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
         histograms=_histograms(own, len(sizes), channels),
         borders=borders,
         # Eigenvectors have slopes even where there is nothing to see: they can only confirm other evidence.
-        strengths=strengths + np.minimum(_GLOBAL_WEIGHT * steps, strengths),
+        strengths=strengths + np.minimum(SETTINGS.global_weight * steps, strengths),
     )
 
 
 def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
     """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
     cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
-    weight = max(COMPACTNESS, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
+    weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
     found = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
     # Few pixels have no histogram that could be compared: they would stay regions of their own to the top.
-    return without_gaps(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // _SPECK))
-
-
-def without_gaps(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Renumber labels from 1 in their order, without those that do not occur; 0 stays 0."""
-    in_use = np.bincount(labels.ravel()) > 0
-    in_use[0] = False
-    numbers: NDArray[np.int32] = np.cumsum(in_use, dtype=np.int32)
-    return numbers[labels]
+    return numbered(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))
 
 
 def _histograms(own: NDArray[np.int32], n_leaves: int, channels: Channels) -> list[NDArray[np.float64]]:

@@ -8,17 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.labels import _labels
-
-
-@dataclass(frozen=True, slots=True)
-class Weights:
-    """What makes regions differ: strength of the border + color + texture, less what is shared, by their sizes."""
-
-    color: float = 0.5  # of the chi-square distance between the histograms of the regions in each channel of color
-    texture: float = 0.8  # the same of textons
-    #: Regions count as less different by this times the share of the border in the shorter of their perimeters
-    shared: float = 0.3
-    size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
+from cvtimg.segmentation.hierarchy.settings import Settings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +25,7 @@ def merge_regions(
     strengths: NDArray[np.float64],
     sizes: NDArray[np.float64],
     histograms: list[NDArray[np.float64]],
-    weights: Weights,
+    weights: Settings,
 ) -> Merges:
     """Merge regions until no neighbors are left."""
     # Borders have (B, 2) pairs of regions at their sides, lengths and strengths; regions have sizes in pixels, and (N,

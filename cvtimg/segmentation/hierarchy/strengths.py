@@ -25,24 +25,7 @@ from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
 from cvtimg.segmentation.hierarchy.channels import Channels
-
-#: Radii of the discs, and what each counts for.
-RADII = (2, 3, 5, 10)
-RADIUS_WEIGHTS = (1 / 3, 1 / 3, 1 / 3, 1 / 6)
-#: What lightness, the two other channels and textons count for.
-_COLOR_WEIGHTS, _TEXTON_WEIGHT = (1.0, 1.2, 1.2), 0.3
-_N_ANGLES = 16
-#: How far along a border its direction is looked for, in pixels.
-_STRAIGHT = 5.0
-#: Levels are smoothed by a Gaussian of this many bins.
-_SMOOTHING = 0.1 * N_LEVELS
-_N_VECTORS = 16
-#: Springs weaken by e for so much strength.
-_SOFTNESS = 0.3
-#: A spring is never weaker than this.
-_LEAST = 1e-6
-#: Below this number of regions all vibrations are computed.
-_FEW = 100
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
 def border_strengths(borders: Borders, channels: Channels) -> NDArray[np.float64]:
@@ -50,10 +33,10 @@ def border_strengths(borders: Borders, channels: Channels) -> NDArray[np.float64
     if not len(borders.pairs):
         return np.zeros(0)
     angles = _angles(borders)
-    turns = (borders.is_flat * _N_ANGLES + angles).astype(np.int32)
+    turns = (borders.is_flat * SETTINGS.n_angles + angles).astype(np.int32)
     distances = _half_disc_distances(channels, borders.places, turns)
     n_colors = distances.shape[1] - 1
-    weights = np.outer([*_COLOR_WEIGHTS[:n_colors], _TEXTON_WEIGHT], RADIUS_WEIGHTS)
+    weights = np.outer([*SETTINGS.color_weights[:n_colors], SETTINGS.texton_weight], SETTINGS.radius_weights)
     strengths = np.einsum("pcr,cr->p", distances, weights)
     return np.add.reduceat(strengths, borders.starts[:-1]) / borders.lengths
 
@@ -64,10 +47,10 @@ def _angles(borders: Borders) -> NDArray[np.int32]:
     middles = 2 * borders.places + np.stack([borders.is_flat, ~borders.is_flat], axis=1)
 
     def orient(first: int, last: int) -> None:
-        _segments.orient(middles, borders.starts, first, last, _STRAIGHT, _N_ANGLES, angles)
+        _segments.orient(middles, borders.starts, first, last, SETTINGS.straight, SETTINGS.n_angles, angles)
 
     in_parts(orient, len(borders.pairs), work=float(np.square(borders.lengths, dtype=np.float64).sum()))
-    alone = np.where(borders.is_flat, 0, _N_ANGLES // 2)
+    alone = np.where(borders.is_flat, 0, SETTINGS.n_angles // 2)
     return np.where(angles < 0, alone, angles).astype(np.int32)
 
 
@@ -75,7 +58,7 @@ def _half_disc_distances(
     channels: Channels, places: NDArray[np.int32], turns: NDArray[np.int32]
 ) -> NDArray[np.float32]:
     """(P, C, R) distances of the halves of discs around cracks."""
-    margin = RADII[-1]
+    margin = SETTINGS.radii[-1]
     shown = np.where(channels.inside[..., None], channels.bins, np.uint8(HIDDEN))
     padded = np.pad(shown, ((margin, margin), (margin, margin), (0, 0)), constant_values=HIDDEN)
     width, n_channels = padded.shape[1:]
@@ -83,7 +66,7 @@ def _half_disc_distances(
     steps = (down * width + right).astype(np.int32)
     flat = ((places[:, 0] + margin) * width + places[:, 1] + margin).astype(np.int32)
     smoothing = _taps().astype(np.float32)
-    distances = np.empty((len(flat), n_channels, len(RADII)), np.float32)
+    distances = np.empty((len(flat), n_channels, len(SETTINGS.radii)), np.float32)
 
     def measure(first: int, last: int) -> None:
         _segments.half_disc_distances(
@@ -99,19 +82,19 @@ def _discs() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
     """Rows and columns (T, 2, S), from the pixel before a crack, of the halves of discs, and (T, R) their sizes."""
     # Upright cracks come first, then flat ones, each in all directions. Pixels on the line between the halves belong to
     # neither; inner ones come first.
-    reach = np.arange(-RADII[-1], RADII[-1] + 2)
+    reach = np.arange(-SETTINGS.radii[-1], SETTINGS.radii[-1] + 2)
     rows, columns = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
     halves, counts = [], []
     for is_flat in (False, True):
         down, right = rows - 0.5 * is_flat, columns - 0.5 * (not is_flat)
         distances = np.hypot(down, right)
-        for angle in np.pi / _N_ANGLES * np.arange(_N_ANGLES):
+        for angle in np.pi / SETTINGS.n_angles * np.arange(SETTINGS.n_angles):
             across = down * np.cos(angle) - right * np.sin(angle)
             for side in (-1, 1):
-                half = np.flatnonzero((distances <= RADII[-1]) & (side * across > 1e-6))
+                half = np.flatnonzero((distances <= SETTINGS.radii[-1]) & (side * across > 1e-6))
                 half = half[np.argsort(distances[half], kind="stable")]
                 halves.append(half)
-            counts.append(np.searchsorted(distances[half], RADII, side="right"))
+            counts.append(np.searchsorted(distances[half], SETTINGS.radii, side="right"))
     table = np.zeros((len(halves), max(map(len, halves))), np.intp)
     for line, half in zip(table, halves, strict=True):
         line[: len(half)] = half
@@ -120,7 +103,7 @@ def _discs() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
 
 
 def _taps() -> NDArray[np.float64]:
-    taps = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / _SMOOTHING) ** 2)
+    taps = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SETTINGS.smoothing) ** 2)
     return taps / taps.sum()
 
 
@@ -139,7 +122,7 @@ def global_strengths(
     # Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
     if not len(pairs):
         return np.zeros(0)
-    weights = lengths.astype(np.float64) * np.exp(-strengths / _SOFTNESS) + _LEAST
+    weights = lengths.astype(np.float64) * np.exp(-strengths / SETTINGS.softness) + SETTINGS.least_spring
     eigenvalues, vectors = _slow_vectors(pairs, weights, sizes)
     if not len(eigenvalues):
         return np.zeros(len(pairs))
@@ -161,14 +144,14 @@ def _slow_vectors(
     ends = np.concatenate([pairs, pairs[:, ::-1]]).T
     springs = coo_array((np.tile(weights, 2), (ends[0], ends[1])), shape=(n_regions, n_regions))
     n_still = connected_components(springs, directed=False)[0]
-    n_vectors = min(_N_VECTORS + n_still, n_regions)
+    n_vectors = min(SETTINGS.n_vectors + n_still, n_regions)
     stiffness = np.bincount(ends[0], np.tile(weights, 2), n_regions)
     roots = np.sqrt(masses / masses.mean())
     scale = diags_array(1 / roots)
     matrix = csc_array(scale @ (diags_array(stiffness) - springs) @ scale)
     # One thread, for the bits must not depend on how many there are.
     with threadpool_limits(1, user_api="blas"):
-        if n_regions <= _FEW:
+        if n_vectors >= n_regions - 1:  # all of them
             values, vectors = np.linalg.eigh(matrix.toarray())
         else:
             start = roots + 0.1 * np.cos(1.7 * np.arange(n_regions))

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_alone, check_at_least, check_choice, check_count, check_non_negative
 from cvtimg._shared.records import ReadOnly
-from cvtimg.elbow.curves import EnergyCurve
-from cvtimg.elbow.rules import CHORD_ENDS, Scale
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import find_borders
 from cvtimg.pictures.files import encode_image
-from cvtimg.segmentation._segments import label_pixels
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.values import dark_to_bright
 
@@ -83,23 +80,6 @@ class RegionHierarchy(ReadOnly):
         """Number of parts that never merge: the fewest regions that a cut can have, 1 without a mask."""
         return self.n_leaves - len(self.merges)
 
-    @property
-    def tree(self) -> NDArray[np.float64]:
-        """(N - 1, 4) linkage as ``scipy.cluster.hierarchy`` has it: two nodes, altitude, number of leaves.
-
-        Parts that never merge are joined at an infinite altitude, for a linkage is one tree.
-        """
-        roots = np.flatnonzero(self._parents() == np.arange(len(self.sizes)))
-        n_nodes = len(self.sizes)
-        joins = [(min(roots[0], roots[1]), roots[1])] if len(roots) > 1 else []
-        joins += [(root, n_nodes + number) for number, root in enumerate(roots[2:])]
-        pairs = np.concatenate([self.merges, np.array(joins, np.int64).reshape(-1, 2)])
-        counts = [1] * self.n_leaves
-        for one, other in pairs.tolist():
-            counts.append(counts[one] + counts[other])
-        altitudes = np.concatenate([self.altitudes, np.full(len(joins), np.inf)])
-        return np.column_stack([pairs, altitudes, counts[self.n_leaves :]])
-
     def n_regions(self, threshold: float | None = None) -> int:
         """Count the regions of the cut at a threshold, by default `default_threshold`."""
         return self.n_leaves - int(np.searchsorted(self.altitudes, self._threshold(threshold), side="right"))
@@ -125,11 +105,6 @@ class RegionHierarchy(ReadOnly):
             Labels from 1, sorted by the sum of the bands of the mean colors from dark to bright; 0 outside the mask.
             Regions are connected by sides of pixels.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is invalid; the message names it.
-
         Examples
         --------
         >>> import numpy as np
@@ -143,24 +118,17 @@ class RegionHierarchy(ReadOnly):
         nodes, leaf_labels = self._cut(self._n_regions(n_regions, threshold, min_regions))
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
-        return label_pixels(self.leaves, np.append(np.int32(0), new_label[leaf_labels]))
+        return np.append(np.int32(0), new_label[leaf_labels])[self.leaves]
 
-    def contour_map(self, kind: Literal["pixels", "cracks"] = "pixels") -> NDArray[np.float32]:
+    def contour_map(self) -> NDArray[np.float32]:
         """Map how strongly the regions at the two sides of each border differ.
 
         The pixels where the map exceeds a threshold are the borders of the cut at that threshold.
 
-        Parameters
-        ----------
-        kind : {"pixels", "cracks"}
-            "pixels": as large as the image; each strength is at the pixel above or to the left of its crack. "cracks":
-            (2 H + 1, 2 W + 1), with pixels at odd places, cracks between them, and at corners the strongest of the
-            cracks that meet.
-
         Returns
         -------
-        (H, W) or (2 H + 1, 2 W + 1) float32 array
-            0 where there is no border between leaves.
+        (H, W) float32 array
+            At the pixel above or to the left of each crack between leaves its strength, 0 elsewhere.
 
         Examples
         --------
@@ -172,11 +140,9 @@ class RegionHierarchy(ReadOnly):
         >>> np.flatnonzero(strengths[20] > 0.5).tolist()
         [29]
         """
-        check_choice("kind", kind, ("pixels", "cracks"))
         borders = find_borders(self.leaves)
         between = altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
-        draw = borders.on_pixels if kind == "pixels" else borders.on_cracks
-        return draw(between, self.leaves.shape)
+        return borders.on_pixels(between, self.leaves.shape)
 
     def find_edges(self, threshold: float | None = None) -> NDArray[np.bool_]:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
@@ -204,35 +170,6 @@ class RegionHierarchy(ReadOnly):
 
         return thin(self.contour_map() > self._threshold(threshold))  # type: ignore[no-untyped-call]
 
-    def energy_curve(self, n_max: int = CHORD_ENDS) -> EnergyCurve:
-        """Measure the energies of cuts into 1, 2, .. n_max regions, of which an elbow can be picked.
-
-        Parameters
-        ----------
-        n_max : int
-            The greatest number of regions, at most the number of leaves.
-
-        Returns
-        -------
-        EnergyCurve
-            Sums of squared distances to the mean of the region, in values whose white is 255, with the mean colors as
-            generators. Where a mask keeps parts of the image apart, numbers below theirs count as theirs.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from cvtimg import segment_hierarchy
-        >>> image = np.repeat(np.array([0, 100, 255], np.uint8), 30)[None].repeat(60, axis=0)
-        >>> segment_hierarchy(image, n_leaves=40).energy_curve().elbow()
-        3
-        """
-        n_max = min(check_count("n_max", n_max, 1 << 16, "the most leaves"), self.n_leaves)
-        cuts = [self._cut(max(number, self.n_parts))[0] for number in range(1, n_max + 1)]
-        # Sums of rounded energies could rise by rounding.
-        energies = np.minimum.accumulate([self.energies[nodes].sum() for nodes in cuts])
-        n_values = float(self.sizes[: self.n_leaves].sum() * self.colors.shape[1])
-        return EnergyCurve(energies, tuple(self.colors[nodes] for nodes in cuts), Scale(n_values, 255.0))
-
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the hierarchy as .npz, whole or not at all.
 
@@ -242,17 +179,6 @@ class RegionHierarchy(ReadOnly):
             Ends in .npz.
         overwrite : bool
             Replace an existing file.
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> import numpy as np
-        >>> from cvtimg.segmentation import RegionHierarchy, segment_hierarchy
-        >>> hierarchy = segment_hierarchy(np.eye(30))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     hierarchy.save(f"{folder}/tree.npz")
-        ...     bool((RegionHierarchy.load(f"{folder}/tree.npz").cut(2) == hierarchy.cut(2)).all())
-        True
         """
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
         arrays = {name: getattr(self, name) for name in ("default_threshold", *_ARRAYS)}

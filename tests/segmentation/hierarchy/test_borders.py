@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.strengths import RADII, _angles, _half_disc_distances, smoothing_matrix
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
+from cvtimg.segmentation.hierarchy.strengths import _angles, _half_disc_distances, smoothing_matrix
 
 
 @given(arrays(np.int32, st.tuples(st.integers(1, 6), st.integers(1, 6)), elements=st.integers(0, 3)))
@@ -56,7 +57,7 @@ def test_distances_are_chi_squares_of_smoothed_histograms_of_half_discs() -> Non
     down, right = np.mgrid[: shape[0], : shape[1]] - np.array([12, 11.5])[:, None, None]
     for line, angle in zip(found, np.pi / 16 * turns, strict=True):
         across = down * np.cos(angle) - right * np.sin(angle)
-        for number, radius in enumerate(RADII):
+        for number, radius in enumerate(SETTINGS.radii):
             disc = (np.hypot(down, right) <= radius) & inside
             halves = [disc & (across > 1e-9), disc & (across < -1e-9)]
             for channel, n_bins in enumerate((N_LEVELS, N_TEXTONS)):

@@ -120,7 +120,6 @@ def test_parts_that_a_mask_keeps_apart_never_merge() -> None:
     hierarchy = segment_hierarchy(np.linspace(0, 1, 2400).reshape(40, 60), n_leaves=30, mask=mask)
     assert hierarchy.n_parts == 2
     assert hierarchy.cut(2)[0, ::10].tolist() == [1, 1, 0, 2, 2, 2]
-    assert hierarchy.tree[-1, 2] == np.inf
     assert hierarchy.contour_map()[:, 15:40].any()
     with pytest.raises(ValueError, match="n_regions=1 must be an integer >= 2"):
         hierarchy.cut(1)
@@ -131,8 +130,7 @@ def test_parts_that_a_mask_keeps_apart_never_merge() -> None:
 def test_one_color_is_one_region(shape: tuple[int, ...]) -> None:
     hierarchy = segment_hierarchy(np.full(shape, 77, np.uint8))
     assert (hierarchy.cut() == 1).all()
-    assert hierarchy.energy_curve().elbow() == 1
-    assert not (hierarchy.contour_map("cracks") > 1e-6).any()
+    assert not (hierarchy.contour_map() > 1e-6).any()
 
 
 def test_nothing_to_segment_is_an_error() -> None:

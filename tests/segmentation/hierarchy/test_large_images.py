@@ -12,6 +12,7 @@ from scipy import ndimage
 from cvtimg import segment_hierarchy
 from cvtimg.segmentation.hierarchy import large_images
 from cvtimg.segmentation.hierarchy.large_images import reduced, reduction
+from cvtimg.segmentation.hierarchy.settings import Settings
 
 
 @given(st.integers(1, 150), st.integers(1, 9), st.integers(2, 5), st.integers(0, 2**31))
@@ -36,7 +37,7 @@ def test_only_large_images_are_reduced() -> None:
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take images of over 10,000 pixels for large ones."""
-    monkeypatch.setattr(large_images, "MOST_PIXELS", 10_000)
+    monkeypatch.setattr(large_images, "SETTINGS", Settings(most_pixels=10_000))
 
 
 @pytest.mark.usefixtures("small_limit")

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy.merging import Weights, merge_regions
+from cvtimg.segmentation.hierarchy.merging import merge_regions
+from cvtimg.segmentation.hierarchy.settings import Settings
 
 
 def chi_square(one: NDArray[Any], other: NDArray[Any]) -> float:
@@ -22,7 +23,7 @@ def merged_naively(
     strengths: NDArray[Any],
     sizes: NDArray[Any],
     histograms: list[NDArray[Any]],
-    weights: Weights,
+    weights: Settings,
 ) -> tuple[list[tuple[int, int]], list[float]]:
     """Compare all pairs of neighbors anew for each merge, from sets of leaves."""
     regions = {number: {number} for number in range(len(sizes))}
@@ -73,7 +74,7 @@ def test_merges_are_those_of_comparing_all_pairs(height: int, width: int, seed: 
     sizes = rng.integers(1, 50, cells.size).astype(float)
     histograms = [rng.dirichlet(np.ones(bins), cells.size) * sizes[:, None] for bins in (4, 5)]
     strengths = rng.random(len(pairs))
-    arguments = (pairs, lengths, strengths, sizes, histograms, Weights(0.4, 0.7, 0.3, 0.17))
+    arguments = (pairs, lengths, strengths, sizes, histograms, Settings(0.4, 0.7, 0.3, 0.17))
     found = merge_regions(*arguments)
     merges, altitudes = merged_naively(*arguments)
     assert [tuple(pair) for pair in found.pairs.tolist()] == merges

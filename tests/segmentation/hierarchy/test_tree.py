@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.cluster.hierarchy import fcluster, is_valid_linkage
 
 from cvtimg import find_edges, segment_hierarchy
 from cvtimg.labels import region_means
+from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
+from cvtimg.segmentation.hierarchy.merging import altitudes_between
 
 
 @pytest.fixture(scope="module")
@@ -64,19 +65,11 @@ def test_a_threshold_keeps_apart_what_differs_by_more(hierarchy: RegionHierarchy
     np.testing.assert_array_equal(hierarchy.cut(), hierarchy.cut(threshold=hierarchy.default_threshold))
 
 
-def test_the_tree_is_a_linkage_that_scipy_cuts_alike(hierarchy: RegionHierarchy) -> None:
-    linkage = hierarchy.tree
-    assert is_valid_linkage(linkage)
-    for threshold in np.unique(hierarchy.altitudes)[[3, -4, -2]]:
-        clusters = fcluster(linkage, threshold, "distance")
-        ours = hierarchy.cut(threshold=threshold)
-        assert is_refined(ours, clusters[hierarchy.leaves - 1])
-        assert clusters.max() == ours.max()
-
-
 def test_contours_above_a_threshold_are_the_borders_of_its_cut(hierarchy: RegionHierarchy) -> None:
-    pixels, cracks = hierarchy.contour_map(), hierarchy.contour_map("cracks")
-    height, width = hierarchy.leaves.shape
+    pixels, (height, width) = hierarchy.contour_map(), hierarchy.leaves.shape
+    borders = find_borders(hierarchy.leaves)
+    between = altitudes_between(borders.pairs, hierarchy.merges, hierarchy.altitudes, hierarchy.n_leaves)
+    cracks = borders.on_cracks(between, (height, width))
     assert cracks.shape == (2 * height + 1, 2 * width + 1)
     for threshold in np.unique(hierarchy.altitudes)[[0, 40, -5, -2]]:
         labels = hierarchy.cut(threshold=threshold)
@@ -105,22 +98,12 @@ def test_edges_are_thin_and_lie_on_the_borders_of_a_cut(hierarchy: RegionHierarc
     assert (borders & ~ndimage.binary_dilation(edges, np.ones((3, 3)))).sum() < 0.03 * borders.sum()
 
 
-def test_the_energy_curve_is_that_of_the_cuts(photograph: NDArray[Any]) -> None:
-    hierarchy = segment_hierarchy(photograph, n_leaves=60, space="rgb")
-    curve = hierarchy.energy_curve(12)
-    assert (np.diff(curve.energies) <= 0).all()
-    labels = hierarchy.cut(9)
-    energy = sum(photograph[labels == label].var(axis=0).sum() * (labels == label).sum() for label in range(1, 10))
-    assert curve.energies[8] == pytest.approx(energy, rel=1e-6)
-    assert 1 <= curve.elbow() <= 12
-
-
 def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_path: Path) -> None:
     path = tmp_path / "tree.npz"
     hierarchy.save(path)
     loaded = RegionHierarchy.load(path)
     np.testing.assert_array_equal(loaded.cut(17), hierarchy.cut(17))
-    np.testing.assert_array_equal(loaded.tree, hierarchy.tree)
+    np.testing.assert_array_equal(loaded.altitudes, hierarchy.altitudes)
     np.testing.assert_array_equal(loaded.colors, hierarchy.colors)
     assert loaded.default_threshold == hierarchy.default_threshold
     with pytest.raises(FileExistsError):
@@ -147,5 +130,3 @@ def test_cuts_that_cannot_be_are_refused(hierarchy: RegionHierarchy) -> None:
         hierarchy.cut(3, threshold=0.4)
     with pytest.raises(ValueError, match=r"threshold=-1.* must be"):
         hierarchy.cut(threshold=-1)
-    with pytest.raises(ValueError, match="kind='lines' must be one of pixels, cracks"):
-        hierarchy.contour_map("lines")  # type: ignore[arg-type]

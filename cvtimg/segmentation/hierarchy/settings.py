@@ -1,0 +1,68 @@
+"""Numbers of the hierarchies of photographs, set by hand on 60 training pictures of the Berkeley data set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from cvtimg.segmentation._segments import N_LEVELS
+
+_RGB = ((0, 255), (0, 255), (0, 255))
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The defaults of a hierarchy; values are those of pixels, where white is 255."""
+
+    # what is seen of pixels
+    most_pixels: int = 5 << 18  # larger images are reduced: discs of a few pixels see little of them but grain
+    enough_pixels: int = 1 << 12  # smaller images are not looked at from farther away
+    ranges: Mapping[str, tuple[tuple[int, int], ...]] = field(  # least and greatest value of each channel
+        default_factory=lambda: {
+            "rgb": _RGB,
+            "linear": _RGB,
+            "lab": ((0, 255), (-186, 242), (-186, 242)),
+            "oklab": ((0, 255), (-140, 140), (-160, 110)),
+        }
+    )
+    extremes: tuple[float, float] = (0.1, 99.9)  # percentiles of the first channel that are black and white
+    harmless_noise: float = 6.0  # standard deviation; more is blurred
+    blurs: tuple[float, float] = (0.5, 3.0)  # least blur that is worth it, and the largest, in pixels
+    texton_scales: tuple[float, ...] = (1.0, 2.0)  # widths of the filters, in pixels
+    texton_contrast: float = 0.03  # responses halfway between weak ones and strong ones, whose logarithm counts
+    texton_samples: int = 40_000  # pixels of which textons are found, at most ...
+    texton_step: int = 7  # ... and one of so many
+    # leaves
+    compactness: float = 5.0  # least penalty for near pixels in different leaves, in squared values
+    speck: int = 12  # leaves smaller than the mean size divided by this join a neighbor
+    sweeps: int = 2  # over the borders of a whole image, for each pixel that those of the reduced one may be off
+    # strengths of borders
+    radii: tuple[int, ...] = (2, 3, 5, 10)  # of the discs, in pixels
+    radius_weights: tuple[float, ...] = (1 / 3, 1 / 3, 1 / 3, 1 / 6)
+    color_weights: tuple[float, ...] = (1.0, 1.2, 1.2)  # of lightness and the two other channels
+    texton_weight: float = 0.3
+    n_angles: int = 16  # of borders
+    straight: float = 5.0  # pixels along a border in which its direction is looked for
+    smoothing: float = 0.1 * N_LEVELS  # of histograms, in bins
+    n_vectors: int = 16  # slow vibrations of the springs between leaves
+    softness: float = 0.3  # strength that weakens a spring by e
+    least_spring: float = 1e-6  # no spring is weaker
+    global_weight: float = 0.6  # of steps of vibrations across a border
+    coarse_weight: float = 0.6  # of the hierarchy of the image at half its size ...
+    coarse_worth: float = 0.6  # ... whose strengths are so much of those of the whole
+    near: int = 2  # half pixels within which borders of the two are the same
+    # merges: how much regions differ
+    color: float = 0.5  # weight of the chi-square distance of their histograms in each channel of color
+    texture: float = 0.8  # the same of textons
+    shared: float = 0.3  # less by so much for the share of the border in the shorter perimeter
+    size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
+    # where trees are cut by default
+    threshold: float = 0.5  # the best single one against regions that people drew
+    least_threshold: float = 0.25  # noise stays below this
+    hardly_any: float = 0.15  # share of the power of borders above the threshold: with less, it is lowered ...
+    most: float = 2 / 3  # ... until they have this share
+    explained: float = 2 / 3  # leaves that explain less of the variance lie in noise or texture: it stays
+
+
+#: Those of `segment_hierarchy`.
+SETTINGS = Settings()
