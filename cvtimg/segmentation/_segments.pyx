@@ -321,18 +321,10 @@ def half_disc_distances(
                 for side in range(2):
                     step = &steps[turns[p], side, 0]
                     slot = slots + side * _SLOT + _REACH
-                    if n_channels == 4:
-                        for s in range(begin, end):
-                            pixel = &bins[places[p] + step[s], 0]
-                            slot[pixel[0]] += 1
-                            slot[2 * _SLOT + pixel[1]] += 1
-                            slot[4 * _SLOT + pixel[2]] += 1
-                            slot[6 * _SLOT + pixel[3]] += 1
-                    else:
-                        for s in range(begin, end):
-                            pixel = &bins[places[p] + step[s], 0]
-                            for c in range(n_channels):
-                                slot[2 * c * _SLOT + pixel[c]] += 1
+                    for s in range(begin, end):
+                        pixel = &bins[places[p] + step[s], 0]
+                        for c in range(n_channels):
+                            slot[2 * c * _SLOT + pixel[c]] += 1
                 begin = end
                 for c in range(n_channels):
                     distances[p, c, r] = channel_distance(slots + 2 * c * _SLOT, &taps[0], c == n_channels - 1)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_image
 
 #: Side of a block, and in how many of them noise is measured at most.
-BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
+_BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
 #: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
 _QUIET = (0.15, 0.35)
 #: The mean of the quiet blocks is this many standard deviations below the mean of all.
@@ -76,15 +76,24 @@ def noise_of_rows(
 ) -> NDArray[np.float64]:
     """(D, D) covariance of the noise of an image of which some rows are read at a time, with where they count."""
     # It is 0 if nothing can be measured. Of a large image, some rows of blocks are enough.
-    height, width = (min(BLOCK, max(side - 2, 1)) for side in shape)
+    height, width = (min(_BLOCK, max(side - 2, 1)) for side in shape)
     n_rows, n_columns = max((shape[0] - 2) // height, 1), max((shape[1] - 2) // width, 1)
     rows = range(0, n_rows, -(-n_rows * n_columns // _ENOUGH_BLOCKS))
-    found = [block_covariances(*read(height * row, height * row + height + 2)) for row in rows]
-    return quiet_covariance(np.concatenate(found), height * width)
+    found = [_block_covariances(*read(height * row, height * row + height + 2)) for row in rows]
+    covariances = np.concatenate(found)
+    n_dims = covariances.shape[1]
+    if not len(covariances):
+        return np.zeros((n_dims, n_dims))
+    order = np.argsort(np.trace(covariances, axis1=1, axis2=2), kind="stable")
+    first, last = (int(share * len(order)) for share in _QUIET)
+    if last == first:
+        return np.asarray(covariances.mean(axis=0))
+    variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (height * width * n_dims))
+    return np.asarray(covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation))
 
 
-def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-    """(B, D, D) covariance of the second differences in each block inside the mask."""
+def _block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+    """(B, D, D) covariance of the second differences in each block of a row of blocks that is inside the mask."""
     n_dims = values.shape[2]
     if min(values.shape[:2]) < 3:
         return np.zeros((0, n_dims, n_dims))
@@ -94,22 +103,11 @@ def block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None = N
 
         whole = binary_erosion(inside, np.ones((3, 3)))[1:-1, 1:-1]
         differences[~whole] = np.nan
-    blocks = _blocks(differences)
-    covariances: NDArray[np.float64] = np.einsum("bpi,bpj->bij", blocks, blocks) / blocks.shape[1]
+    height, width = differences.shape[:2]
+    n_columns = min(_BLOCK, width)
+    cut = differences[:, : width // n_columns * n_columns].reshape(height, -1, n_columns, n_dims)
+    covariances: NDArray[np.float64] = np.einsum("hbwi,hbwj->bij", cut, cut) / (height * n_columns)
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]
-
-
-def quiet_covariance(covariances: NDArray[np.float64], n_pixels: int) -> NDArray[np.float64]:
-    """(D, D) mean covariance of the quieter of blocks of `n_pixels` pixels; 0 if there are none."""
-    n_dims = covariances.shape[1]
-    if not len(covariances):
-        return np.zeros((n_dims, n_dims))
-    order = np.argsort(np.trace(covariances, axis1=1, axis2=2), kind="stable")
-    first, last = (int(share * len(order)) for share in _QUIET)
-    if last == first:
-        return covariances.mean(axis=0)
-    variation = np.sqrt(2 * _PIXELS_THAT_COUNT / (n_pixels * n_dims))
-    return covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation)
 
 
 def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -130,12 +128,3 @@ def lower_variance(differences: NDArray[np.float32]) -> float:
     half = max(len(differences) // 2, 1)
     lower = np.partition(np.abs(differences), half - 1)[:half]
     return float(np.mean(np.square(lower, dtype=np.float64))) / _LOWER_HALF
-
-
-def _blocks(differences: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(B, P, D) whole blocks, or all of an image that is smaller than one."""
-    height, width, n_dims = differences.shape
-    rows, columns = min(BLOCK, height), min(BLOCK, width)
-    down, right = height // rows, width // columns
-    cut = differences[: down * rows, : right * columns].reshape(down, rows, right, columns, n_dims)
-    return cut.swapaxes(1, 2).reshape(down * right, rows * columns, n_dims)

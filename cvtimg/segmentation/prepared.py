@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight, check_non_negative
 from cvtimg._shared.choices import AveragingName
-from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
-from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import assign, pack
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
@@ -160,22 +158,12 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     for places in cells.generators:
         labels = np.zeros(inside.shape, np.int32)
         labels[inside] = assign(points, points.frame.inward(places))[: len(rows)] + 1
-        energy, means = _settled(prepared, labels, len(places))
+        labels, end = prepared.settle(labels, len(places), by_detail=False)
+        if end is None:  # measured as it is
+            end = descend(prepared.data, labels, len(places), edge_weight=0, volume_power=volume_power, max_sweeps=0)
+        energy, means = end.energies[-1], end.generators[end.masses[:, 0] > 0]
         if energies and energy > energies[-1]:
             energy, means = energies[-1], generators[-1]
         energies.append(energy)
         generators.append(means)
     return EnergyCurve(np.array(energies), tuple(generators), Scale(float(rows.size), None))
-
-
-def _settled(prepared: Prepared, start: NDArray[np.int32], n_segments: int) -> tuple[float, NDArray[np.float64]]:
-    """Return the energy of the segments in the end, and their means."""
-    labels, end = prepared.settle(start, n_segments, by_detail=False)
-    if end is not None:
-        return end.energies[-1], end.generators[end.masses[:, 0] > 0]
-    own = labels[labels > 0] - 1
-    rows = prepared.data[labels > 0].astype(np.float64)
-    masses = np.bincount(own, minlength=n_segments).astype(np.float64)
-    means = per_mass(sum_by_label(own, rows, n_segments), masses)
-    parts = sum_by_label(own, ((rows - means[own]) ** 2).sum(axis=1), n_segments)
-    return weighted_energy(masses, parts, prepared.volume_power), means[masses > 0]
