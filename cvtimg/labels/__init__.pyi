@@ -17,5 +17,4 @@ from .formats import CONTOUR_FORMATS as CONTOUR_FORMATS
 from .formats import Drawing as Drawing
 from .formats import write_contours as write_contours
 from .formats.geojson import write_geojson as write_geojson
-from .formats.svg import write_svg as write_svg
 from .tracking import track_labels as track_labels

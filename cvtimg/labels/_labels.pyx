@@ -12,6 +12,10 @@ from libc.stdint cimport int32_t, int64_t, uint8_t
 
 import numpy as np
 
+#: Bits of a corner, in addition to one for each crack that leaves it: where a walk goes straight over, and where rings
+#: begin rather than elsewhere.
+SADDLE_EAST_WEST, SADDLE_SOUTH_NORTH, JUNCTION = 16, 32, 64
+
 
 def follow_rings(
     const uint8_t[::1] corners,  # IN (n_corners,) bits 0..3: a crack leaves in this direction; 4, 5: the pixels across

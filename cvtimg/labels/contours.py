@@ -33,8 +33,6 @@ _Index = NDArray[np.int64]
 #: right, relative to the corner in an image with a rim of one pixel.
 _STEPS = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])
 _RIGHT_HAND = np.array([(1, 1), (1, 0), (0, 0), (0, 1)])
-#: Bits of a corner, in addition to one bit for each crack that leaves it.
-_SADDLE_EAST_WEST, _SADDLE_SOUTH_NORTH, _JUNCTION = 16, 32, 64
 
 
 class Walk(NamedTuple):
@@ -79,7 +77,7 @@ def walk_cracks(labels: NDArray[np.int32]) -> Walk:
     corners = np.stack(np.divmod(corner, marks.shape[1]), axis=1)
     right, left = pixels_beside(corners, directions)
     sides = np.stack([rimmed[right], rimmed[left]], axis=1)
-    return Walk(corners, directions, flat[corner] & _JUNCTION > 0, sides, regions[right], starts[:n_rings])
+    return Walk(corners, directions, flat[corner] & _labels.JUNCTION > 0, sides, regions[right], starts[:n_rings])
 
 
 def pixels_beside(corners: _Index, directions: _Index) -> tuple[tuple[_Index, _Index], tuple[_Index, _Index]]:
@@ -100,10 +98,10 @@ def _mark_corners(rimmed: NDArray[np.int32], regions: NDArray[np.int32]) -> NDAr
     marks[:, 1:] |= flat << 2
     marks[1:] |= upright << 3
     crossed = marks == 15
-    marks[np.bitwise_count(marks) > 2] |= _JUNCTION
-    marks[:: height - 2, :: width - 2] |= _JUNCTION
-    marks[crossed & (regions[:-1, 1:] == regions[1:, :-1])] |= _SADDLE_EAST_WEST
-    marks[crossed & (regions[:-1, :-1] == regions[1:, 1:])] |= _SADDLE_SOUTH_NORTH
+    marks[np.bitwise_count(marks) > 2] |= _labels.JUNCTION
+    marks[:: height - 2, :: width - 2] |= _labels.JUNCTION
+    marks[crossed & (regions[:-1, 1:] == regions[1:, :-1])] |= _labels.SADDLE_EAST_WEST
+    marks[crossed & (regions[:-1, :-1] == regions[1:, 1:])] |= _labels.SADDLE_SOUTH_NORTH
     return marks
 
 

@@ -133,12 +133,8 @@ def region_table(
     columns = regionprops_table(segments, values, properties=measured)  # type: ignore[no-untyped-call]
     table = {name: columns[name] for name in ("label", "area", "perimeter")}
     table |= {"x": columns["centroid-1"] + 0.5, "y": columns["centroid-0"] + 0.5}
-    for name, number in (("left", 1), ("top", 0), ("right", 3), ("bottom", 2)):
-        table[name] = columns[f"bbox-{number}"]
     bands = list(channels) if len(channels) == values.shape[2] else list(range(1, values.shape[2] + 1))
-    for name in ("mean", "std"):
-        for number, band in enumerate(bands):
-            table[f"{name}_{band}"] = columns[f"intensity_{name}-{number}"]
+    table |= _boxes_and_bands(columns, ("left", "top", "right", "bottom"), bands)
     if pixel_size is not None:
         table |= _in_units(segments, table, pixel_size)
     for name in properties:
@@ -218,11 +214,8 @@ def volume_table(
     columns = regionprops_table(regions, bands, properties=measured)  # type: ignore[no-untyped-call]
     table = {"label": columns["label"], "volume": columns["area"]}
     table |= {name: columns[f"centroid-{2 - number}"] + 0.5 for number, name in enumerate("xyz")}
-    for name, number in (("left", 2), ("top", 1), ("front", 0), ("right", 5), ("bottom", 4), ("back", 3)):
-        table[name] = columns[f"bbox-{number}"]
     names = list(channels) if len(channels) == bands.shape[3] else list(range(1, bands.shape[3] + 1))
-    for measure in ("mean", "std"):
-        table |= {f"{measure}_{name}": columns[f"intensity_{measure}-{n}"] for n, name in enumerate(names)}
+    table |= _boxes_and_bands(columns, ("left", "top", "front", "right", "bottom", "back"), names)
     if pixel_size is None or pixel_size.z is None:
         return table
     unit, sides = pixel_size.unit, {"x": pixel_size.x, "y": pixel_size.y, "z": pixel_size.z}
@@ -230,6 +223,17 @@ def volume_table(
     table |= {f"volume_{unit}3": volumes, f"surface_{unit}2": _surfaces(regions, tuple(sides.values())[::-1])}
     table[f"equivalent_diameter_{unit}"] = np.cbrt(6 * volumes / np.pi)
     return table | {f"{name}_{unit}": table[name] * side for name, side in sides.items()}
+
+
+def _boxes_and_bands(
+    columns: Mapping[str, NDArray[Any]], sides: Sequence[str], bands: Sequence[str | int]
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of bounding boxes, by the last axis first, and of bands."""
+    half = len(sides) // 2
+    table = {side: columns[f"bbox-{half * (n // half) + half - 1 - n % half}"] for n, side in enumerate(sides)}
+    return table | {
+        f"{of}_{band}": columns[f"intensity_{of}-{n}"] for of in ("mean", "std") for n, band in enumerate(bands)
+    }
 
 
 def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArray[np.float64]:
@@ -254,7 +258,6 @@ def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> d
         columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=(name,))  # type: ignore[no-untyped-call]
     except (AttributeError, KeyError):
         columns = {}
-    check_that(f"properties: {name!r}", bool(columns), "have a number per region in skimage.measure.regionprops")
-    numeric = all(column.dtype.kind in "biuf" for column in columns.values())
-    check_that(f"properties: {name!r}", numeric, "have a number per region in skimage.measure.regionprops")
+    numeric = columns and all(column.dtype.kind in "biuf" for column in columns.values())
+    check_that(f"properties: {name!r}", bool(numeric), "have a number per region in skimage.measure.regionprops")
     return columns

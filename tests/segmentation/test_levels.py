@@ -27,7 +27,9 @@ def test_evenly_spaced_numbers_have_the_levels_of_the_integers_they_stand_for(
     found = to_levels((whole * scale + offset * scale).astype(dtype))
     assert found.levels.dtype == expected.levels.dtype
     np.testing.assert_array_equal(found.levels, expected.levels)
-    np.testing.assert_allclose(found.offset + found.step * found.levels, whole * scale + offset * scale, atol=3e-6 * scale * n_levels)
+    np.testing.assert_allclose(
+        found.offset + found.step * found.levels, whole * scale + offset * scale, atol=3e-6 * scale * n_levels
+    )
 
 
 @pytest.mark.parametrize(

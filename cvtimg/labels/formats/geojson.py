@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -19,13 +19,8 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     """Write the polygons of drawings with their properties, in the coordinates of their map if they have one."""
-    features = (one for drawing in drawings for one in features_of(drawing))
-    _write(path, features, drawings[0].epsg, drawings[0].unit, overwrite)
-
-
-def features_of(drawing: Drawing) -> Iterator[dict[str, Any]]:
-    """Yield a feature for each label, with the place of the page in its stack."""
-    yield from _features(drawing.polygons, drawing.properties, drawing.transform, drawing.place)
+    features = (_features(one.polygons, one.properties, one.transform, one.place) for one in drawings)
+    _write(path, chain.from_iterable(features), drawings[0].epsg, drawings[0].unit, overwrite)
 
 
 def write_geojson(

@@ -17,48 +17,11 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
-    """Write the polygons of a drawing in its colors."""
+    """Write the polygons of a drawing in its colors, with one path per label; holes are left open."""
     check_that(f"{path}: {len(drawings)} pages", len(drawings) == 1, "be one, which .svg holds")
     (drawing,) = drawings
-    write_svg(path, drawing.polygons, drawing.colors, size=drawing.size, overwrite=overwrite)
-
-
-def write_svg(
-    path: StrPath,
-    polygons: Iterable[Polygon],
-    colors: NDArray[np.uint8],
-    *,
-    size: tuple[int, int],
-    overwrite: bool = False,
-) -> None:
-    """Write polygons as an SVG drawing with one path per label; holes are left open.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Ends in .svg.
-    polygons : iterable of Polygon
-        Polygons of `Contours`, by label.
-    colors : (max label + 1, 3) uint8 array
-        Color of each label.
-    size : (int, int)
-        Height and width of the image.
-    overwrite : bool
-        Replace an existing file.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from cvtimg import find_contours
-    >>> polygons = find_contours([[1, 1], [1, 1]]).polygons
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_svg(f"{folder}/a.svg", polygons, np.array([[0, 0, 0], [255, 128, 0]], np.uint8), size=(2, 2))
-    ...     print(Path(folder, "a.svg").read_text().splitlines()[2])
-    <path id="segment-1" fill="#ff8000" stroke="#ff8000" d="M0,0 2,0 2,2 0,2Z"/>
-    """
-    height, width = size
-    write_text(path, svg_drawing(width, height, _body(polygons, colors)), overwrite=overwrite)
+    height, width = drawing.size
+    write_text(path, svg_drawing(width, height, _body(drawing.polygons, drawing.colors)), overwrite=overwrite)
 
 
 def _body(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:
