@@ -139,11 +139,13 @@ def criteria(given: argparse.Namespace) -> Rows:
 def batches(given: argparse.Namespace) -> Rows:
     """Compare designs in batches: ours, the same runs divided at random, and hypercubes for each batch."""
     from cvtimg import design
+    from cvtimg.designs import Factor
 
     def sliced(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
-        found = design(n, n_dims, batches=n_batches, effort=given.effort, rng=seed)
-        assert found.batches is not None
-        return found.unit_points, found.batches - 1
+        levels = tuple("ABCDEFGH"[:n_batches])
+        axes = [*(Factor(f"x{axis}") for axis in range(n_dims)), Factor("batch", levels=levels)]
+        found = design(n, axes, effort=given.effort, rng=seed)
+        return found.unit_points[:, :-1], axes[-1].levels_at(found.points[:, -1])
 
     def divided(n: int, n_dims: int, n_batches: int, seed: int) -> tuple[Points, Points]:
         points = design(n, n_dims, effort=given.effort, rng=seed).unit_points
@@ -157,7 +159,7 @@ def batches(given: argparse.Namespace) -> Rows:
         ]
         return np.concatenate(parts), np.arange(n) // (n // n_batches)
 
-    ways = {"batches=": sliced, "divided at random": divided, "LHS random-cd a batch (SciPy)": joined}
+    ways = {"levels": sliced, "divided at random": divided, "LHS random-cd a batch (SciPy)": joined}
     rows: list[Row] = []
     for n, n_dims, n_batches in ((30, 2, 3), (60, 5, 3), (100, 4, 5), (200, 8, 4)):
         for name, make in ways.items():

@@ -19,7 +19,7 @@ EXAMPLES = """\
   cvtimg design -n 50 --bounds bounds.csv -o runs.csv --plot runs.png --measures
   cvtimg design -n 30 --bounds bounds.csv --existing runs.csv -o more.csv
   cvtimg design -n 24 --bounds bounds.csv --shuffle 1
-  cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' --batches 2 -o runs.csv
+  cvtimg design -n 24 --axis speed,0,30 --axis 'alloy,A|B|C' --axis 'day,Mon|Tue' -o runs.csv
   cvtimg design -n 50 -d 5 --criterion maximin -o runs.csv
   cvtimg design -n 30 -d 2 --feasible 'x1 + x2 < 1'
   cvtimg design -n 256 -d 2 --no-latin --effort best -o points.npy

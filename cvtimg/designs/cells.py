@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_rows, check_within
-from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.designs import _designs
 from cvtimg.engine.points import assign, pack
+from cvtimg.engine.samples import WeightedSamples
+from cvtimg.placement.metrics import LpGauge
+from cvtimg.placement.moments import CellSums, Moments
+from cvtimg.placement.regions import Box
+from cvtimg.placement.samples import SampleMoments
 
 _Floats = NDArray[np.float64]
 #: Dimensions up to which cells are computed exactly.
@@ -29,28 +34,7 @@ _HALO = 2.6
 _FLAT = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class UnitCells:
-    """Moments of the Voronoi cells of n points z."""
-
-    volumes: _Floats  # (n,), 1 in all
-    firsts: _Floats  # (n, d) integrals of x - z
-    seconds: _Floats  # (n, d, d) integrals of (x - z)(x - z)^T
-    reaches: _Floats  # (n,) greatest distance from z to a point of its cell
-
-    @property
-    def seconds_per_volume(self) -> _Floats:
-        """(n, d, d) second moments of each cell, per volume."""
-        volumes = self.volumes[:, None, None]
-        return np.divide(self.seconds, volumes, out=np.zeros_like(self.seconds), where=volumes > 0)
-
-    @property
-    def energy(self) -> float:
-        """Integral of the squared distance to the nearest point."""
-        return float(np.einsum("ndd->", self.seconds))
-
-
-def exact_cells(points: _Floats, periodic: bool) -> UnitCells:
+def exact_cells(points: _Floats, periodic: bool) -> CellSums:
     """Compute the cells of (n, d) points in the unit cube, d <= 3, or on the torus; no two may be equal."""
     if points.shape[1] == 1:
         return _intervals(points[:, 0], periodic)
@@ -65,7 +49,7 @@ def exact_cells(points: _Floats, periodic: bool) -> UnitCells:
         width = min(2.0, 1.1 * needed)
 
 
-def _intervals(points: _Floats, periodic: bool) -> UnitCells:
+def _intervals(points: _Floats, periodic: bool) -> CellSums:
     order = np.argsort(points)
     levels = points[order]
     before = np.append(levels[-1] - 1, levels[:-1]) if periodic else np.append(-levels[0], levels[:-1])
@@ -73,10 +57,10 @@ def _intervals(points: _Floats, periodic: bool) -> UnitCells:
     down, up = np.empty((2, len(points)))
     down[order], up[order] = (levels - before) / 2, (after - levels) / 2
     seconds = (down**3 + up**3) / 3
-    return UnitCells(down + up, ((up**2 - down**2) / 2)[:, None], seconds[:, None, None], np.maximum(down, up))
+    return CellSums(down + up, ((up**2 - down**2) / 2)[:, None], seconds[:, None, None], np.maximum(down, up))
 
 
-def _cells(points: _Floats, periodic: bool, width: float) -> UnitCells:
+def _cells(points: _Floats, periodic: bool, width: float) -> CellSums:
     from scipy.spatial import Delaunay
 
     n_points = len(points)
@@ -95,7 +79,7 @@ def _cells(points: _Floats, periodic: bool, width: float) -> UnitCells:
         own = corner < n_points
         np.maximum.at(reaches, corner[own], np.linalg.norm(to_center[own], axis=1))
     volumes, firsts, seconds = _sum_orthoschemes(simplices, corners, centers, n_points)
-    return UnitCells(volumes, firsts, seconds, reaches)
+    return CellSums(volumes, firsts, seconds, reaches)
 
 
 def _images(points: _Floats, periodic: bool, width: float) -> list[_Floats]:
@@ -157,49 +141,59 @@ def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -
     return Sobol(n_dims, rng=generator).random_base2((n_samples - 1).bit_length()).astype(np.float32)
 
 
+def unit_box(n_dims: int, periodic: bool) -> Box:
+    """Return the unit cube, or the unit torus."""
+    return Box([0] * n_dims, [1] * n_dims, periodic)
+
+
 def nearest_distances(points: _Floats, periodic: bool) -> _Floats:
     """(n,) distance from each of (n, d) points, n >= 2, to the nearest other one, in the unit cube or on the torus."""
-    from scipy.spatial import cKDTree
-
-    inside = points % 1.0 if periodic else points
-    return np.asarray(cKDTree(inside, boxsize=1.0 if periodic else None).query(inside, 2)[0][:, 1])
+    return np.asarray(unit_box(points.shape[1], periodic).nearest(points, points, 2)[0][:, 1])
 
 
-def nearest_points(samples: NDArray[np.float32], points: _Floats, periodic: bool) -> NDArray[np.int32]:
-    """(m,) index of the nearest of (n, d) points to each sample in the unit cube, or on the torus."""
-    if not periodic:
-        packed = pack(samples, np.ones(len(samples)))
-        return assign(packed, packed.frame.inward(points))[: len(samples)]
-    labels = np.empty(len(samples), np.int32)
-    columns = np.ascontiguousarray(points.T, np.float32)
+class Cube(SampleMoments):
+    """Moments of the cells of points in the unit cube or torus, or a part of it.
 
-    def assign_part(start: int, stop: int) -> None:
-        _designs.assign_on_torus(samples[start:stop], columns, labels[start:stop])
+    Parameters
+    ----------
+    samples : (m, d) float32 array
+        Where points may lie.
+    weights : (m,) array, optional
+        Density of the samples.
+    periodic : bool
+        Whether opposite walls meet.
+    exact : bool
+        Whether moments are integrals over cells, and not sums over samples.
+    """
 
-    in_parts(assign_part, len(samples), work=samples.size * len(points) / 8)
-    return labels
+    def __init__(
+        self, samples: NDArray[np.float32], weights: _Floats | None = None, periodic: bool = False, exact: bool = False
+    ) -> None:
+        loads = np.full(len(samples), 1 / len(samples)) if weights is None else weights / weights.sum()
+        region = unit_box(samples.shape[1], periodic)
+        super().__init__(WeightedSamples(samples, loads, in_order=False), LpGauge(2), region)
+        self.samples, self.weights, self.periodic, self.exact = samples, weights, periodic, exact
 
+    def __call__(self, generators: _Floats, /) -> Moments:
+        """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
+        if not self.exact:
+            return super().__call__(generators)
+        sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
+        return Moments(sums.volumes, generators + per_mass(sums.firsts, sums.volumes), sums.energy)
 
-def offsets(
-    samples: NDArray[np.float32], points: _Floats, labels: NDArray[np.int32], periodic: bool
-) -> NDArray[np.float64]:
-    """(m, d) vectors from the nearest point to each sample, the short way round on the torus."""
-    apart = samples - points[labels]
-    return apart - np.rint(apart) if periodic else apart
+    def labels(self, generators: _Floats) -> NDArray[Any]:
+        """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""
+        if not self.periodic:
+            packed = pack(self.samples, np.ones(len(self.samples)))
+            return assign(packed, packed.frame.inward(generators))[: len(self.samples)]
+        labels = np.empty(len(self.samples), np.int32)
+        columns = np.ascontiguousarray((generators % 1.0).T, np.float32)
 
+        def assign_part(start: int, stop: int) -> None:
+            _designs.assign_on_torus(self.samples[start:stop], columns, labels[start:stop])
 
-def sampled_cells(points: _Floats, n_samples: int, periodic: bool, rng: int | np.random.Generator) -> UnitCells:
-    """Estimate the cells of (n, d) points by about so many samples."""
-    n_points, n_dims = points.shape
-    samples = sobol_samples(n_samples, n_dims, rng)
-    labels = nearest_points(samples, points, periodic)
-    apart = offsets(samples, points, labels, periodic)
-    reaches = np.zeros(n_points)
-    np.maximum.at(reaches, labels, np.sqrt((apart**2).sum(axis=1)))
-    firsts = sum_by_label(labels, apart, n_points)
-    seconds = np.stack([sum_by_label(labels, apart, n_points, column) for column in apart.T], axis=1)
-    volumes = np.bincount(labels, minlength=n_points)
-    return UnitCells(volumes / len(samples), firsts / len(samples), seconds / len(samples), reaches)
+        in_parts(assign_part, len(labels), work=self.samples.size * len(generators) / 8)
+        return labels
 
 
 def check_unit_points(name: str, points: ArrayLike) -> NDArray[np.float64]:

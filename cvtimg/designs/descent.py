@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
-from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg.designs.cells import MOST_EXACT_DIMS, exact_cells, nearest_points, offsets, sobol_samples
+from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
 from cvtimg.designs.latin import RegionSlices, latinize, latinize_beside
 from cvtimg.designs.measures import point_measures, star_discrepancy
 from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
-from cvtimg.placement.moments import Moments
 
 _Floats = NDArray[np.float64]
 
@@ -52,29 +50,6 @@ EFFORTS = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cube:
-    """The unit cube or torus, or a part of it, as samples."""
-
-    samples: NDArray[np.float32]  # (m, d), where points may lie
-    weights: _Floats | None  # (m,) density of the samples; uniform if None
-    periodic: bool  # whether opposite walls meet
-    exact: bool  # whether moments are integrals over cells, and not sums over samples
-
-    def moments(self, points: _Floats) -> Moments:
-        """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
-        inside = points % 1.0 if self.periodic else points
-        if self.exact:
-            cells = exact_cells(inside, self.periodic)
-            return Moments(cells.volumes, points + per_mass(cells.firsts, cells.volumes), cells.energy)
-        labels = nearest_points(self.samples, inside, self.periodic)
-        apart = offsets(self.samples, inside, labels, self.periodic)
-        loads = np.full(len(apart), 1 / len(apart)) if self.weights is None else self.weights / self.weights.sum()
-        masses = sum_by_label(labels, loads, len(points))
-        moves = per_mass(sum_by_label(labels, apart, len(points), loads), masses)
-        return Moments(masses, points + moves, float(loads @ (apart**2).sum(axis=1)))
-
-
 def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator) -> list[_Floats]:
     """Find (n, d) points of low energy beside (L, d) that exist, from a few starts, those of least energy first."""
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
@@ -86,7 +61,7 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
     free = np.arange(n_points + len(existing)) >= len(existing)
     descend, stopping = (l_bfgs, EFFORTS[effort].exact) if cube.exact else (over_relaxed, EFFORTS[effort].sampled)
     terms = Terms(stopping, free, None if cube.periodic else _within)
-    ends = [descend(cube.moments, np.concatenate([existing, start]), terms) for start in starts]
+    ends = [descend(cube, np.concatenate([existing, start]), terms) for start in starts]
     ends.sort(key=lambda end: end.energies[-1])
     found = [end.generators[len(existing) :] for end in ends]
     return [points % 1.0 for points in found] if cube.periodic else found
@@ -103,7 +78,7 @@ def place_latin(
     ]
     if len(ends) == 1 or len(ends[0]) + len(existing) == 1:
         return ends[0]
-    energies = [cube.moments(np.concatenate([existing, points])).energy for points in ends]
+    energies = [cube(np.concatenate([existing, points])).energy for points in ends]
     enough = min(energies) * (1 + _ABOUT)
     about_least = [points for points, energy in zip(ends, energies, strict=True) if energy <= enough]
     return min(about_least, key=partial(_unevenness, periodic=cube.periodic))
@@ -155,7 +130,7 @@ def _alternate(
     best, least = points, (sys.maxsize, np.inf)
     for _ in range(EFFORTS[effort].latin_rounds):
         every = np.concatenate([existing, points])
-        found = cube.moments(every)
+        found = cube(every)
         if (reached := (fault(every), found.energy)) < least:
             best, least = points, reached
         moved = latin(found.centroids[len(existing) :])

@@ -14,8 +14,8 @@ from cvtimg._shared.checks import check_in_range
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 
-#: Whole numbers in a range are levels; at most so many.
-_MOST_LEVELS = 10_000
+#: Runs of a design, and whole numbers that are levels, at most.
+MAX_RUNS = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +48,7 @@ class Factor:
 
     @classmethod
     def parse(cls, text: str) -> Factor:
-        """Read a factor from a text, such as ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``.
-
-        Raises
-        ------
-        ValueError
-            If the text says something else.
-        """
+        """Read a factor from a text, such as ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``."""
         name, *values = (part.strip() for part in text.split(","))
         if len(values) == 1 and "|" in values[0]:
             return _factor({"name": name, "levels": values[0]})
@@ -115,11 +109,6 @@ def read_factors(path: StrPath) -> list[Factor]:
     path : str or path-like
         A .csv file.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or a line is invalid.
-
     Examples
     --------
     >>> import tempfile
@@ -131,16 +120,11 @@ def read_factors(path: StrPath) -> list[Factor]:
     >>> [factor.header for factor in factors]
     ['speed [m/s]', 'heat [C]']
     """
-    with local_copy(path) as file:
-        text = file.read_text(encoding="utf-8-sig")
-    lines = [
-        {key: (value or "").strip() for key, value in line.items() if isinstance(value, str | None)}
-        for line in csv.DictReader(text.splitlines(), skipinitialspace=True)
-    ]
+    header, *lines = _read_rows(path) or [[]]
     if not lines:
         raise OSError(f"{path}: must have a line for each axis after the first")
     try:
-        factors = [_factor(fields) for fields in lines]
+        factors = [_factor(dict(zip(header, line, strict=False))) for line in lines]
         check_names(factors)
         return factors
     except ValueError as error:
@@ -155,15 +139,12 @@ def check_names(factors: Sequence[Factor]) -> None:
         raise ValueError(f"there must be one axis named {twice[0]}, not {len(twice)}")
 
 
-def _range(fields: Mapping[str, str]) -> tuple[str, float, float]:
-    """Return the name, low and high of an axis."""
-    try:
-        name, low, high = fields["name"], float(fields["low"]), float(fields["high"])
-    except (KeyError, ValueError) as error:
-        raise ValueError("must have the columns name, low and high, with a line for each axis") from error
-    if not -np.inf < low < high < np.inf:
-        raise ValueError(f"{name} from {low:g} to {high:g} must be finite, the first below the second")
-    return name, low, high
+def _read_rows(path: StrPath) -> list[list[str]]:
+    """Read the rows of a text table; empty ones are left out."""
+    delimiter = "\t" if str(path).lower().endswith(".tsv") else ","
+    with local_copy(path) as file:
+        lines = csv.reader(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=delimiter)
+        return [[value.strip() for value in line] for line in lines if line]
 
 
 def _factor(fields: Mapping[str, str]) -> Factor:
@@ -173,29 +154,25 @@ def _factor(fields: Mapping[str, str]) -> Factor:
         if len(values) < 2 or len(set(values)) < len(values) or fields.get("low") or fields.get("high"):
             raise ValueError(f"{name} must have two or more levels, all different, and no low and high")
         return Factor(name, levels=values, unit=unit)
-    name, low, high = _range(fields)
+    try:
+        low, high = float(fields["low"]), float(fields["high"])
+    except (KeyError, ValueError) as error:
+        raise ValueError("must have the columns name, low and high, with a line for each axis") from error
+    if not -np.inf < low < high < np.inf:
+        raise ValueError(f"{name} from {low:g} to {high:g} must be finite, the first below the second")
     if not name:
         raise ValueError("must have a name in each line")
     kind = fields.get("kind") or "continuous"
     if kind == "continuous":
         return Factor(name, low, high, unit=unit)
-    if kind != "integer" or low % 1 or high % 1 or high - low >= _MOST_LEVELS:
+    if kind != "integer" or low % 1 or high % 1 or high - low >= MAX_RUNS:
         raise ValueError(f"{name} of kind {kind} must be continuous, or integer between whole numbers")
     return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
 
 
 def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
-    """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or its columns or values are not those of the factors.
-    """
-    delimiter = "\t" if str(path).lower().endswith(".tsv") else ","
-    with local_copy(path) as file:
-        lines = csv.reader(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=delimiter)
-        rows = [[value.strip() for value in line] for line in lines if line]
+    """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order."""
+    rows = _read_rows(path)
     header = rows.pop(0) if rows and not all(map(_is_number, rows[0])) else []
     found = [next((name for name in (factor.header, factor.name) if name in header), None) for factor in factors]
     by_name = None not in found

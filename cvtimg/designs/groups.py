@@ -1,4 +1,4 @@
-"""Points divided into groups, each as even as it can be: batches of runs, and runs with the same category."""
+"""Points divided into groups, each as even as it can be: runs with the same category."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cvtimg.designs.cells import check_unit_points
 _Floats = NDArray[np.float64]
 _Labels = NDArray[np.intp]
 
-#: Two points change places if the terms of all pairs fall by more than this.
+#: Two points change places if the terms of all pairs fall by more than this: less is rounding.
 _GAIN = 1e-9
 #: Few points begin so often, of which the best is kept.
 _FEW, _STARTS = 256, 8

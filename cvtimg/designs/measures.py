@@ -15,16 +15,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
 from cvtimg.designs import _designs
-from cvtimg.designs.cells import MOST_EXACT_DIMS, check_unit_points, exact_cells, nearest_distances, sampled_cells
+from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
+from cvtimg.placement.moments import CellSums
 
 _Floats = NDArray[np.float64]
-#: Walks, and point comparisons of each.
-_WALKS = 10
-_WORK = 20_000_000
-_MAX_STEPS = 50_000
 #: Number of samples of the cube in more dimensions.
 _N_SAMPLES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class _Walks:
+    """Walks from box to box, in search of the worst."""
+
+    number: int = 10  # as they end in different corners
+    comparisons: int = 20_000_000  # of points with boxes in a walk: about a tenth of a second
+    steps: tuple[int, int] = (1000, 50_000)  # in a walk, whatever the points are
 
 
 def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -> tuple[float, bool]:
@@ -41,11 +47,6 @@ def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -
     -------
     float, bool
         The discrepancy, and whether it is exact; if not it is a lower bound.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `points` is invalid.
 
     Examples
     --------
@@ -90,13 +91,13 @@ def _exact(points: _Floats) -> float:
     return greatest
 
 
-def _lower_bound(points: _Floats, rng: np.random.Generator) -> float:
+def _lower_bound(points: _Floats, rng: np.random.Generator, walks: _Walks = _Walks()) -> float:
     n_points, n_dims = points.shape
     sides = np.concatenate([np.sort(points, axis=0), np.ones((1, n_dims))]).T.copy()
-    n_steps = min(_MAX_STEPS, max(1000, _WORK // (n_points * n_dims)))
+    n_steps = int(np.clip(walks.comparisons // (n_points * n_dims), *walks.steps))
     left = np.linspace(1, 0, n_steps)
     greatest = 0.0
-    for _ in range(_WALKS):
+    for _ in range(walks.number):
         # Large boxes matter most: start with sides whose product is spread evenly.
         corner = np.floor(rng.random(n_dims) ** (1 / n_dims) * n_points).astype(np.int32)
         reach = (1 + left * n_points / 8).astype(np.int64)[:, None]
@@ -158,11 +159,6 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     -------
     PointMeasures
 
-    Raises
-    ------
-    TypeError, ValueError
-        If `points` is invalid.
-
     See Also
     --------
     cvtimg.design, cvtimg.designs.star_discrepancy
@@ -183,7 +179,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     nearest = _checked_distances(array, periodic)
     discrepancy, is_exact = star_discrepancy(array, rng=rng)
     exact = array.shape[1] <= MOST_EXACT_DIMS
-    cells = exact_cells(array, periodic) if exact else sampled_cells(array, _N_SAMPLES, periodic, rng)
+    cells = exact_cells(array, periodic) if exact else _sampled_cells(array, periodic, rng)
     return PointMeasures(
         discrepancy=discrepancy,
         **regularity(cells.reaches, nearest, cells.seconds_per_volume),
@@ -193,7 +189,11 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     )
 
 
-def _checked_distances(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
+def _sampled_cells(points: _Floats, periodic: bool, rng: int | np.random.Generator) -> CellSums:
+    return Cube(sobol_samples(_N_SAMPLES, points.shape[1], rng), periodic=periodic).cells(points)
+
+
+def _checked_distances(points: _Floats, periodic: bool) -> _Floats:
     check_shape("points", points.shape, len(points) >= 2, "at least two")
     distances = nearest_distances(points, periodic)
     first = int(np.argmin(distances))

@@ -24,9 +24,9 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
-from cvtimg.designs.cells import MOST_EXACT_DIMS
-from cvtimg.designs.descent import EFFORTS, Cube, place, place_for, place_latin, place_latin_within
-from cvtimg.designs.factors import Factor, check_names
+from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
+from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
+from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
 from cvtimg.designs.groups import split_evenly
 from cvtimg.designs.measures import PointMeasures, point_measures
 from cvtimg.designs.regions import Region
@@ -40,11 +40,8 @@ CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"
 #: Files that a design is written to.
 SUFFIXES = (".csv", ".npy")
 _MAX_DIMS = 64
-_MAX_POINTS = 1 << 16
 #: So many points in a feasible region become Latin: all pairs of points and slices are tried.
 _MOST_WITHIN = 1024
-#: Up to so many dimensions cells are integrated whatever the effort.
-_MOST_CHEAP_DIMS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,8 +67,6 @@ class Design(ReadOnly):
         Whether opposite walls meet.
     factors : tuple of Factor
         The axes.
-    batches : (n,) integer array or None
-        Number of the batch of each point, from 1, rising.
     """
 
     points: _Floats
@@ -82,7 +77,6 @@ class Design(ReadOnly):
     latin: bool
     periodic: bool
     factors: tuple[Factor, ...]
-    batches: NDArray[np.intp] | None = None
 
     def _repr_html_(self) -> str:
         """Draw all points, old and new, in each pair of the first axes."""
@@ -99,36 +93,23 @@ class Design(ReadOnly):
         return point_measures(self._all_points()[:, is_axis], periodic=self.periodic)
 
     def shuffled(self, rng: int | np.random.Generator) -> Design:
-        """Return the same points in random order, that of each batch by itself."""
+        """Return the same points in random order."""
         order = np.random.default_rng(rng).permutation(len(self.points))
-        if self.batches is not None:
-            order = order[np.argsort(self.batches[order], kind="stable")]
         return replace(self, points=self.points[order], unit_points=self.unit_points[order])
 
     def table(self) -> tuple[list[str], list[list[Any]]]:
-        """Return the names of columns, with units, and the rows: numbers, and levels as texts, after the batch."""
-        header = [factor.header for factor in self.factors]
+        """Return the names of columns, with units, and the rows: numbers, and levels as texts."""
         columns = [factor.values(column) for factor, column in zip(self.factors, self.points.T, strict=True)]
-        if self.batches is not None:
-            header, columns = ["batch", *header], [self.batches.tolist(), *columns]
-        return header, [list(row) for row in zip(*columns, strict=True)]
+        return [factor.header for factor in self.factors], [list(row) for row in zip(*columns, strict=True)]
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the table to a .csv file, or the points to a .npy file, whole or not at all.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is another, or a .npy file is to have levels or batches.
-        OSError
-            If the file cannot be written, or exists and `overwrite` is false.
-        """
+        """Write the table to a .csv file, or points without levels to a .npy file, whole or not at all."""
         suffix = check_choice("suffix", Path(path).suffix.lower(), SUFFIXES)
         if suffix == ".csv":
             write_csv(path, *self.table(), overwrite=overwrite)
             return
-        if self.batches is not None or any(factor.levels for factor in self.factors):
-            raise ValueError(f"{path} must end in .csv: .npy has no levels and no batches")
+        if any(factor.levels for factor in self.factors):
+            raise ValueError(f"{path} must end in .csv: .npy has no levels")
         with whole_file(path, overwrite=overwrite) as file:
             np.save(file, self.points)
 
@@ -148,7 +129,6 @@ def design(
     feasible: Callable[[_Floats], ArrayLike] | None = None,
     existing: ArrayLike | None = None,
     criterion: CriterionName = "cvt",
-    batches: int | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
 ) -> Design:
@@ -178,8 +158,6 @@ def design(
         What Latin points are placed for: even cells; the largest smallest distance between two points; distances in
         the projections on all sets of axes (maximum projection); or the least centered L2 discrepancy, that with
         wrap-around if `periodic`.
-    batches : int, optional
-        Divide the points into so many batches of equal size, each of which fills the box evenly, too.
     effort : {"fast", "balanced", "best"}
         "best" moves points in one to three dimensions to a minimum of the exact energy, the best of a few starts.
     rng : int or numpy.random.Generator
@@ -189,15 +167,11 @@ def design(
     -------
     Design
 
-    See Also
-    --------
-    cvtimg.designs.CVTDesign, cvtimg.designs.split_evenly, cvtimg.latinize, cvtimg.point_measures
-
     Notes
     -----
     A plain tessellation (``latin=False``) has the least energy, but its projections on single axes have gaps, which
     matters where only few of many inputs count. Categories share out the points so that those of each are even by
-    themselves, as batches are.
+    themselves: batches are categories, too.
 
     References
     ----------
@@ -213,11 +187,9 @@ def design(
     >>> np.sort(found.points[:, 1]).tolist()
     [-4.375, -3.125, -1.875, -0.625, 0.625, 1.875, 3.125, 4.375]
     """
-    check_count("n_points", n_points, _MAX_POINTS, "the most points")
+    check_count("n_points", n_points, MAX_RUNS, "the most points")
     check_choice("effort", effort, EFFORTS)
     check_choice("criterion", criterion, ("cvt", *CRITERIA))
-    if batches is not None:
-        check_count("batches", batches, n_points, "the number of points")
     factors = _checked_factors(bounds)
     is_axis = np.array([not factor.is_category for factor in factors])
     check_that("bounds", is_axis.any(), "have an axis that is no category")
@@ -229,8 +201,9 @@ def design(
     samples, weights = region.samples(EFFORTS[effort].samples * n_all, random)
     enough = f"hold for more of the box than {len(samples)} of its samples, for {n_points} points"
     check_that("feasible", len(samples) >= n_all, enough)
-    worth_it = periodic or effort == "best"
-    exact = region.is_box and len(region.axes) <= (MOST_EXACT_DIMS if worth_it else _MOST_CHEAP_DIMS)
+    # In the plane exact cells cost no more than samples do.
+    is_worth_it = periodic or effort == "best" or len(region.axes) < MOST_EXACT_DIMS
+    exact = region.is_box and len(region.axes) <= MOST_EXACT_DIMS and is_worth_it
     cube = Cube(samples, weights, periodic, exact)
     if latin is None:
         latin = region.may_be_latin and (region.is_box or n_all <= _MOST_WITHIN)
@@ -244,11 +217,11 @@ def design(
             unit, latin = place_latin_within(cube, unit, old, effort, region.allows, mended)
     else:
         unit = place_for(criterion, cube, n_points, old, effort, random)
-    energy = cube.moments(np.concatenate([old, unit])).energy
-    unit, numbers = _in_groups(factors, given, unit, batches, random)
+    energy = cube(np.concatenate([old, unit])).energy
+    unit = _with_categories(factors, given, unit, random)
     ends = np.array([(factor.low, factor.high) for factor in factors])
     points, runs = (ends[:, 0] + places * np.ptp(ends, axis=1) for places in (unit, given))
-    return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors), numbers)
+    return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors))
 
 
 def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]:
@@ -298,10 +271,8 @@ def _check_together(region: Region, latin: bool | None, periodic: bool, criterio
         check_alone(f"criterion={criterion!r}", region.given + ["latin=False"] * (latin is False))
 
 
-def _in_groups(
-    factors: list[Factor], existing: _Floats, unit: _Floats, batches: int | None, rng: np.random.Generator
-) -> tuple[_Floats, NDArray[np.intp] | None]:
-    """Add the columns of categories to points (n, d) of the other axes; also return the batch of each, rising."""
+def _with_categories(factors: list[Factor], existing: _Floats, unit: _Floats, rng: np.random.Generator) -> _Floats:
+    """Add the columns of categories to points (n, d) of the other axes."""
     is_axis = np.array([not factor.is_category for factor in factors])
     every, n_old = np.empty((len(existing) + len(unit), len(factors))), len(existing)
     every[:n_old], every[n_old:, is_axis] = existing, unit
@@ -311,8 +282,4 @@ def _in_groups(
         known, n_levels = factor.levels_at(existing[:, axis]), len(factor.levels)
         groups.append(split_evenly(along, n_levels, known=known, others=groups, rng=rng))
         every[:, axis] = (groups[-1] + 0.5) / n_levels
-    if batches is None:
-        return every[n_old:], None
-    numbers = split_evenly(along[n_old:], batches, others=[group[n_old:] for group in groups], rng=rng)
-    order = np.argsort(numbers, kind="stable")
-    return every[n_old:][order], numbers[order] + 1
+    return every[n_old:]

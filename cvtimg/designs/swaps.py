@@ -16,6 +16,8 @@ doi 10.1016/0021-9991(90)90201-B): swaps that lose at most a threshold are taken
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,16 +29,26 @@ _Floats = NDArray[np.float64]
 
 #: The registry of criteria for which any two points swap.
 CRITERIA = {"discrepancy": _designs.DISCREPANCY, "maximin": _designs.MAXIMIN, "projection": _designs.PROJECTION}
-#: No swap of neighbors brings two points nearer than this times the least distance before, so that cells stay round.
-_APART = 1.15
-#: How often each pair of neighbors is tried.
-_TRIES = 10
-#: Swaps are taken that gain more than this.
+#: Swaps are taken that gain more than this: less is rounding.
 _GAIN = 1e-12
-#: Thresholds are quantiles of the losses of the round before; their share falls, and in the last part only gains count.
-_SHARE, _POWER, _ROUNDS, _LAST_PART = 0.03, 2, 60, 0.1
-#: With fewer tries than this for each coordinate, only gains count; more than the second gain nothing.
-_FEW, _MANY = 10, 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Neighbors:
+    """Swaps of neighbors along an axis."""
+
+    apart: float = 1.15  # none brings two points nearer than this times the least distance, so that cells stay round
+    tries: int = 10  # of each pair
+
+
+@dataclass(frozen=True, slots=True)
+class _Annealing:
+    """Swaps of any two points, in rounds: the threshold is a quantile of the losses of the round before."""
+
+    rounds: int = 60
+    share: float = 0.03  # of losses that are taken at first; their share falls as the square of the rounds left
+    last_part: float = 0.1  # of the rounds, in which only gains count
+    tries: tuple[int, int] = (10, 10_000)  # for each coordinate: with fewer only gains count, and more gain nothing
 
 
 def even_out(points: _Floats, existing: _Floats, periodic: bool, work: int, rng: np.random.Generator) -> _Floats:
@@ -49,10 +61,11 @@ def even_out(points: _Floats, existing: _Floats, periodic: bool, work: int, rng:
     n_points, n_dims = points.shape
     if n_points == 1:
         return points
-    n_tries = min(_TRIES * points.size, work // ((n_points + len(existing)) * n_dims))
+    how = _Neighbors()
+    n_tries = min(how.tries * points.size, work // ((n_points + len(existing)) * n_dims))
     axes, first = rng.integers(n_dims, size=n_tries), rng.integers(n_points - 1, size=n_tries)
     swaps = _Swaps(points, existing, points[:0], "discrepancy", periodic)
-    swaps.run(np.stack([axes, first, first + 1], axis=1), -_GAIN, least=_APART * swaps.least_distance)
+    swaps.run(np.stack([axes, first, first + 1], axis=1), -_GAIN, least=how.apart * swaps.least_distance)
     return swaps.points
 
 
@@ -69,15 +82,15 @@ def anneal(
     if n_movable.max() == 1:
         return points
     swaps = _Swaps(points, existing, free, criterion, periodic)
-    n_tries = min(_MANY * points.size, work // ((n_points + len(existing)) * n_dims))
-    share = _SHARE if n_tries > _FEW * points.size else 0.0
-    threshold = 0.0
-    for left in np.linspace(1, -_LAST_PART, _ROUNDS):
-        axes = rng.choice(np.flatnonzero(n_movable > 1), size=n_tries // _ROUNDS)
+    how, threshold = _Annealing(), 0.0
+    few, many = (number * points.size for number in how.tries)
+    n_tries = min(many, work // ((n_points + len(existing)) * n_dims))
+    for left in np.linspace(1, -how.last_part, how.rounds):
+        axes = rng.choice(np.flatnonzero(n_movable > 1), size=n_tries // how.rounds)
         first, by = rng.integers(n_movable[axes]), rng.integers(1, n_movable[axes])
         changes = swaps.run(np.stack([axes, first, (first + by) % n_movable[axes]], axis=1), threshold)
         losses = changes[changes > 0]
-        taken = share * max(left, 0) ** _POWER
+        taken = how.share * max(left, 0) ** 2 if n_tries > few else 0.0
         threshold = float(np.quantile(losses, taken)) if len(losses) and taken else 0.0
     return swaps.points
 

@@ -128,12 +128,6 @@ DESIGN = (
         "density", Text(), "Place points more densely where this is greater, such as 'exp(-x1)'.", metavar="EXPRESSION"
     ),
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
-    passed(
-        "batches",
-        Whole(1, 1 << 16),
-        "Divide the runs into so many batches of equal size, each even by itself: the first column.",
-        metavar="K",
-    ),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
     Option("shuffle", Whole(0, 2**32 - 1), "Put runs in random order, with this seed.", metavar="SEED"),

@@ -214,8 +214,13 @@ class CellMeasures:
 
 def measure_cells(points: Points, region: Region) -> CellMeasures:
     """Measure the Voronoi cells of (K, D) points in a region: as polygons where they are, else by samples."""
-    heights, areas, second = (_polygon_cells if region.is_polygonal else _sampled_cells)(points, region)
-    gaps = _gaps(points, region)
+    if region.is_polygonal:
+        heights, areas, second = _polygon_cells(points, region)
+    else:
+        samples = region.sample(int(np.clip(_SAMPLES * len(points), *_SAMPLE_RANGE)))
+        sums = SampleMoments(samples, LpGauge(2), region).cells(points)
+        heights, areas, second = sums.reaches, sums.volumes, sums.seconds_per_volume
+    gaps = region.nearest(points, points, 2)[0][:, 1]  # infinite for a single point
     return CellMeasures(
         **regularity(heights, gaps, second),
         h_ratio=_ratio(heights),
@@ -244,20 +249,6 @@ def _ratio(values: NDArray[np.float64]) -> float:
     return float(values.max() / values.min()) if values.min() > 0 else np.inf
 
 
-def _gaps(points: Points, region: Region) -> NDArray[np.float64]:
-    """Distance of each point to the nearest other one, around a periodic box too."""
-    from scipy.spatial import cKDTree
-
-    if len(points) == 1:
-        return np.full(1, np.inf)
-    sites = points
-    if isinstance(region, Box):
-        for axis in np.flatnonzero(region.periodic):
-            turn = np.eye(region.n_dims)[axis] * region.sides
-            sites = np.concatenate([sites, sites - turn, sites + turn])
-    return cKDTree(sites).query(points, 2)[0][:, 1]
-
-
 def _polygon_cells(points: Points, region: Region) -> tuple[Points, Points, Points]:
     """Heights, areas and second moments by area of cells that are polygons."""
     cells = voronoi_cells(points, region)
@@ -267,21 +258,6 @@ def _polygon_cells(points: Points, region: Region) -> tuple[Points, Points, Poin
         farthest = np.linalg.norm(ring - points[cell], axis=1).max()
         heights[cell] = max(heights[cell], farthest)
     return heights, *_second_moments(*triangulate(cells), points)
-
-
-def _sampled_cells(points: Points, region: Region) -> tuple[Points, Points, Points]:
-    """Heights, volumes and second moments by volume of cells, estimated by samples of the region."""
-    n_points, n_dims = points.shape
-    samples = region.sample(int(np.clip(_SAMPLES * n_points, *_SAMPLE_RANGE)))
-    moments = SampleMoments(samples, LpGauge(2), region)
-    labels = moments.labels(points)
-    steps = moments.wrapped(samples.rows - points[labels])
-    heights = np.zeros(n_points)
-    np.maximum.at(heights, labels, np.linalg.norm(steps, axis=1))
-    volumes = sum_by_label(labels, samples.density, n_points)
-    products = np.einsum("m,md,me->mde", samples.density, steps, steps).reshape(-1, n_dims**2)
-    second = per_mass(sum_by_label(labels, products, n_points), volumes)
-    return heights, volumes, second.reshape(-1, n_dims, n_dims)
 
 
 def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) -> tuple[Points, Points]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_picture_density, check_places, check_shape
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.sums import per_mass
 from cvtimg._shared.threads import in_parts
 from cvtimg.placement import _placement
 
@@ -41,6 +42,26 @@ class Moments(ReadOnly):
     masses: NDArray[np.float64]
     centroids: NDArray[np.float64]
     energy: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellSums:
+    """Integrals over the Voronoi cells of K points z."""
+
+    volumes: NDArray[np.float64]  # (K,)
+    firsts: NDArray[np.float64]  # (K, D): of x - z
+    seconds: NDArray[np.float64]  # (K, D, D): of (x - z)(x - z)^T
+    reaches: NDArray[np.float64]  # (K,): greatest distance from z to a place of its cell
+
+    @property
+    def seconds_per_volume(self) -> NDArray[np.float64]:
+        """(K, D, D) second moments of each cell, per volume."""
+        return per_mass(self.seconds.reshape(len(self.volumes), -1), self.volumes).reshape(self.seconds.shape)
+
+    @property
+    def energy(self) -> float:
+        """Integral of the squared distance to the nearest point."""
+        return float(np.einsum("kdd->", self.seconds))
 
 
 class CellMoments(Protocol):
@@ -91,8 +112,7 @@ class PixelMoments:
         """Compute the moments of the cells of (K, 2) generators, with weights those of power cells."""
         sums = self._sums(self._buckets(generators, weights))
         masses = sums[:, 0].copy()
-        per_mass = np.divide(1 / self.scale, masses, out=np.zeros_like(masses), where=masses > 0)
-        centroids = sums[:, 1:] * per_mass[:, None]
+        centroids = per_mass(sums[:, 1:], masses) / self.scale
         centroids[masses <= 0] = generators[masses <= 0]
         places, means = generators - self._center, centroids - self._center
         # Not a product of matrices: the threads of a BLAS change bits, and spin while they wait.

@@ -116,6 +116,16 @@ class Region(ABC):
         weights = as_density(density)(points) * (self.measure / n)
         return WeightedSamples(points, weights, in_order=False)
 
+    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Find the n nearest (K, D) points by the p-norm for each of (M, D) places: distances and indices."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(points).query(places, n, p=p)
+
+    def shortest(self, steps: Points) -> Points:
+        """Take (M, D) steps the short way."""
+        return steps
+
     def _checked(self, points: ArrayLike) -> Points:
         return check_places("points", points, self.n_dims)
 
@@ -244,6 +254,25 @@ class Box(Region):
                 grids[axis] = np.array([end])
                 sides.append(np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, self.n_dims))
         return np.concatenate(sides) if sides else np.empty((0, self.n_dims))
+
+    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Find the n nearest points, around periodic axes too."""
+        from scipy.spatial import cKDTree
+
+        if not any(self.periodic):
+            return Region.nearest(self, points, places, n, p)
+        # A tree takes what is below the side, not the side itself.
+        wrapped = (
+            np.where(self.periodic, np.minimum(self.project(at) - self._bounds[0], np.nextafter(self.sides, 0)), at)
+            for at in (points, places)
+        )
+        tree, queries = wrapped
+        return cKDTree(tree, boxsize=np.where(self.periodic, self.sides, 0)).query(queries, n, p=p)
+
+    def shortest(self, steps: Points) -> Points:
+        """Take (M, D) steps the short way around periodic axes."""
+        turns = np.rint(steps * np.where(self.periodic, 1 / self.sides, 0.0)) if any(self.periodic) else 0.0
+        return steps - turns * self.sides
 
     def draw(self, n: int, rng: int | np.random.Generator = 0) -> Points:
         """Draw (n, D) points, evenly spread."""

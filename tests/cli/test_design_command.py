@@ -90,14 +90,11 @@ def test_levels_and_whole_numbers_are_balanced_and_units_are_in_the_header(here:
 def test_conditions_are_given_the_numbers_of_levels_and_results_may_stand_beside_runs(here: Path) -> None:
     (here / "factors.csv").write_text(FACTORS)
     options = ["design", "--bounds", "factors.csv", "--effort", "fast"]
-    assert (
-        main([*options, "-n", "8", "--feasible", "rounds < 3", "--batches", "2", "-o", "runs.csv", "--plot", "a.svg"])
-        == 0
-    )
+    assert main([*options, "-n", "8", "--feasible", "rounds < 3", "-o", "runs.csv", "--plot", "a.svg"]) == 0
     assert ">C</text>" in (here / "a.svg").read_text()
     header, *rows = table("runs.csv")
-    assert header == ["batch", "heat [C]", "rounds", "alloy"]
-    assert {row[2] for row in rows} == {"1", "2"}
+    assert header == ["heat [C]", "rounds", "alloy"]
+    assert {row[1] for row in rows} == {"1", "2"}
     (here / "results.csv").write_text("\n".join(f"{','.join(row)},{i}" for i, row in enumerate([header, *rows])))
     assert main([*options, "-n", "4", "--existing", "results.csv", "-o", "more.csv", "--quiet"]) == 0
 

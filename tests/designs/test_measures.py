@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from cvtimg import latinize, point_measures
 from cvtimg.designs import star_discrepancy
-from cvtimg.designs.cells import exact_cells, nearest_points, sampled_cells
+from cvtimg.designs.cells import Cube, exact_cells, sobol_samples
 
 RNG = np.random.default_rng(4)
 
@@ -84,8 +84,9 @@ def test_clusters_far_from_walls_have_all_their_images() -> None:
 def test_samples_find_the_nearest_points_and_exact_moments(periodic: bool) -> None:
     points, samples = RNG.random((25, 3)), RNG.random((2000, 3)).astype(np.float32)
     expected = cKDTree(points, boxsize=1.0 if periodic else None).query(samples)[1]
-    assert (nearest_points(samples, points, periodic) == expected).mean() > 0.999
-    sampled, exact = sampled_cells(points, 1 << 16, periodic, 0), exact_cells(points, periodic)
+    assert (Cube(samples, periodic=periodic).labels(points) == expected).mean() > 0.999
+    sampled = Cube(sobol_samples(1 << 16, 3, 0), periodic=periodic).cells(points)
+    exact = exact_cells(points, periodic)
     assert sampled.energy == pytest.approx(exact.energy, rel=0.01)
     assert sampled.volumes == pytest.approx(exact.volumes, abs=2e-3)
 

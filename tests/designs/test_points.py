@@ -101,8 +101,8 @@ def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
     assert (np.load(tmp_path / "a.npy") == found.points).all()
     with pytest.raises(FileExistsError):
         found.save(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"b.npy must end in .csv: .npy has no levels and no batches"):
-        design(5, 2, batches=1, effort="fast").save(tmp_path / "b.npy")
+    with pytest.raises(ValueError, match=r"b.npy must end in .csv: .npy has no levels"):
+        design(5, [Factor("x"), Factor("y", levels=("A", "B"))], effort="fast").save(tmp_path / "b.npy")
 
 
 def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
@@ -128,7 +128,6 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),
         ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),
-        ({"batches": 6}, r"batches=6 must be in 1..5, the number of points"),
         ({"bounds": [Factor("a"), Factor("a")]}, "there must be one axis named a, not 2"),
         ({"bounds": [Factor("a", levels=("x", "y"))]}, "bounds must have an axis that is no category"),
     ],
@@ -186,26 +185,20 @@ def test_points_of_a_region_are_latin_in_slices_of_equal_shares_as_far_as_they_c
     assert ring(three.points).all()
 
 
-def test_batches_and_categories_share_out_points_so_that_each_is_even() -> None:
-    found = design(24, [Factor("x"), Factor("y"), Factor("z", levels=("A", "B", "C"))], batches=2, effort="fast")
+def test_categories_share_out_points_so_that_each_is_even() -> None:
+    axes = [Factor("x"), Factor("y"), Factor("z", levels=("A", "B", "C")), Factor("batch", levels=("1st", "2nd"))]
+    found = design(24, axes, effort="fast")
     alone = design(24, 2, effort="fast").unit_points
     assert {tuple(row) for row in found.points[:, :2].tolist()} == {tuple(row) for row in alone.tolist()}
-    assert found.batches is not None
-    assert found.batches.tolist() == [1] * 12 + [2] * 12
     header, rows = found.table()
-    assert header == ["batch", "x", "y", "z"]
-    assert sorted((row[0], row[3]) for row in rows) == sorted([(b, z) for b in (1, 2) for z in "ABC"] * 4)
+    assert header == ["x", "y", "z", "batch"]
+    assert sorted((row[3], row[2]) for row in rows) == sorted([(b, z) for b in ("1st", "2nd") for z in "ABC"] * 4)
 
     def unevenness(labels: NDArray[Any], points: NDArray[Any]) -> float:
         return float(np.mean([qmc.discrepancy(points[labels == label]) for label in np.unique(labels)]))
 
     by_chance = np.mean([unevenness(np.random.default_rng(seed).permutation(24) % 3, alone) for seed in range(9)])
     assert unevenness(found.points[:, 2], found.points[:, :2]) < 0.5 * by_chance
-    shuffled = found.shuffled(1)
-    assert shuffled.batches is not None
-    assert (shuffled.batches == found.batches).all()
-    assert shuffled.points.tolist() != found.points.tolist()
-    assert sorted(shuffled.points[:12].tolist()) == sorted(found.points[:12].tolist())
 
 
 def test_groups_that_are_known_stay_and_no_exchange_of_two_points_is_left_that_gains() -> None:
