@@ -45,7 +45,7 @@ from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import encode_image, image_suffixes, write_image
 from cvtimg.placement import pixel_labels, place_in_picture
-from cvtimg.placement.cells import Polygons, power_cells
+from cvtimg.placement.cells import Polygons, picture_cells
 
 #: Steps of the descent.
 _STEPS = {"fast": 25, "balanced": 80, "best": 480}
@@ -132,7 +132,7 @@ class Mosaic(ReadOnly):
         """
         if self.triangles is not None:
             return tuple(self.points[self.triangles])
-        return power_cells(self.points, None, (self.labels.shape[0], self.labels.shape[1]))
+        return picture_cells(self.points, (self.labels.shape[0], self.labels.shape[1]))
 
     def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
         """Draw the mosaic with smooth edges.

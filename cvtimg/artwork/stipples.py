@@ -21,7 +21,7 @@ from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
-from cvtimg.placement.cells import Polygons, power_cells
+from cvtimg.placement.cells import Polygons, picture_cells
 
 #: Parts of a pixel, each way, by which its coverage is measured.
 _FINE = 8
@@ -164,7 +164,7 @@ class Stipples(ReadOnly):
         for pen in range(len(self.colors)):
             own = np.flatnonzero(self.layers == pen)
             if len(own):
-                for dot, cell in zip(own, power_cells(self.points[own], None, self.size), strict=True):
+                for dot, cell in zip(own, picture_cells(self.points[own], self.size), strict=True):
                     cells[dot] = cell
         return tuple(cells)
 

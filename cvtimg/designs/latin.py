@@ -33,10 +33,6 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     -------
     (n, d) float64 array
 
-    See Also
-    --------
-    cvtimg.design
-
     References
     ----------
     Y. Saka, M. Gunzburger, J. Burkardt, Int. J. Numerical Analysis and Modeling 4 (2007) 729-743 (Latinized CVT).

@@ -159,10 +159,6 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     -------
     PointMeasures
 
-    See Also
-    --------
-    cvtimg.design, cvtimg.designs.star_discrepancy
-
     References
     ----------
     V. Romero, J. Burkardt, M. Gunzburger, J. Peterson, Reliability Engineering and System Safety 91 (2006) 1266-1280,

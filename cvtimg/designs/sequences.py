@@ -28,10 +28,6 @@ class CVTDesign(qmc.QMCEngine):  # type: ignore[misc]
     rng : int or numpy.random.Generator, optional
         Seed.
 
-    See Also
-    --------
-    cvtimg.design
-
     Examples
     --------
     >>> from cvtimg.designs import CVTDesign

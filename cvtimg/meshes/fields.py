@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes import _meshes
-from cvtimg.placement.pictures import along_hilbert_curve
+from cvtimg.placement.pictures import draw_along_curve
 
 Points = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class PictureField:
         return PictureField(values, self.inside).limited(grade, 0)
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
-        """Draw (n, 2) points along a Hilbert curve."""
+        """Draw (n, 2) points along a curve."""
         density = np.where(self.inside, self.sizes, np.inf).astype(np.float32)
         low = float(density.min())
-        return along_hilbert_curve((density / np.float32(low)) ** np.float32(-4), n, rng)
+        return draw_along_curve((density / np.float32(low)) ** np.float32(-4), n, rng)

@@ -20,9 +20,8 @@ from .moments import CellMoments as CellMoments
 from .moments import Moments as Moments
 from .moments import PixelMoments as PixelMoments
 from .moments import pixel_labels as pixel_labels
-from .moments import pixel_moments as pixel_moments
-from .pictures import place_in_picture as place_in_picture
 from .place import place_generators as place_generators
+from .place import place_in_picture as place_in_picture
 from .polygons import PictureRegion as PictureRegion
 from .polygons import PolygonRegion as PolygonRegion
 from .polygons import as_region as as_region

@@ -158,37 +158,3 @@ cdef class Buckets:
                 &labels[0, 0], <int>labels.shape[1], <int>labels.shape[0], self.buckets, &self.order[0], <int>start,
                 <int>stop, scratch.owners,
             )
-
-
-cdef extern from "curve.h" nogil:
-    struct c_walk "walk":
-        const float *weights
-        int width, height
-        double each, sum
-        double *places
-        Py_ssize_t n, room
-
-    void follow_curve(c_walk *walk, int x, int y, int ux, int uy, int vx, int vy)
-
-
-def place_along_curve(
-    const float[:, ::1] weights,  # IN (H, W)
-    double each,                  # IN: weight between places
-    double[:, ::1] places,        # OUT (K, 2): corners (x, y) of their pixels
-):
-    """Find the pixels that hold the middles of K equal parts of the weight along a Hilbert curve; return how many."""
-    cdef c_walk walk
-    cdef int side = 1
-    walk.weights = &weights[0, 0]
-    walk.height = <int>weights.shape[0]
-    walk.width = <int>weights.shape[1]
-    walk.each = each
-    walk.sum = 0
-    walk.places = &places[0, 0]
-    walk.n = 0
-    walk.room = places.shape[0]
-    while side < max(walk.width, walk.height):
-        side *= 2
-    with nogil:
-        follow_curve(&walk, 0, 0, side, 0, 0, side)
-    return walk.n

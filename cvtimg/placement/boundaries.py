@@ -15,8 +15,6 @@ from cvtimg.placement.densities import Density, Points
 from cvtimg.placement.implicit import ImplicitRegion
 from cvtimg.placement.regions import Box, Region
 
-#: Number of points along the boundary, for each side of a cell.
-_PER_CELL = 8
 #: What is called on the boundary may be off by so much of the size of the region.
 _NEAR = 1e-6
 #: Pixels by which the outline of a mask may be simplified before points are spread along it.
@@ -26,14 +24,15 @@ _SIMPLER = 0.75
 class ToBoundary:
     """Brings to a corner the generator whose cell holds it, and to the boundary those whose cells meet it.
 
-    The energy may rise at a move. M. Gunzburger's lecture on centroidal Voronoi tessellations has the recipe.
+    There are `per_cell` points of the boundary for each side of a cell. The energy may rise at a move. M. Gunzburger's
+    lecture on centroidal Voronoi tessellations has the recipe.
     """
 
-    def __init__(self, region: Region, n_generators: int) -> None:
+    def __init__(self, region: Region, n_generators: int, per_cell: int = 8) -> None:
         spacing = (region.measure / n_generators) ** (1 / region.n_dims)
         self._region = region
         self._corners = region.corners
-        self._boundary = region.boundary_points(spacing / _PER_CELL)
+        self._boundary = region.boundary_points(spacing / per_cell)
         check_needs("on_boundary='auto'", True, f"a region with a boundary, not {region!r}", len(self._boundary) > 0)
 
     def __call__(self, there: Points, before: Points) -> Points:

@@ -1,4 +1,4 @@
-"""Voronoi and power cells as polygons, their exact moments, and how regular they are."""
+"""Voronoi cells as polygons, their exact moments, and how regular they are."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 120
 _COARSEST = 0.5
 #: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
 _SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
-#: How far the frame of points is that closes all power cells, in sides of the picture.
+#: How far the frame of points is that closes all cells, in sides of the picture.
 _FAR_AWAY = 8.0
-#: Corners of power cells nearer to each other than this, in pixels, are one.
+#: Corners of cells nearer to each other than this, in pixels, are one.
 _APART = 1e-7
 
 
@@ -272,30 +272,32 @@ def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) ->
     return cells, (sums / cells[:, None]).reshape(-1, 2, 2)
 
 
-def power_cells(points: Points, weights: Points | None, shape: tuple[int, int]) -> Polygons:
-    """Compute Voronoi or power cells, cut off at the sides of a picture of a shape (H, W).
+def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
+    """Compute the Voronoi cells of (N, 2) points, cut off at the sides of a picture of a shape (H, W).
 
-    Place p belongs to the generator with the least abs(p - z)**2 - w, for (N,) weights w in squared pixels; None for
-    Voronoi cells. The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A generator
-    without a cell, as one of two in the same place, has an empty polygon.
-
-    A power diagram is the lower hull of its generators, lifted by their squared length less their weight
-    (F. Aurenhammer, SIAM J. Computing 16 (1987) 78-96, doi 10.1137/0216006).
+    The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A point without a cell, as
+    one of two in the same place, has an empty polygon.
 
     Examples
     --------
     >>> import numpy as np
-    >>> left, right = power_cells(np.array([[1.0, 1.0], [3.0, 1.0]]), None, (2, 4))
-    >>> sorted(np.abs(left).round(9).tolist())
-    [[0.0, 0.0], [0.0, 2.0], [2.0, 0.0], [2.0, 2.0]]
+    >>> left, right = picture_cells(np.array([[1.0, 1.0], [3.0, 1.0]]), (2, 4))
+    >>> bool((left[:, 0] < 2.5).all()), bool((right[:, 0] > 1.5).all())
+    (True, True)
     """
+    from scipy.spatial import Voronoi
+
     size = np.array(shape[::-1], np.float64)
-    loads = np.zeros(len(points)) if weights is None else weights - weights.max()
-    owners, corners = _corners(points, loads, size)
-    outside = np.unique(owners[((corners < 0) | (corners > size)).any(axis=1)])
-    cells = list(_in_order(owners, corners, len(points)))
-    for cell in outside:
-        cells[cell] = _cut_off(cells[cell], size)
+    frame = size / 2 + _FAR_AWAY * size.max() * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    found = Voronoi(np.concatenate([points, frame]))
+    own, first = np.unique(found.point_region[: len(points)], return_index=True)  # points in one place share a cell
+    cells = [np.empty((0, 2))] * len(points)
+    for point, number in zip(first.tolist(), own.tolist(), strict=True):
+        cell = _distinct(found.vertices[found.regions[number]])
+        if len(cell) and (cell.min() < 0 or (cell > size).any()):
+            cell = _cut_off(cell, size)
+        x, y = cell.T
+        cells[point] = cell[:: 1 if x @ np.roll(y, -1) >= y @ np.roll(x, -1) else -1]
     return tuple(cells)
 
 
@@ -320,37 +322,3 @@ def _distinct(places: Points) -> Points:
     """Leave out corners that coincide, and polygons without an area."""
     apart = np.hypot(*(np.roll(places, -1, axis=0) - places).T) > _APART
     return places[apart] if apart.sum() > 2 else np.empty((0, 2))
-
-
-def _corners(points: Points, weights: Points, size: Points) -> tuple[NDArray[np.int32], Points]:
-    """List the corners of all cells, in any order: whose they are, and where."""
-    from scipy.spatial import ConvexHull
-
-    middle, reach = size / 2, _FAR_AWAY * size.max()
-    frame = reach * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    places = np.concatenate([points - middle, frame])
-    heights = (places**2).sum(axis=1) - np.append(weights, np.zeros(4))
-    hull = ConvexHull(np.column_stack([places, heights]) / [reach, reach, reach**2])
-    below = hull.equations[:, 2] < -1e-12
-    normals = hull.equations[below, :3]
-    corners = -0.5 * reach * normals[:, :2] / normals[:, 2:] + middle
-    owners = hull.simplices[below]
-    real = (owners < len(points)).ravel()
-    return owners.ravel()[real], np.repeat(corners, 3, axis=0)[real]
-
-
-def _in_order(owners: NDArray[np.int32], corners: Points, n_cells: int) -> Polygons:
-    """Put the corners of each cell in order around their middle, without those that coincide."""
-    counts = np.bincount(owners, minlength=n_cells)
-    middles = per_mass(sum_by_label(owners, corners, n_cells), counts)
-    steps = corners - middles[owners]
-    order = np.lexsort([np.arctan2(steps[:, 1], steps[:, 0]), owners])
-    owners, corners = owners[order], corners[order]
-    last = np.append(owners[1:] != owners[:-1], True)
-    starts = np.append(0, np.cumsum(counts))
-    following = np.arange(1, len(owners) + 1)
-    following[last] = starts[owners[last]]
-    distinct = np.hypot(*(corners[following] - corners).T) > _APART
-    ends = np.cumsum(np.bincount(owners[distinct], minlength=n_cells))[:-1]
-    polygons = np.split(corners[distinct], ends)
-    return tuple(polygon if len(polygon) > 2 else np.empty((0, 2)) for polygon in polygons)

@@ -78,11 +78,6 @@ def as_density(density: DensityLike) -> Density:
     callable
         From (N, D) points to (N,) densities.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If it has NaN or negative values, or is 0 everywhere.
-
     Examples
     --------
     >>> import numpy as np

@@ -25,15 +25,8 @@ from cvtimg.placement.moments import CellMoments, Moments
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[Points, Points], Points]
 
-#: Steps that are remembered.
-_MEMORY = 5
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
-#: How far an over-relaxed move goes beyond the center of mass.
-_RELAXATION = 1.8
-#: The inverse Hessian starts as the given one times a number in this range.
-_LEAST_SCALE, _LARGEST_SCALE = 0.5, 4.0
-
 
 #: Sums the products of two (K, D) arrays. The threads of a BLAS would change bits, and spin while they wait.
 dot: Callable[[Points, Points], float] = partial(np.einsum, "kd,kd")
@@ -42,11 +35,11 @@ dot: Callable[[Points, Points], float] = partial(np.einsum, "kd,kd")
 class StepMemory:
     """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
 
-    On surfaces figures hardly change from 5 to 10 steps; in the plane from 4 to 12, and 3 need more moves.
+    Of `size` steps: on surfaces figures hardly change from 5 to 10; in the plane from 4 to 12, and 3 need more moves.
     """
 
-    def __init__(self) -> None:
-        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=_MEMORY)
+    def __init__(self, size: int = 5) -> None:
+        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=size)
 
     def __len__(self) -> int:
         return len(self._pairs)
@@ -64,7 +57,7 @@ class StepMemory:
         return is_convex
 
     def times(self, gradient: Points, start: Callable[[Points], Points], scale: float = 1.0) -> Points:
-        """Multiply a gradient by the inverse Hessian, which starts as `start` times about `scale`."""
+        """Multiply a gradient by the inverse Hessian, which starts as `start`, times `scale` at first."""
         rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
         for step, change, product in reversed(self._pairs):
             part = dot(step, rest) / product
@@ -73,8 +66,7 @@ class StepMemory:
         rest = start(rest)
         if self._pairs:
             _, change, product = self._pairs[-1]
-            found = product / dot(start(change), change)
-            scale = min(max(found, _LEAST_SCALE * scale), _LARGEST_SCALE * scale)
+            scale = product / dot(start(change), change)
         rest *= scale
         for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
             rest += np.multiply(step, part - dot(change, rest) / product, out=buffer)
@@ -147,12 +139,12 @@ Descend = Callable[[CellMoments, Points, Terms], Descent]
 
 def lloyd(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
     """Move each generator to the center of mass of its cell: sure, and slow near the end."""
-    return _follow(moments, generators, terms, _Relaxed(moments, terms, 1.0))
+    return _follow(moments, generators, terms, partial(_relaxed, moments, terms, 1.0))
 
 
-def over_relaxed(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
-    """Move each generator beyond the center of mass of its cell: about half as many moves as Lloyd's."""
-    return _follow(moments, generators, terms, _Relaxed(moments, terms, _RELAXATION))
+def over_relaxed(moments: CellMoments, generators: Points, terms: Terms, factor: float = 1.8) -> Descent:
+    """Move each generator `factor` times the way to the center of mass of its cell: about half of Lloyd's moves."""
+    return _follow(moments, generators, terms, partial(_relaxed, moments, terms, factor))
 
 
 def l_bfgs(moments: CellMoments, generators: Points, terms: Terms) -> Descent:
@@ -203,19 +195,12 @@ def _follow(moments: CellMoments, generators: Points, terms: Terms, move: Callab
     return Descent(at.generators, at.moments, tuple(history.energies), history.converged)
 
 
-class _Relaxed:
-    """Moves of Lloyd's, `factor` times as far; where that raises the energy, as far as Lloyd's."""
-
-    def __init__(self, moments: CellMoments, terms: Terms, factor: float) -> None:
-        self._moments = moments
-        self._terms = terms
-        self._factor = factor
-
-    def __call__(self, at: _State) -> _State:
-        there = _moved(self._moments, at, self._factor * at.to_centroids, self._terms)
-        if self._factor == 1 or there.energy < at.energy:
-            return there
-        return _moved(self._moments, at, at.to_centroids, self._terms)
+def _relaxed(moments: CellMoments, terms: Terms, factor: float, at: _State) -> _State:
+    """Move as Lloyd's method does, `factor` times as far; where that raises the energy, as far."""
+    there = _moved(moments, at, factor * at.to_centroids, terms)
+    if factor == 1 or there.energy < at.energy:
+        return there
+    return _moved(moments, at, at.to_centroids, terms)
 
 
 class _QuasiNewton:

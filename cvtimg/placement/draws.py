@@ -15,17 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.checks import check_count
+from cvtimg._shared.checks import check_at_least, check_count
 from cvtimg._shared.sums import per_mass
 from cvtimg.engine.methods import Probabilistic
 from cvtimg.placement.densities import Density, DensityLike, Points, as_density
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import Moments
-from cvtimg.placement.pictures import MOST_GENERATORS
 from cvtimg.placement.place import draw_start
 from cvtimg.placement.polygons import as_region
-from cvtimg.placement.regions import Region
+from cvtimg.placement.regions import MOST_POINTS, Region
 from cvtimg.placement.result import Placement
 from cvtimg.placement.samples import SampleMoments
 
@@ -33,8 +32,6 @@ from cvtimg.placement.samples import SampleMoments
 _PARTS = 8
 #: Points for each generator in a move, and in the measure at the end.
 _DRAWS_PER_GENERATOR, _MEASURED_PER_GENERATOR = 64, 400
-#: Moves at most, which nobody waits for.
-_MOST_MOVES = 1 << 30
 #: The method of MacQueen: one point in a move.
 MACQUEEN = Probabilistic(draws=1, a1=1.0, a2=0.0, b1=0.0, b2=1.0)
 
@@ -76,10 +73,6 @@ def place_by_draws(
         Its energies are estimates by the points of each move, which may rise. The last one, and the masses and
         centroids, are of points that are drawn anew.
 
-    See Also
-    --------
-    cvtimg.place_generators
-
     Notes
     -----
     `place_generators` ends lower in less time. This is for regions where only drawing is possible, and for densities
@@ -93,8 +86,8 @@ def place_by_draws(
     [[0.5, 0.5], [1.5, 0.5]]
     """
     where, weight = as_region(region), as_density(density)
-    check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
-    check_count("n_moves", n_moves, _MOST_MOVES, "as many as anybody waits for")
+    check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")
+    check_at_least("n_moves", n_moves, 1, "how often points are drawn")
     family = rule or Probabilistic(draws=_DRAWS_PER_GENERATOR * n_generators)
     draws = family.draws or _DRAWS_PER_GENERATOR * n_generators
     random = np.random.default_rng(rng)

@@ -14,9 +14,6 @@ from cvtimg._shared.extras import optional
 from cvtimg.placement.densities import Points
 from cvtimg.placement.regions import Box, Geometry, Region, low_discrepancy
 
-#: Newton steps to the zero set at most, each about doubling the number of right digits; and the longest step, in
-#: diagonals of the box, for where the gradient nearly vanishes.
-_STEPS, _LONGEST = 30, 0.25
 #: Points by which the measure of a region is counted.
 _COUNTED = 1 << 17
 #: Cells along each axis by which the boundary of a region is traced.
@@ -51,19 +48,22 @@ class ImplicitFunction:
         asides = step * np.eye(self.box.n_dims)
         return np.stack([(self(points + aside) - self(points - aside)) / (2 * step) for aside in asides], axis=1)
 
-    def to_zero(self, points: Points, *, slide: bool = False) -> Points:
-        """Move points along the gradient to where the function is 0: Newton's method.
+    def to_zero(self, points: Points, *, slide: bool = False, steps: int = 30, longest: float = 0.25) -> Points:
+        """Move points along the gradient to where the function is 0: Newton's method, at most so many steps.
+
+        Each about doubles the number of right digits; the longest, in diagonals of the box, is for where the gradient
+        nearly vanishes.
 
         Those that come to lie outside of the box are projected to it at the end, where they are nearest; or with
         `slide` at each step, where they are still on the zero set if that leaves the box.
         """
         places, size = points, float(np.linalg.norm(self.box.sides))
-        for _ in range(_STEPS):
+        for _ in range(steps):
             values, slopes = self(places), self.slopes(places)
             steep = (slopes**2).sum(axis=1)
             step = np.where(steep > 0, values / np.maximum(steep, 1e-300), 0)[:, None] * slopes
             length = np.linalg.norm(step, axis=1, keepdims=True)
-            places = places - step * np.minimum(1, _LONGEST * size / np.maximum(length, 1e-300))
+            places = places - step * np.minimum(1, longest * size / np.maximum(length, 1e-300))
             if slide:
                 places = self.box.project(places)
             if length.max(initial=0) < 1e-12 * size:

@@ -89,6 +89,18 @@ class PixelMoments:
     scale : float
     mass : float
         Sum of the density.
+
+    Notes
+    -----
+    Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the image:
+    with 20 pixels in each cell centroids are right to 1 or 2 percent of the distance between generators.
+
+    Examples
+    --------
+    >>> from cvtimg.placement import PixelMoments
+    >>> moments = PixelMoments([[1, 1, 1, 3]])([[1, 0.5], [3, 0.5]])
+    >>> moments.masses.tolist(), moments.centroids.tolist()
+    ([2.0, 4.0], [[1.0, 0.5], [3.25, 0.5]])
     """
 
     __slots__ = ("_center", "_spread", "density", "mass", "scale")
@@ -108,9 +120,13 @@ class PixelMoments:
         self._center: NDArray[np.float64] = center / scale
         self._spread = float(spread) / scale**2
 
-    def __call__(self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None) -> Moments:
-        """Compute the moments of the cells of (K, 2) generators, with weights those of power cells."""
-        sums = self._sums(self._buckets(generators, weights))
+    def __call__(self, generators: ArrayLike, /, weights: ArrayLike | None = None) -> Moments:
+        """Compute the moments of the cells of (K, 2) generators (x, y), with (K,) weights those of power cells.
+
+        A place then belongs to the generator with the least squared distance minus weight.
+        """
+        generators = check_places("points", generators, 2)
+        sums = self._sums(self._buckets(generators, _checked(weights, len(generators))))
         masses = sums[:, 0].copy()
         centroids = per_mass(sums[:, 1:], masses) / self.scale
         centroids[masses <= 0] = generators[masses <= 0]
@@ -150,43 +166,6 @@ class PixelMoments:
 
         in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
         return buckets.add_parts(sums, touched)
-
-
-def pixel_moments(density: ArrayLike, points: ArrayLike, *, weights: ArrayLike | None = None) -> Moments:
-    """Compute the masses, centroids and energy of Voronoi or power cells over an image.
-
-    Parameters
-    ----------
-    density : (H, W) array
-        Density of each pixel, finite, >= 0 and not all 0.
-    points : (K, 2) array
-        Generators (x, y) in pixels, x to the right and y down; the first pixel covers [0, 1] x [0, 1].
-    weights : (K,) array, optional
-        Weights of power cells, in squared pixels: a point belongs to the generator with the least squared distance
-        minus weight.
-
-    Returns
-    -------
-    Moments
-
-    See Also
-    --------
-    pixel_labels, place_in_picture
-
-    Notes
-    -----
-    Cells are cut exactly along the middle line of each row of pixels. Where a dot has few pixels, enlarge the image:
-    with 20 pixels in each cell centroids are right to 1 or 2 percent of the distance between generators.
-
-    Examples
-    --------
-    >>> from cvtimg.placement import pixel_moments
-    >>> moments = pixel_moments([[1, 1, 1, 3]], [[1, 0.5], [3, 0.5]])
-    >>> moments.masses.tolist(), moments.centroids.tolist()
-    ([2.0, 4.0], [[1.0, 0.5], [3.25, 0.5]])
-    """
-    places = check_places("points", points, 2)
-    return PixelMoments(density)(places, _checked(weights, len(places)))
 
 
 def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLike | None = None) -> NDArray[np.int32]:

@@ -6,25 +6,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_fewer, check_picture_density, check_places
-from cvtimg._shared.choices import EffortName
-from cvtimg._shared.iteration import Callback, Stopping, Watch
+from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
-from cvtimg.placement import _placement
+from cvtimg.engine.samples import along_curve
 from cvtimg.placement.densities import Points
-from cvtimg.placement.descent import DESCENTS, Descent, Projection, Terms
+from cvtimg.placement.descent import Descend, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
-from cvtimg.placement.polygons import NearestPixel, PictureRegion
-from cvtimg.placement.result import Placement
+from cvtimg.placement.polygons import NearestPixel
 
 #: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
 #: A coarser level is worth its time from so many generators on.
 _WORTH_A_LEVEL = 1000
-#: Part of the time that coarser levels take together.
-_COARSE = 0.3
+#: Pixels for each generator that are enough to start from.
+_PIXELS_TO_START = 256
 #: Children of a generator: offsets from it, as parts of the distance to its nearest neighbor.
 _CHILDREN = np.array([[-2, -1], [1, -2], [2, 1], [-1, 2]]) / 6
 
@@ -37,90 +34,30 @@ class PlacementEffort:
     in_picture: Stopping  # when to stop in the picture itself
     elsewhere: Stopping  # when to stop in other regions
     samples: int  # for each generator, where cells are not integrated exactly
-    most_samples: int  # of all generators
+    all_samples: tuple[int, int]  # of all generators, at least and at most
     n_starts: int = 1  # in other regions, of which the best is kept
 
 
 #: The registry: names for `effort`.
 EFFORTS = {
     "fast": PlacementEffort(
-        (Stopping(1e-3, 12), Stopping(1e-3, 12)), Stopping(1e-3, 8), Stopping(1e-3, 15), 100, 1 << 17
+        (Stopping(1e-3, 12), Stopping(1e-3, 12)), Stopping(1e-3, 8), Stopping(1e-3, 15), 100, (1 << 14, 1 << 17)
     ),
     "balanced": PlacementEffort(
-        (Stopping(1e-5, 40), Stopping(1e-4, 20)), Stopping(9e-5, 36), Stopping(1e-6, 100), 400, 1 << 19
+        (Stopping(1e-5, 40), Stopping(1e-4, 20)), Stopping(9e-5, 36), Stopping(1e-6, 100), 400, (1 << 14, 1 << 19)
     ),
     "best": PlacementEffort(
-        (Stopping(1e-5, 40), Stopping(1e-5, 40)), Stopping(1e-6, 400), Stopping(1e-10, 1000), 1000, 1 << 21, n_starts=8
+        (Stopping(1e-5, 40), Stopping(1e-5, 40)),
+        Stopping(1e-6, 400),
+        Stopping(1e-10, 1000),
+        1000,
+        (1 << 14, 1 << 21),
+        n_starts=8,
     ),
 }
 
 #: Fixed generators are apart by more than this part of the diagonal of their region.
 _APART = 1e-9
-#: More generators than this need more memory than a machine has.
-MOST_GENERATORS = 1 << 28
-
-
-def place_in_picture(
-    density: ArrayLike,
-    n_generators: int,
-    *,
-    fixed: ArrayLike | None = None,
-    method: str = "l-bfgs",
-    effort: EffortName = "balanced",
-    rng: int | np.random.Generator = 0,
-    callback: Callback | None = None,
-) -> Placement:
-    """Place generators in an image, each at the center of mass of its own Voronoi cell.
-
-    Parameters
-    ----------
-    density : (H, W) array
-        Mass of each pixel, finite, >= 0 and not all 0. Where it is 0 no generator is placed.
-    n_generators : int
-        Number of generators K, with the fixed ones.
-    fixed : (L, 2) array, optional
-        Generators (x, y) that stay in place: the first L of the K.
-    method : {"l-bfgs", "over-relaxed", "lloyd"}
-        How generators move.
-    effort : {"fast", "balanced", "best"}
-        How long: energies of "balanced" end about 0.2 percent over those of "best" in a tenth of the time.
-    rng : int or numpy.random.Generator
-        Seed of the start. The same seed gives the same bits, whatever the number of threads.
-    callback : callable, optional
-        Called before each move with its number and the energy, which is that of a coarser level at first; it stops by
-        returning True.
-
-    Returns
-    -------
-    Placement
-        Points (x, y) in pixels; those that are not fixed in about the order of a Hilbert curve.
-
-    See Also
-    --------
-    cvtimg.place_generators, cvtimg.stipple, pixel_moments, pixel_labels
-
-    Notes
-    -----
-    With density rho there are about rho^(1/2) generators in an area.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.placement import place_in_picture
-    >>> placement = place_in_picture(np.ones((4, 8)), 2)
-    >>> np.sort(placement.points, axis=0).round(1).tolist()
-    [[2.0, 2.0], [6.0, 2.0]]
-    """
-    mass = check_picture_density("density", density)
-    check_count("n_generators", n_generators, MOST_GENERATORS, "what memory holds")
-    still = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
-    check_fewer("fixed", len(still), n_generators)
-    check_apart("fixed", still, np.array([[0, 0], mass.shape[::-1]]))
-    check_choice("method", method, DESCENTS)
-    moments, settings = picture_moments(mass, n_generators), EFFORTS[check_choice("effort", effort, EFFORTS)]
-    random = np.random.default_rng(rng)
-    end = place_by_levels(moments, n_generators, still, method, settings, random, Watch(callback))
-    return Placement.of(end, PictureRegion(np.ones(mass.shape, bool)))
 
 
 def check_apart(name: str, points: Points, bounds: NDArray[Any]) -> None:
@@ -146,15 +83,11 @@ def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMom
 
 def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     """Enlarge an image by bilinear interpolation, of which masses of pixels are left, and 0 where it is 0."""
+    from scipy.ndimage import zoom
+
     if factor == 1:
         return density
-    large = density
-    for axis in (0, 1):
-        n = density.shape[axis]
-        at = np.clip((np.arange(n * factor) + 0.5) / factor - 0.5, 0, n - 1)
-        low = np.minimum(at.astype(np.intp), max(n - 2, 0))
-        part = (at - low).astype(np.float32)[:, None] if axis == 0 else (at - low).astype(np.float32)
-        large = large.take(low, axis) * (1 - part) + large.take(np.minimum(low + 1, n - 1), axis) * part
+    large: NDArray[np.float32] = zoom(density, factor, order=1, mode="nearest", grid_mode=True)
     large *= np.float32(factor**-2)
     large.reshape(len(density), factor, -1, factor).swapaxes(1, 2)[density == 0] = 0
     return large
@@ -164,34 +97,36 @@ def place_by_levels(
     moments: PixelMoments,
     n_generators: int,
     fixed: Points,
-    method: str,
+    method: Descend,
     effort: PlacementEffort,
     rng: np.random.Generator,
     watch: Watch,
 ) -> Descent:
-    """Place generators, the first of them fixed, and the others in about the order of a Hilbert curve."""
+    """Place generators, the first of them fixed, and the others in about the order of a curve."""
 
     def descend(cells: PixelMoments, free: Points, stopping: Stopping, project: Projection | None = None) -> Descent:
         movable = np.arange(len(fixed) + len(free)) >= len(fixed) if len(fixed) else None
         terms = Terms(stopping, movable, project, watch=watch)
-        return DESCENTS[method](cells, np.concatenate([fixed, free]), terms)
+        return method(cells, np.concatenate([fixed, free]), terms)
 
     def start(cells: PixelMoments, n_free: int, coarser: tuple[Stopping, ...]) -> Points:
         if not coarser or n_free < _WORTH_A_LEVEL:
-            return along_hilbert_curve(cells.density, n_free, rng) / cells.scale
+            while cells.density.size > _PIXELS_TO_START * n_free:
+                cells = cells.halved()
+            return draw_along_curve(cells.density, n_free, rng) / cells.scale
         coarse = cells.halved()
-        with part(0, _COARSE):
+        with part(0, 1 / 4):  # it has a quarter of the pixels
             first = start(coarse, -(-n_free // 4), coarser[:-1])
-        with part(_COARSE, 1):
+        with part(1 / 4, 1):
             end = descend(coarse, first, coarser[-1])
         height, width = cells.density.shape
         split = split_generators(end.generators[len(fixed) :], n_free)
         return np.clip(split, 0, np.array([width, height]) / cells.scale)
 
     project = WhereMassIs(moments)
-    with part(0, _COARSE):
+    with part(0, 1 / 4):
         free = start(moments, n_generators - len(fixed), effort.coarse)
-    with part(_COARSE, 1):
+    with part(1 / 4, 1):
         return descend(moments, project(free, free), effort.in_picture, project)
 
 
@@ -215,24 +150,23 @@ class WhereMassIs:
         if not len(white):
             return there
         if self._nearest is None:
-            self._nearest = NearestPixel(self._mass)
+            self._nearest = NearestPixel.of(self._mass)
         moved = there.copy()
         moved[white] = self._nearest(places[white]) / self._scale
         return moved
 
 
-def along_hilbert_curve(density: NDArray[np.float32], n_generators: int, rng: np.random.Generator) -> Points:
-    """Draw (K, 2) places, in pixels, in the order of a Hilbert curve; each in one of K parts of equal rho^(1/2).
+def draw_along_curve(density: NDArray[np.float32], n_generators: int, rng: np.random.Generator) -> Points:
+    """Draw (K, 2) places, in pixels, in the order of a Morton curve; each in one of K parts of equal rho^(1/2).
 
     In the plane a centroidal Voronoi tessellation of many generators has about rho^(1/2) of them in an area (Gersho's
     conjecture). A start by rho itself would leave light parts to few, and a uniform one cells without mass.
     """
-    weights = np.sqrt(density)
-    places = np.empty((n_generators, 2))
-    total = weights.sum(dtype=np.float64)
-    found = _placement.place_along_curve(weights, total / n_generators, places)
-    places[found:] = places[found - 1]  # but for rounding, all are found
-    return places + rng.random(places.shape)
+    pixels = np.stack(np.unravel_index(np.arange(density.size), density.shape)[::-1], axis=1)
+    pixels = pixels[along_curve(pixels)]
+    weights = np.cumsum(np.sqrt(density[pixels[:, 1], pixels[:, 0]], dtype=np.float64))
+    own = np.searchsorted(weights, (np.arange(n_generators) + 0.5) / n_generators * weights[-1])
+    return pixels[own] + rng.random((n_generators, 2))
 
 
 def split_generators(generators: Points, n_generators: int) -> Points:

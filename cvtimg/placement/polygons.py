@@ -266,14 +266,10 @@ class PictureRegion(Region):
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
-        if self.mask.all() and self.mask.ndim == 2:
-            return _shapely().box(*self.bounds.ravel())
-        return self.polygons(tolerance).geometry
-
-    def polygons(self, tolerance: float = 0) -> PolygonRegion:
-        """Return the same region as polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
         check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
-        return PolygonRegion.from_labels(self.mask, tolerance=tolerance)
+        if self.mask.all():
+            return _shapely().box(*self.bounds.ravel())
+        return PolygonRegion.from_labels(self.mask, tolerance=tolerance).geometry
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which of (N, D) points lie in a pixel of the mask."""
@@ -288,21 +284,15 @@ class PictureRegion(Region):
         places = self._checked(points).copy()
         outside = ~self.contains(places)
         if outside.any():
-            places[outside] = NearestPixel(self.mask)(places[outside])
+            places[outside] = NearestPixel.of(self.mask)(places[outside])
         return places
 
     def to_boundary(self, points: ArrayLike) -> Points:
         """Move points to the nearest side between a pixel of the mask and another."""
-        from scipy.spatial import cKDTree
-
-        places = self._checked(points)
         sides, axes = self._sides()
-        near = cKDTree(sides).query(places, min(8, len(sides)))[1].reshape(len(places), -1)
-        # The nearest point of each of the nearest sides: a side has no extent along its own axis.
-        half = np.where(np.arange(self.n_dims) == axes[near][..., None], 0, 0.5)
-        ends = np.clip(places[:, None], sides[near] - half, sides[near] + half)
-        best = ((ends - places[:, None]) ** 2).sum(axis=2).argmin(axis=1)
-        return ends[np.arange(len(places)), best]
+        # A side has no extent along its own axis.
+        half = np.where(np.arange(self.n_dims) == axes[:, None], 0, 0.5)
+        return NearestPixel(sides, half)(self._checked(points))
 
     def boundary_points(self, spacing: float) -> Points:
         """Return the middles of the sides between pixels of the mask and others, thinned to `spacing`."""
@@ -333,19 +323,29 @@ class PictureRegion(Region):
 
 
 class NearestPixel:
-    """Finds the nearest point of the pixels of a mask, for points outside of it, any number of times."""
+    """Finds the nearest point of pixels, or of their sides, for points outside of them, any number of times.
 
-    def __init__(self, mask: NDArray[np.bool_]) -> None:
+    They have centers (M, D) and reach so far from them along each axis: half, (M, D).
+    """
+
+    def __init__(self, centers: Points, half: Points) -> None:
         from scipy.spatial import cKDTree
 
-        self._centers = _border(mask)
-        self._tree = cKDTree(self._centers)
+        self._centers, self._half = centers, half
+        self._tree = cKDTree(centers)
+
+    @classmethod
+    def of(cls, mask: NDArray[np.bool_]) -> NearestPixel:
+        """Make it of the pixels of a mask."""
+        centers = _border(mask)
+        return cls(centers, np.full(centers.shape, _TO_SIDE))
 
     def __call__(self, points: Points) -> Points:
         """Move (N, D) points."""
         n = min(8, len(self._centers))
         near = self._tree.query(points, n)[1].reshape(len(points), n)
-        ends = np.clip(points[:, None], self._centers[near] - _TO_SIDE, self._centers[near] + _TO_SIDE)
+        centers, half = self._centers[near], self._half[near]
+        ends = np.clip(points[:, None], centers - half, centers + half)
         best = ((ends - points[:, None]) ** 2).sum(axis=2).argmin(axis=1)
         return ends[np.arange(len(points)), best]
 
@@ -373,11 +373,6 @@ def as_region(region: Any) -> Region:
     Returns
     -------
     Region
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is none of these, or is empty.
 
     Examples
     --------

@@ -20,8 +20,8 @@ Geometry: TypeAlias = Any
 
 #: Sides of boxes, so that areas of their cells are no larger, and no smaller, than numbers can be.
 _SHORTEST, _LONGEST = 1e-60, 1e60
-#: More samples than this need more memory than a machine has.
-_MOST = 1 << 30
+#: More points than this need more memory than a machine has.
+MOST_POINTS = 1 << 28
 
 
 class Region(ABC):
@@ -111,7 +111,7 @@ class Region(ABC):
         >>> sorted(tessellate(samples, 2).generators.round(1).tolist())
         [[0.5, 0.5], [1.5, 0.5]]
         """
-        check_count("n", n, _MOST, "what memory holds")
+        check_count("n", n, MOST_POINTS, "what memory holds")
         points = self.draw(n, rng)
         weights = as_density(density)(points) * (self.measure / n)
         return WeightedSamples(points, weights, in_order=False)

@@ -72,12 +72,6 @@ class Placement(ReadOnly):
         tuple of cvtimg.labels.Polygon
             By label, which is the index of the point plus 1; a cell that its region cuts apart has several.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If the region is no box, polygon or image of the plane, where cells are polygons; or if the generators are
-            segments or circles. `masses`, `centroids` and `measures` are known in all regions.
-
         Notes
         -----
         Needs shapely: ``pip install 'cvtimg[regions]'``. Cells of the Euclidean metric, for regions of the plane.

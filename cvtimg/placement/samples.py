@@ -91,7 +91,7 @@ class SampleMoments:
         best = lengths.argmin(axis=1)
         rows = np.arange(len(best))
         labels = near[rows, best]
-        least = self._gauge.range(self._rows.shape[1])[0]
+        least = self._gauge.least(self._rows.shape[1])
         unsure = np.flatnonzero((least * distances[:, -1] < lengths[rows, best]) & (n < len(generators)))
         for part in np.array_split(unsure, -(-len(unsure) * len(generators) // _AT_ONCE)) if len(unsure) else ():
             steps = (self._rows[part, None] - generators).reshape(-1, generators.shape[1])

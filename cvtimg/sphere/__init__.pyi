@@ -1,6 +1,5 @@
 from .coasts import CoastalGrid as CoastalGrid
 from .coasts import coastal_grid as coastal_grid
-from .culling import Box as Box
 from .culling import PartialGrid as PartialGrid
 from .culling import cull_land as cull_land
 from .culling import limit_area as limit_area
@@ -14,8 +13,9 @@ from .formats.polygons import cell_polygons as cell_polygons
 from .grids import EFFORTS as EFFORTS
 from .grids import GridEffort as GridEffort
 from .grids import sphere_grid as sphere_grid
-from .nesting import Cap as Cap
 from .nesting import nested_grid as nested_grid
+from .parts import Box as Box
+from .parts import Cap as Cap
 from .result import GridMeasures as GridMeasures
 from .result import SphereGrid as SphereGrid
 from .result import measure_grid as measure_grid

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -24,24 +24,24 @@ from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.triangulation import Points, SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
 
-#: Coasts are smoothed by this part of the size of a cell; islands and lakes smaller than so many cells are left out.
-_SMOOTHING, _FEWEST_CELLS = 1.0, 6.0
-#: Pixels for each cell that coasts are drawn with.
-_PIXELS = 3.0
-#: Islands that are left out, and lakes, are so far from the height of the coast, 0.5.
-_FLAT = 0.02
-#: Two points meet on a coast where they would be nearer than this part of a cell.
-_TOGETHER = 0.05
-#: How far a crowded point moves off the coast, in cell sizes.
-_ASIDE = 1.1
-#: A point is crowded if its cell holds less of the coast than this share of the size, and than its neighbors' cells.
-_CROWDED = 0.8
-#: Crowded points move every so many moves, in the first part of all moves.
-_EVERY, _FIRST_PART = 10, 0.7
-#: Rounds of polishing; each adds the points that have come to the coast, and makes this many moves.
-_ROUNDS, _MOVES = 20, 50
-#: Then it goes on for the angles that are out of these bounds, in degrees: where coasts turn, few are near to 60.
-_WIDER, _LAST_MOVES = (35.0, 89.0), 200
+
+@dataclass(frozen=True, slots=True)
+class CoastSettings:
+    """How coasts are drawn, and how points follow them; lengths are in sizes of cells."""
+
+    smoothing: float = 1.0  # of coasts: cells cannot follow less
+    fewest_cells: float = 6.0  # of islands and lakes; smaller ones are left out
+    pixels: float = 3.0  # that a cell is drawn with
+    together: float = 0.05  # two points meet on a coast where they would be nearer than this
+    crowded: float = 0.8  # a point has too little of a coast if its cell holds less, and less than its neighbors' do
+    aside: float = 1.1  # how far it then moves off
+    every: int = 10  # moves, and only in the first two thirds of them, so that the others settle
+    rounds: int = 20  # of polishing; each adds the points that have come to the coast
+    polishing: tuple[int, int] = (50, 200)  # moves in a round: to the usual bounds of angles, then to wider ones
+    wider: tuple[float, float] = (35.0, 89.0)  # in degrees: where coasts turn, few angles are near to 60
+
+
+_HOW = CoastSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -88,15 +88,6 @@ def coastal_grid(
     -------
     CoastalGrid
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or the globe has no coast that cells can follow.
-
-    See Also
-    --------
-    cvtimg.sphere_grid, nested_grid
-
     Examples
     --------
     >>> import numpy as np
@@ -122,21 +113,19 @@ def coastal_grid(
         there = unit(mesh.points + cells.pulls / cells.masses[:, None])
         on_coast = coast.claimed(there, coast.crosses(mesh, on_coast), float(np.sqrt(cells.areas.min())))
         centers, there[on_coast] = there[on_coast], coast.nearest(there[on_coast])
-        if move % _EVERY == _EVERY - 1 and move < _FIRST_PART * settings.moves:
+        if move % _HOW.every == _HOW.every - 1 and move < 2 / 3 * settings.moves:
             # Where two rows of points come to the same coast, one of them must leave it.
             sizes = np.sqrt(cells.areas)
             aside = coast.crowded(mesh, on_coast, sizes)
             ways = (centers - there[on_coast])[aside[on_coast]]
-            lengths = np.maximum(np.sqrt(np.einsum("ij,ij->i", ways, ways)), 1e-300)
-            there[aside] = unit(there[aside] + (_ASIDE * sizes[aside] / lengths)[:, None] * ways)
+            lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-300)
+            there[aside] = unit(there[aside] + (_HOW.aside * sizes[aside] / lengths)[:, None] * ways)
             on_coast &= ~aside
         mesh.replace(there)
     on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh).areas))
     grid = as_grid(mesh, sums, ~on_coast)
-    names = ("points", "triangles", "areas", "density", "energy", "offset")
-    values = {name: getattr(grid, name) for name in names}
-    on_land = coast.is_land(mesh.points) & ~on_coast
-    return CoastalGrid(**values, fixed=np.zeros(n, bool), on_coast=on_coast, on_land=on_land)
+    values = {one.name: getattr(grid, one.name) for one in fields(grid)} | {"fixed": np.zeros(n, bool)}
+    return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(mesh.points) & ~on_coast)
 
 
 def _settled(
@@ -148,12 +137,12 @@ def _settled(
         there[on_coast] = coast.nearest(there[on_coast])
         return there
 
-    for _ in range(_ROUNDS):
+    for _ in range(_HOW.rounds):
         added = coast.crosses(mesh, on_coast) & ~on_coast
         on_coast = coast.claimed(mesh.points, on_coast | added, float(sizes.min()))
         mesh.replace(project(mesh.points.copy(), mesh.points))
-        polish_angles(mesh, sizes, _MOVES, project=project)
-        polish_angles(mesh, sizes, _LAST_MOVES, bounds=_WIDER, project=project)
+        polish_angles(mesh, sizes, _HOW.polishing[0], project=project)
+        polish_angles(mesh, sizes, _HOW.polishing[1], bounds=_HOW.wider, project=project)
         if not (coast.crosses(mesh, on_coast) & ~on_coast).any():
             break
     return on_coast
@@ -177,24 +166,20 @@ class Coast:
         from skimage import measure
 
         mask = check_globe("land", check_picture_density("land", land))
-        coarse = GlobePicture.padded(mask / mask.max()).coarsened(size / _PIXELS)
+        coarse = GlobePicture.padded(mask / mask.max()).coarsened(size / _HOW.pixels)
         height = GlobePicture.padded(_smoothed(coarse.picture, size))
         n_rows, n_columns = height.picture.shape
-        starts, ends, before = [], [], []
         find_contours: Any = measure.find_contours
         lines = find_contours(np.concatenate([height.picture, height.picture[:, :1]], axis=1), 0.5)
         check_that("land", len(lines) > 0, "have a coast that cells can follow")
-        n_arcs = 0
-        for line in lines:
-            places = from_degrees((line[:, 1] + 0.5) * 360 / n_columns - 180, 90 - (line[:, 0] + 0.5) * 180 / n_rows)
-            starts.append(places[:-1])
-            ends.append(places[1:])
-            numbers = n_arcs + np.arange(-1, len(line) - 2)
-            numbers[0] = n_arcs + len(line) - 2 if (line[0] == line[-1]).all() else n_arcs
-            before.append(numbers)
-            n_arcs += len(line) - 1
-        first = np.concatenate(starts)
-        return cls(height, first, np.concatenate(ends), np.concatenate(before), cKDTree(first))
+        places = [
+            from_degrees((line[:, 1] + 0.5) * 360 / n_columns - 180, 90 - (line[:, 0] + 0.5) * 180 / n_rows)
+            for line in lines
+        ]
+        starts, ends = (np.concatenate([line[part] for line in places]) for part in (slice(-1), slice(1, None)))
+        tree = cKDTree(starts)
+        gaps, before = cKDTree(ends).query(starts)  # of closed lines the first arc follows the last one
+        return cls(height, starts, ends, np.where(gaps < 1e-12, before, np.arange(len(starts))), tree)
 
     def is_land(self, points: Points) -> NDArray[np.bool_]:
         """Tell which of (N, 3) points are on land."""
@@ -225,7 +210,7 @@ class Coast:
         which = np.flatnonzero(on_coast)
         places = self.nearest(points[which])
         far = np.linalg.norm(points[which] - places, axis=1)
-        pairs = cKDTree(places).query_pairs(_TOGETHER * size, output_type="ndarray")
+        pairs = cKDTree(places).query_pairs(_HOW.together * size, output_type="ndarray")
         claimed = on_coast.copy()
         claimed[which[np.where(far[pairs[:, 0]] < far[pairs[:, 1]], pairs[:, 1], pairs[:, 0])]] = False
         return claimed
@@ -242,7 +227,7 @@ class Coast:
         least = shares.copy()
         for k in range(3):  # one end of each edge sees the other here, and in the triangle beyond the other way around
             np.minimum.at(least, mesh.triangles[:, k], shares[mesh.triangles[:, k - 1]])
-        return (shares < _CROWDED) & (shares <= least)
+        return (shares < _HOW.crowded) & (shares <= least)
 
     def _on_arcs(self, points: Points, arcs: NDArray[np.intp]) -> Points:
         start, way = self.starts[arcs], self.ends[arcs] - self.starts[arcs]
@@ -255,7 +240,7 @@ def _smoothed(land: NDArray[Any], size: float) -> NDArray[np.float32]:
     from scipy.ndimage import gaussian_filter1d, label
 
     height, width = land.shape
-    sigma = _SMOOTHING * size * height / np.pi
+    sigma = _HOW.smoothing * size * height / np.pi
     smooth = gaussian_filter1d(land.astype(np.float64), sigma, axis=0, mode="nearest")
     along = np.cos(np.pi * ((np.arange(height) + 0.5) / height - 0.5))
     for row in range(height):
@@ -263,8 +248,9 @@ def _smoothed(land: NDArray[Any], size: float) -> NDArray[np.float32]:
     areas = np.broadcast_to((along * 2 * np.pi**2 / (height * width))[:, None], smooth.shape)
     for is_land in (True, False):
         parts, n_parts = label((smooth > 0.5) == is_land)
-        small = np.bincount(parts.ravel(), areas.ravel(), n_parts + 1) < _FEWEST_CELLS * size**2
+        small = np.bincount(parts.ravel(), areas.ravel(), n_parts + 1) < _HOW.fewest_cells * size**2
         small[np.unique(parts[:, [0, -1]])] = False  # on the date line, beyond which they may go on
         small[0] = False
-        smooth[small[parts]] = 0.5 - _FLAT if is_land else 0.5 + _FLAT
+        away = small[parts]
+        smooth[away] = 1 - smooth[away]  # as far from the height of the coast, 0.5, on the other side
     return smooth.astype(np.float32)

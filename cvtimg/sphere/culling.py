@@ -2,66 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import (
-    check_at_least,
-    check_in_range,
-    check_picture_density,
-    check_returned,
-    check_shape,
-    check_that,
-)
-from cvtimg.sphere.densities import GlobePicture, Points, check_globe, from_degrees, to_radians
+from cvtimg._shared.checks import check_at_least, check_shape, check_that
+from cvtimg.sphere.densities import Points, from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
+from cvtimg.sphere.parts import PartLike, inside_of
 from cvtimg.sphere.result import SavedGrid, SphereGrid
+from cvtimg.sphere.triangulation import unit
 
 #: Lines are followed in steps of this part of the smallest cell.
 _STEP = 0.2
-
-#: A part of the globe: a function from (N, 3) unit vectors to booleans, polygons in degrees (GeoJSON or shapely), or a
-#: map of the globe, white inside.
-PartLike: TypeAlias = "Callable[[Points], Any] | Mapping[str, Any] | ArrayLike | Any"
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """A part of the sphere between two meridians and two parallels.
-
-    Parameters
-    ----------
-    west, south, east, north : float
-        In degrees. It leads from west to east, across the antimeridian where east is less than west.
-
-    Examples
-    --------
-    >>> from cvtimg.sphere import Box
-    >>> Box(170, -10, -170, 10)([[-1, 0, 0], [1, 0, 0]]).tolist()
-    [True, False]
-    """
-
-    west: float
-    south: float
-    east: float
-    north: float
-
-    def __post_init__(self) -> None:
-        for name, value in (("west", self.west), ("east", self.east)):
-            check_in_range(name, value, -360 <= value <= 360, "in -360..360 degrees")
-        check_in_range("south", self.south, -90 <= self.south <= 90, "in -90..90 degrees")
-        check_in_range("north", self.north, self.south < self.north <= 90, "above south and at most 90 degrees")
-
-    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of (N, 3) points are inside."""
-        lon, lat = (np.degrees(angles) for angles in to_radians(np.asarray(points, np.float64)))
-        span = (self.east - self.west) % 360 or 360.0
-        return ((lon - self.west) % 360 <= span) & (lat >= self.south) & (lat <= self.north)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,15 +84,6 @@ def cull_land(
     -------
     PartialGrid
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or no cell is left.
-
-    See Also
-    --------
-    limit_area, coastal_grid
-
     Examples
     --------
     >>> import numpy as np
@@ -144,7 +92,7 @@ def cull_land(
     >>> cull_land(sphere_grid(642), lambda points: points[:, 2] > 0.33)
     PartialGrid(427 of 642 cells)
     """
-    sea = ~_inside("land", land, grid.points)
+    sea = ~inside_of("land", land, grid.points)
     held = _along(grid, straits)
     sea |= held
     starts, ends = grid.triangles.ravel(), np.roll(grid.triangles, -1, axis=1).ravel()
@@ -177,15 +125,6 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     -------
     PartialGrid
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or no cell is inside.
-
-    See Also
-    --------
-    cull_land, nested_grid
-
     Examples
     --------
     >>> from cvtimg import sphere_grid
@@ -197,7 +136,7 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     """
     check_at_least("layers", layers, 0, "the number of layers of cells around")
     whole, there = (grid.whole, grid.kept) if isinstance(grid, PartialGrid) else (grid, np.ones(len(grid.points), bool))
-    kept = there & _inside("within", within, whole.points)
+    kept = there & inside_of("within", within, whole.points)
     check_that("within", bool(kept.any()), "hold a point of the grid")
     numbers = np.where(kept, 0, -1)
     for layer in range(1, layers + 1):
@@ -205,29 +144,6 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
         numbers[near[(numbers[near] < 0) & there[near]]] = layer
     kept = numbers >= 0
     return PartialGrid(whole, kept, numbers[kept].astype(np.int32))
-
-
-def _inside(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:
-    """Tell which points are in a part."""
-    if callable(part):
-        inside = np.asarray(part(points))
-        check_returned(name, inside, len(points))
-        check_that(name, inside.dtype == np.bool_, "return booleans")
-        return inside
-    if isinstance(part, Mapping) or hasattr(part, "geom_type"):
-        return _in_polygons(part, points)
-    mask = check_globe(name, check_picture_density(name, part))
-    return np.asarray(GlobePicture.padded(mask / mask.max())(points) > 0.5)
-
-
-def _in_polygons(shape: Any, points: Points) -> NDArray[np.bool_]:
-    """Tell which points are in polygons of longitudes and latitudes, which may go beyond the antimeridian."""
-    from cvtimg.placement import PolygonRegion
-
-    region = PolygonRegion(shape)
-    lon, lat = (np.degrees(angles) for angles in to_radians(points))
-    turns = [region.contains(np.stack([lon + turn, lat], axis=1)) for turn in (-360, 0, 360)]
-    return np.logical_or.reduce(turns)
 
 
 def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
@@ -244,8 +160,7 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
         held[tree.query(corners)[1]] = True
         for start, end in pairwise(corners):
             parts = np.linspace(0, 1, int(np.linalg.norm(end - start) / step) + 2)[:, None]
-            places = start + parts * (end - start)
-            held[tree.query(places / np.linalg.norm(places, axis=1, keepdims=True))[1]] = True
+            held[tree.query(unit(start + parts * (end - start)))[1]] = True
     return held
 
 

@@ -19,8 +19,10 @@ Points = NDArray[np.float64]
 LEAST_DENSITY = 1e-8
 #: Pictures are often black somewhere, by which nothing is said of sizes: there, cells have 10 times the size.
 _LEAST_IN_PICTURES = 1e-4
-#: By how much sizes of cells may grow on the way through a cell, and rounds to find how many points that takes.
-_GROWTH, _ROUNDS = 0.15, 6
+#: By how much sizes of cells may grow on the way through a cell.
+GROWTH = 0.15
+#: Rounds to find how many points that takes.
+_ROUNDS = 6
 #: Where the largest density is looked for.
 _PROBES = 1 << 15
 
@@ -136,7 +138,7 @@ class GlobePicture:
         weights, factor = _row_weights(len(roots)), spacing
         for _ in range(_ROUNDS):
             sizes = factor / np.sqrt(roots)
-            limit_growth(sizes, _GROWTH)
+            limit_growth(sizes, GROWTH)
             factor *= np.sqrt(4 * np.pi * ((sizes**-2).mean(axis=1) @ weights) / n)
         return GlobePicture.padded(((sizes.min() / sizes) ** 4).astype(np.float32))
 
@@ -232,6 +234,12 @@ def from_degrees(lon: ArrayLike, lat: ArrayLike) -> Points:
     """Return unit vectors (N, 3) of longitudes and latitudes in degrees."""
     east, north = np.radians(np.atleast_1d(lon)), np.radians(np.atleast_1d(lat))
     return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=1)
+
+
+def pixel_places(height: int) -> Points:
+    """Return the places (2 H^2, 3) of the centers of the pixels of an image of the globe, row by row."""
+    steps = 180 * (np.arange(2 * height) + 0.5) / height
+    return from_degrees(np.tile(steps - 180, height), np.repeat(90 - steps[:height], 2 * height))
 
 
 def angles_from(lon: float, lat: float, points: Points) -> NDArray[np.float64]:

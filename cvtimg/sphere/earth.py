@@ -28,10 +28,6 @@ def earth_land() -> dict[str, Any]:
     dict
         A GeoJSON MultiPolygon.
 
-    See Also
-    --------
-    cull_land, earth_coasts
-
     Examples
     --------
     >>> from cvtimg import sphere_grid
@@ -50,10 +46,6 @@ def earth_coasts() -> list[NDArray[np.float64]]:
     -------
     list of (M, 2) arrays
         The boundaries of `earth_land`, which are closed but for that around the south pole.
-
-    See Also
-    --------
-    cvtimg.plotting.draw_map, cvtimg.plotting.draw_globe
     """
     rings = [np.array(ring) for polygon in _land()["coordinates"] for ring in polygon]
     return [np.split(ring, np.flatnonzero(ring[:, 1] == -90))[0] for ring in rings]

@@ -40,14 +40,20 @@ from cvtimg.sphere.widths import CellWidth
 
 #: More points than this have more edges than 32 bits number.
 MOST_POINTS = 1 << 28
-#: The coarsest level has at least this many points: few where all cells are alike, so that twelve are pentagons.
-_COARSEST, _COARSEST_WEIGHTED = 12, 600
-#: Starts of the coarsest level with cells alike, of which the lowest goes on, and their moves.
-_TRIALS, _TRIAL_MOVES = 8, 200
-#: Lattices on an icosahedron with at most so many steps along a side are not moved by coarser ones.
-_DIRECT = 32
-#: The coarsest level may have more points where `levels` says so; then there is one start.
-_FEW = 200
+
+
+@dataclass(frozen=True, slots=True)
+class _Starts:
+    """How grids begin."""
+
+    coarsest: tuple[int, int] = (12, 600)  # points at least: few where cells are alike, so that twelve are pentagons
+    trials: int = 8  # with cells alike, of which the lowest goes on
+    trial_moves: int = 200
+    few: int = 200  # with more points, as where `levels` says so, there is one start
+    direct: int = 32  # steps along a side of an icosahedron, at most, without moving a coarser lattice first
+
+
+_STARTS = _Starts()
 #: Places that the mean of a density is taken over.
 _FEWEST = 1 << 15
 #: Points are numbered along a curve from so many on.
@@ -134,10 +140,6 @@ def sphere_grid(
     -------
     SphereGrid
 
-    See Also
-    --------
-    cvtimg.sphere.CellWidth, cvtimg.sphere.nested_grid, cvtimg.sphere.coastal_grid
-
     Notes
     -----
     Points move by limited-memory BFGS. Moments of cells are exact for the density 1; other densities are taken to be
@@ -192,7 +194,7 @@ def _sizes(n: int, is_even: bool, levels: int | None) -> list[int]:
     """Numbers of points of all levels, from the coarsest."""
     if levels is not None:
         check_at_least("levels", levels, 1, "the number of grids, from the coarsest to that of n points")
-    coarsest, sizes = _COARSEST if is_even else _COARSEST_WEIGHTED, [n]
+    coarsest, sizes = _STARTS.coarsest[not is_even], [n]
     while (coarser := (sizes[-1] + 9) // 4) >= coarsest and len(sizes) != levels:
         if is_even and twist(sizes[-1]) and not twist(coarser):
             break
@@ -256,14 +258,18 @@ class _Plan:
             return icosahedron()
         if sides := twist(n):
             return self._latticed(*sides)
-        trials = [SphereTriangulation(random_points(n, self.rng)) for _ in range(_TRIALS if n <= _FEW else 1)]
-        return min(trials, key=lambda mesh: descend(mesh, uniform_cells, _TRIAL_MOVES, self.effort.tolerance).energy)
+        trials = [
+            SphereTriangulation(random_points(n, self.rng)) for _ in range(_STARTS.trials if n <= _STARTS.few else 1)
+        ]
+        return min(
+            trials, key=lambda mesh: descend(mesh, uniform_cells, _STARTS.trial_moves, self.effort.tolerance).energy
+        )
 
     def _latticed(self, h: int, k: int) -> SphereTriangulation:
         """Begin with a lattice on an icosahedron, moved as coarser ones are."""
         lattice = Lattice(h, k)
         steps = int(lattice.t**0.5)
-        if steps <= _DIRECT:
+        if steps <= _STARTS.direct:
             return SphereTriangulation(lattice.points())
         coarse = self._latticed(steps // 2, 0)
         self._descend(coarse, uniform_cells)

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_returned, check_that
+from cvtimg._shared.checks import check_at_least, check_choice, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg.sphere.densities import (
+    GROWTH,
     GlobePicture,
     Scaled,
     SphereDensity,
     SphereDensityLike,
-    angles_from,
     as_sphere_density,
-    check_center,
-    from_degrees,
+    pixel_places,
 )
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
+from cvtimg.sphere.parts import Cap, PartLike, inside_of
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.triangulation import Points, SphereTriangulation, WeightedCells, check_sphere_points, unit
 
@@ -34,59 +34,20 @@ _MARGIN, _PUSHES = 0.01, 4
 _CAPS = 6
 #: New points begin no nearer to kept ones than this part of the size of cells there.
 _APART = 0.6
-#: How fast sizes change from those of the parent to those of the new part, on the way through a cell; and by what
-#: factor faster, again and again, where so many points find no room while the finest cells are less than half the mean.
-_GROWTH, _FASTER, _FINEST = 0.15, 1.5, 0.5
-#: Halvings of the range in which the size of cells inside is looked for, and its ends by that of the parent.
-_HALVINGS, _SIZES = 60, (1e-3, 1e3)
+#: By what factor faster sizes change than by `GROWTH`, again and again, where so many points find no room while the
+#: finest cells are less than half the mean.
+_FASTER, _FINEST = 1.5, 0.5
+#: Ends of the range in which the size of cells inside is looked for, by that of the parent.
+_SIZES = (1e-3, 1e3)
 #: Height of the picture of distances from the border of a part that is no cap.
 _HEIGHT = 512
-
-
-@dataclass(frozen=True, slots=True)
-class Cap:
-    """A round part of the sphere.
-
-    Parameters
-    ----------
-    lon, lat : float
-        Its center in degrees.
-    radius : float
-        In degrees.
-
-    Examples
-    --------
-    >>> from cvtimg.sphere import Cap
-    >>> Cap(0, 90, 10)([[0, 0, 1], [1, 0, 0]]).tolist()
-    [True, False]
-    """
-
-    lon: float
-    lat: float
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_center(self.lon, self.lat)
-        check_in_range("radius", self.radius, 0 < self.radius < 180, "in 0..180 degrees")
-
-    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which of (N, 3) points are inside."""
-        return self.depth(np.asarray(points, np.float64)) > 0
-
-    def depth(self, points: Points) -> NDArray[np.float64]:
-        """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
-        return np.radians(self.radius) - angles_from(self.lon, self.lat, points)
-
-
-#: A part of the sphere: from (N, 3) points to whether they are inside.
-Part: TypeAlias = Callable[[Points], Any]
 
 
 def nested_grid(
     parent: SphereGrid | ArrayLike,
     n: int,
     *,
-    within: Part,
+    within: PartLike,
     density: SphereDensityLike = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -102,8 +63,8 @@ def nested_grid(
         A grid, or the points of one.
     n : int
         Number of new points.
-    within : callable
-        The part to replace: a `Cap`, or a function from (N, 3) unit vectors to booleans.
+    within : callable, GeoJSON, shapely geometry or (H, 2 H) array
+        The part to replace: a `Cap`, or what `limit_area` takes.
     density : callable, (H, 2 H) array, Refinement or sequence of these, optional
         As in `cvtimg.sphere_grid`, for the new points; so that they fit, cells near the border of the part should have
         the sizes of the parent. By default sizes change by 15 % from cell to cell, from those of the parent on,
@@ -115,15 +76,6 @@ def nested_grid(
     -------
     SphereGrid
         The kept points, in the order of the parent, are first; they are marked in `fixed`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or no point of the parent is inside or outside.
-
-    See Also
-    --------
-    cvtimg.sphere_grid, coastal_grid, Cap
 
     Examples
     --------
@@ -139,7 +91,9 @@ def nested_grid(
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     points = check_sphere_points("parent", parent.points if isinstance(parent, SphereGrid) else parent, least=4)
     mesh = SphereTriangulation(points, parent.triangles if isinstance(parent, SphereGrid) else None)
-    inside = _inside(within, points)
+    inside = inside_of("within", within, points)
+    check_that("within", inside.any(), "hold a point of the parent")
+    check_that("within", not inside.all(), "leave a point of the parent outside")
     kept = Kept.of(mesh, ~inside)
     transition = _Transition.of(mesh, inside, within)
     given = as_sphere_density(density)
@@ -155,15 +109,6 @@ def nested_grid(
     return as_grid(nested, sums, free)
 
 
-def _inside(within: Part, points: Points) -> NDArray[np.bool_]:
-    inside = np.asarray(within(points))
-    check_returned("within", inside, len(points))
-    check_that("within", inside.dtype == np.bool_, "return booleans")
-    check_that("within", inside.any(), "contain a point of the parent")
-    check_that("within", not inside.all(), "leave a point of the parent outside")
-    return inside
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Transition:
     """Sizes of cells that lead from those of a parent to those of a part of it."""
@@ -177,7 +122,7 @@ class _Transition:
     inside: NDArray[np.bool_]  # (N,)
 
     @classmethod
-    def of(cls, mesh: SphereTriangulation, inside: NDArray[np.bool_], within: Part) -> _Transition:
+    def of(cls, mesh: SphereTriangulation, inside: NDArray[np.bool_], within: PartLike) -> _Transition:
         areas = mesh.areas()
         at_border = inside[mesh.triangles].any(axis=1) & ~inside[mesh.triangles].all(axis=1)
         size = float(np.sqrt(np.median(areas[np.unique(mesh.triangles[at_border])])))
@@ -186,16 +131,18 @@ class _Transition:
 
     def density(self, n: int) -> SphereDensity:
         """Return the density by which about n cells fill the part."""
+        from scipy.optimize import brentq
+
         areas, depths = self.areas[self.inside], self.depth(self.points[self.inside])
-        low, high = _SIZES
-        low = max(low, _FINEST * float(np.sqrt(areas.sum() / n)) / self.size)
-        growth = _GROWTH
-        while low < 1 and (areas / self._sizes(depths, low, growth) ** 2).sum() < n and growth < 1:
+        least, growth = max(_SIZES[0], _FINEST * float(np.sqrt(areas.sum() / n)) / self.size), GROWTH
+
+        def surplus(size: float) -> float:
+            return float((areas / self._sizes(depths, np.exp(size), growth) ** 2).sum()) - n
+
+        while least < 1 and surplus(np.log(least)) < 0 and growth < 1:
             growth *= _FASTER
-        for _ in range(_HALVINGS):
-            middle = float(np.sqrt(low * high))
-            many = (areas / self._sizes(depths, middle, growth) ** 2).sum() > n
-            low, high = (middle, high) if many else (low, middle)
+        ends = np.log(least), np.log(_SIZES[1])
+        high = float(np.exp(brentq(surplus, *ends))) if surplus(ends[0]) > 0 > surplus(ends[1]) else least
         finest = min(self.size * high, self.size)
         return lambda points: (finest / self._sizes(self.depth(points), high, growth)) ** 4
 
@@ -209,7 +156,7 @@ class _Transition:
         n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
         return sphere_grid(n_all, density=fading, effort="fast", polish=False, rng=rng).points
 
-    def _sizes(self, depths: NDArray[np.float64], factor: float, growth: float = _GROWTH) -> NDArray[np.float64]:
+    def _sizes(self, depths: NDArray[np.float64], factor: float, growth: float = GROWTH) -> NDArray[np.float64]:
         """Return sizes at depths that go from that at the border to `factor` times that, as fast as they may."""
         way = growth * np.maximum(depths, 0) / self.size
         factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
@@ -220,8 +167,7 @@ def _depths(points: Points, inside: NDArray[np.bool_]) -> Callable[[Points], NDA
     """Return a function for how far places are from the other side: a picture, as it is asked often."""
     from scipy.spatial import cKDTree
 
-    lat, lon = 90 - 180 * (np.arange(_HEIGHT) + 0.5) / _HEIGHT, 180 * (np.arange(2 * _HEIGHT) + 0.5) / _HEIGHT - 180
-    places = from_degrees(np.tile(lon, _HEIGHT), np.repeat(lat, 2 * _HEIGHT))
+    places = pixel_places(_HEIGHT)
     to_outer, to_inner = (cKDTree(points[side]).query(places)[0] for side in (~inside, inside))
     return GlobePicture.padded((to_outer - to_inner).reshape(_HEIGHT, -1).astype(np.float32) / 2)
 

@@ -13,10 +13,6 @@ from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
 
 #: Places that draws choose from, for each point, and at least.
 _CANDIDATES, _FEWEST = 64, 1 << 17
-#: How far the midpoints of a lattice are turned about the poles, so that columns are not in line.
-_HALF = 0.5
-#: How far points move on before they are bisected, by the way that they have come, and how often that is smoothed.
-_MOVED_ON, _SMOOTHINGS = 0.5, 6
 
 
 def icosahedron() -> SphereTriangulation:
@@ -46,17 +42,17 @@ def bisected(mesh: SphereTriangulation) -> SphereTriangulation:
     return SphereTriangulation(np.concatenate([mesh.points, middles]), triangles)
 
 
-def moved_on(mesh: SphereTriangulation, shift: Points) -> None:
+def moved_on(mesh: SphereTriangulation, shift: Points, smoothings: int = 6) -> None:
     """Move points on along the way (N, 3) that they have come, so that less is left to go after they are bisected.
 
     What a grid still has to move after bisection is smooth, and about half of what the coarser one had.
     """
     degrees = np.bincount(mesh.triangles.ravel(), minlength=len(shift))[:, None]
     vertices, neighbors = mesh.edges.T
-    for _ in range(_SMOOTHINGS):
+    for _ in range(smoothings):
         around = np.stack([np.bincount(vertices, x[neighbors]) for x in shift.T], axis=1)
         shift = (shift + around / degrees) / 2
-    mesh.replace(unit(mesh.points + _MOVED_ON * shift))
+    mesh.replace(unit(mesh.points + shift / 2))
 
 
 def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
@@ -89,7 +85,7 @@ def lattice(n: int) -> Points:
     shares = np.diff(np.sin(edges)) / 2
     ends = np.round(np.concatenate([[0], np.cumsum(shares)]) * n).astype(int)
     rings = [
-        from_degrees(360 * (np.arange(count) + _HALF * (ring % 2)) / count, np.full(count, latitude))
+        from_degrees(360 * (np.arange(count) + ring % 2 / 2) / count, np.full(count, latitude))
         for ring, (count, latitude) in enumerate(
             zip(np.diff(ends), np.degrees((edges[1:] + edges[:-1]) / 2), strict=True)
         )

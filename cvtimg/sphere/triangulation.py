@@ -199,11 +199,6 @@ def triangulate(points: ArrayLike) -> NDArray[np.int32]:
     (2 N - 4, 3) int32 array
         Indices of points, counterclockwise from outside.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If points are not on the unit sphere, are fewer than 4, coincide nearly, or are all on one circle.
-
     Examples
     --------
     >>> from cvtimg.sphere import triangulate

@@ -11,13 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
 from cvtimg.sphere._sphere import limit_growth
-from cvtimg.sphere.densities import GlobePicture, Points, angles_from, check_center, check_globe, fibonacci, to_radians
+from cvtimg.sphere.densities import (
+    GROWTH,
+    GlobePicture,
+    Points,
+    angles_from,
+    check_center,
+    check_globe,
+    fibonacci,
+    to_radians,
+)
 from cvtimg.sphere.geodesic import nearest_twelve
 
 #: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
 EARTH_RADIUS = 6371.229
-#: By how much cells of maps and circles may widen on the way through a cell.
-_GROWTH = 0.15
 #: Even cells become as many as have twelve pentagons, if that is so near.
 _NEAR = 0.01
 #: The steepest slope of a transition, by the mean one.
@@ -65,7 +72,7 @@ class WidthCircle:
         """Return widths (N,) at points, where they are `outside` without the circle: the finer counts."""
         beyond = EARTH_RADIUS * angles_from(self.lon, self.lat, points) - self.radius
         wider = np.maximum(outside - self.width, 0)
-        length = np.maximum(_STEEPEST / _GROWTH * wider, 1e-9) if self.transition is None else self.transition
+        length = np.maximum(_STEEPEST / GROWTH * wider, 1e-9) if self.transition is None else self.transition
         part = np.clip(beyond / length, 0, 1)
         return np.minimum(outside, self.width + wider * part**2 * (3 - 2 * part))
 
@@ -88,10 +95,6 @@ class CellWidth:
         Number of points for which cells have these widths.
     is_even : bool
         Whether there is one width everywhere.
-
-    See Also
-    --------
-    cvtimg.sphere_grid, width_map
 
     Notes
     -----
@@ -193,7 +196,7 @@ def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
     table = check_globe("width", np.atleast_2d(np.array(width, np.float64)))
     check_that("width", bool((np.isfinite(table) & (table > 0)).all()), "be finite and > 0 km everywhere")
     sizes = np.ascontiguousarray(table)
-    limit_growth(sizes, _GROWTH * EARTH_RADIUS)
+    limit_growth(sizes, GROWTH * EARTH_RADIUS)
     picture = GlobePicture.padded(sizes.astype(np.float32))
     return lambda points: picture(points).astype(np.float64)
 

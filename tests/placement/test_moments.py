@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvtimg._shared import threads
-from cvtimg.placement import PixelMoments, pixel_labels, pixel_moments
+from cvtimg.placement import PixelMoments, pixel_labels
 
 
 def squared_distances(places: NDArray[Any], points: NDArray[Any], weights: NDArray[Any] | None) -> NDArray[Any]:
@@ -44,7 +44,7 @@ def test_moments_are_those_of_cells_cut_at_every_bisector(
     density = rng.random(shape).astype(np.float32) * (rng.random(shape) < 0.7) + np.float32(1e-3)
     points = (rng.random((n, 2)) * 1.4 - 0.2) * shape[::-1]
     weights = rng.random(n) * 9 if weighted else None
-    moments = pixel_moments(density, points, weights=weights)
+    moments = PixelMoments(density)(points, weights=weights)
     sums = sum(exact_row(row.astype(np.float64), points, weights, y + 0.5) for y, row in enumerate(density))
     np.testing.assert_allclose(moments.masses, sums[:, 0], atol=1e-9)
     np.testing.assert_allclose(moments.masses[:, None] * moments.centroids, sums[:, 1:], atol=1e-8)
@@ -82,13 +82,13 @@ def test_energy_is_that_of_a_fine_sum() -> None:
     distances = squared_distances(np.stack([x.ravel(), y.ravel()], axis=1), points, None).min(axis=1)
     weights = np.repeat(density, fine, axis=1).ravel().astype(np.float64) / fine
     # In y the pass counts middle lines of rows, and adds what a pixel spreads about its own.
-    assert pixel_moments(density, points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
+    assert PixelMoments(density)(points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
 
 
 def test_masses_add_up_to_the_density() -> None:
     rng = np.random.default_rng(0)
     density = rng.random((300, 200)).astype(np.float32)
-    moments = pixel_moments(density, rng.random((2000, 2)) * [200, 300])
+    moments = PixelMoments(density)(rng.random((2000, 2)) * [200, 300])
     assert moments.masses.sum() == pytest.approx(density.sum(dtype=np.float64), rel=1e-13)
 
 
@@ -101,7 +101,7 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
         threads.n_threads.cache_clear()
         threads._pool.cache_clear()
         monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
-        moments = pixel_moments(density, points)
+        moments = PixelMoments(density)(points)
         found.append((moments.masses.tobytes(), moments.centroids.tobytes(), moments.energy))
     monkeypatch.undo()
     threads.n_threads.cache_clear()
@@ -112,27 +112,27 @@ def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_cells_without_mass_keep_their_generator() -> None:
     density = np.zeros((8, 8), np.float32)
     density[:, :4] = 1
-    moments = pixel_moments(density, [[2, 4], [7, 4], [7, 4.5]])
+    moments = PixelMoments(density)([[2, 4], [7, 4], [7, 4.5]])
     assert moments.masses.tolist() == [32, 0, 0]
     assert moments.centroids.tolist() == [[2, 4], [7, 4], [7, 4.5]]
 
 
 def test_generators_at_one_place_share_nothing() -> None:
-    moments = pixel_moments(np.ones((30, 30)), np.full((500, 2), 12.5))
+    moments = PixelMoments(np.ones((30, 30)))(np.full((500, 2), 12.5))
     assert sorted(moments.masses)[-1] == 900
     assert np.count_nonzero(moments.masses) == 1
 
 
 def test_hundreds_of_generators_in_one_pixel() -> None:
     points = 15.2 + np.random.default_rng(0).random((600, 2)) * 1e-3
-    moments = pixel_moments(np.ones((40, 40)), points)
+    moments = PixelMoments(np.ones((40, 40)))(points)
     assert moments.masses.sum() == pytest.approx(1600)
     assert np.count_nonzero(moments.masses) > 10
 
 
 def test_a_density_is_checked_by_name() -> None:
     with pytest.raises(ValueError, match=r"density must be finite: it contains NaN"):
-        pixel_moments([[1, np.nan]], [[0, 0]])
+        PixelMoments([[1, np.nan]])([[0, 0]])
     with pytest.raises(ValueError, match=r"density in -1\.\.1 must be finite and >= 0"):
         PixelMoments([[1, -1]])
     with pytest.raises(ValueError, match=r"density must not be 0 everywhere"):
@@ -140,6 +140,6 @@ def test_a_density_is_checked_by_name() -> None:
     with pytest.raises(ValueError, match=r"density of shape \(3,\) must be \(H, W\)"):
         PixelMoments([1, 2, 3])
     with pytest.raises(ValueError, match=r"points of shape \(1, 3\) must be \(N, 2\)"):
-        pixel_moments([[1]], [[0, 0, 0]])
+        PixelMoments([[1]])([[0, 0, 0]])
     with pytest.raises(ValueError, match=r"weights of shape \(2,\) must be \(1,\)"):
-        pixel_moments([[1]], [[0, 0]], weights=[1, 2])
+        PixelMoments([[1]])([[0, 0]], weights=[1, 2])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvtimg.placement import PixelMoments, pixel_labels, place_in_picture
-from cvtimg.placement.pictures import along_hilbert_curve, enlarge, split_generators
+from cvtimg.placement.pictures import draw_along_curve, enlarge, split_generators
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_generators_are_in_about_the_order_of_a_curve(density: NDArray[Any]) -> 
 
 def test_a_start_has_equal_parts_along_the_curve() -> None:
     rng = np.random.default_rng(0)
-    places = along_hilbert_curve(np.ones((64, 64), np.float32), 1024, rng)
+    places = draw_along_curve(np.ones((64, 64), np.float32), 1024, rng)
     counts = np.histogram2d(places[:, 1], places[:, 0], 8, [[0, 64]] * 2)[0]
     assert (counts == 16).all()
 

@@ -303,7 +303,7 @@ def test_macqueen_moves_one_generator_at_a_time() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"fixed": np.zeros((5, 2))}, "fixed and on_boundary must have fewer than n_generators=5, not 5"),
+        ({"fixed": np.zeros((5, 2))}, "fixed must have fewer than n_generators=5, not 5"),
         ({"on_boundary": "all"}, "on_boundary='all' must be one of auto"),
         ({"method": "newton"}, "method='newton' must be one of"),
         ({"effort": "huge"}, "effort='huge' must be one of"),

@@ -90,7 +90,7 @@ def test_points_of_any_grid_may_be_the_parent() -> None:
     ("given", "message"),
     [
         ({"n": 0}, "n=0 must be an integer >= 1"),
-        ({"within": Cap(3, 3, 0.01)}, "within must contain a point of the parent"),
+        ({"within": Cap(3, 3, 0.01)}, "within must hold a point of the parent"),
         ({"within": lambda x: x[:, 0] < 2}, "within must leave a point of the parent outside"),
         ({"within": lambda x: x}, r"within returned shape \(2562, 3\)"),
         ({"within": lambda x: x[:, 0]}, "within must return booleans"),

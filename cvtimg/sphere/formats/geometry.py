@@ -6,9 +6,10 @@ leads from corner k of triangle t to the next one; its twin leads back, in the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,29 +107,36 @@ class Geometry:
 def measure(points: Values, around: Connectivity) -> Geometry:
     """Measure a grid whose generators are unit vectors."""
     triangles = around.cells_on_vertex
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    vertices = _unit(np.cross(b - a, c - a))
-    first, second = (points[around.cells_on_edge[:, k]] for k in range(2))
-    edges = _unit(first + second)
-    left, right = (vertices[around.vertices_on_edge[:, k]] for k in (1, 0))
-    middles = edges[around.edges_on_vertex]
-    kites = np.stack(
-        [
-            _triangle_areas(corner, middles[:, k], vertices) + _triangle_areas(corner, vertices, middles[:, k - 1])
-            for k, corner in enumerate((a, b, c))
-        ],
-        axis=1,
-    )
-    return Geometry(
-        vertices,
-        edges,
-        _arcs(first, second),
-        _arcs(left, right),
-        _angles_with_east(edges, second - first),
-        kites,
-        np.bincount(triangles.ravel(), kites.ravel(), minlength=len(points)).astype(np.float64, copy=False),
-        kites.sum(axis=1),
-    )
+
+    def of_triangles(triangles: Indices) -> tuple[Values]:
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        return (_unit(np.cross(b - a, c - a)),)
+
+    def of_edges(cells: Indices, ends: Indices) -> tuple[Values, ...]:
+        first, second = points[cells[:, 0]], points[cells[:, 1]]
+        middles = _unit(first + second)
+        lengths = _arcs(vertices[ends[:, 1]], vertices[ends[:, 0]])
+        return middles, _arcs(first, second), lengths, _angles_with_east(middles, second - first)
+
+    def of_corners(triangles: Indices, vertices: Values, around: Indices) -> tuple[Values]:
+        each = (
+            _triangle_areas(points[triangles[:, k]], edges[around[:, k]], vertices)
+            + _triangle_areas(points[triangles[:, k]], vertices, edges[around[:, k - 1]])
+            for k in range(3)
+        )
+        return (np.stack(list(each), axis=1),)
+
+    (vertices,) = _in_blocks(of_triangles, triangles)
+    edges, distances, lengths, angles = _in_blocks(of_edges, around.cells_on_edge, around.vertices_on_edge)
+    (kites,) = _in_blocks(of_corners, triangles, vertices, around.edges_on_vertex)
+    areas = np.bincount(triangles.ravel(), kites.ravel(), minlength=len(points)).astype(np.float64, copy=False)
+    return Geometry(vertices, edges, distances, lengths, angles, kites, areas, kites.sum(axis=1))
+
+
+def _in_blocks(measure: Callable[..., tuple[Values, ...]], *tables: NDArray[Any], size: int = 1 << 18) -> list[Values]:
+    """Measure some rows of tables at a time, so that what is needed in between is small."""
+    blocks = [measure(*(table[k : k + size] for table in tables)) for k in range(0, len(tables[0]), size)]
+    return [np.concatenate(values) for values in zip(*blocks, strict=True)]
 
 
 def latitudes_longitudes(places: Values) -> tuple[Values, Values]:

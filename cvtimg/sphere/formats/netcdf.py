@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -23,11 +24,24 @@ _TYPES = {"f": np.float64, "i": np.int32}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variable:
-    """A variable: its dimensions, values and attributes."""
+    """A variable: its dimensions, values and attributes, and how values change when they are written."""
 
     dimensions: tuple[str, ...]
     values: Any
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    change: Callable[[Any], Any] = np.asarray
+
+
+class _Changed:
+    """Values as `netcdf_file` asks for them, changed only then: those of large grids are not in memory all at once."""
+
+    def __init__(self, empty: NDArray[Any], variable: Variable) -> None:
+        self.shape, self.size, self.dtype, self.itemsize = empty.shape, empty.size, empty.dtype, empty.itemsize
+        self._variable = variable
+
+    def tobytes(self) -> Any:
+        changed = self._variable.change(self._variable.values)
+        return np.ascontiguousarray(changed, self.dtype).data
 
 
 def write_netcdf(
@@ -39,13 +53,17 @@ def write_netcdf(
     """Write a netCDF file; the first dimension may be None: unlimited."""
     from scipy.io import netcdf_file
 
-    with netcdf_file(file, "w", version=2) as content:
+    class LargeFile(netcdf_file):  # type: ignore[misc]
+        def _pack_int(self, value: int) -> None:  # the sizes of variables have all 32 bits
+            self.fp.write(np.array(value, ">u4").tobytes())
+
+    with LargeFile(file, "w", version=2) as content:
         for name, length in dimensions.items():
             content.createDimension(name, length)
         for name, variable in variables.items():
-            values: NDArray[Any] = np.asarray(variable.values)
-            created = content.createVariable(name, _TYPES[values.dtype.kind], variable.dimensions)
-            created.data[...] = values
+            dtype = _TYPES[np.asarray(variable.values).dtype.kind]
+            created = content.createVariable(name, dtype, variable.dimensions)
+            created.__dict__["data"] = _Changed(created.data, variable)
             _describe(created, variable.attributes)
         _describe(content, attributes)
 
@@ -74,37 +92,37 @@ def write_mpas(file: BinaryIO, grid: GridContent) -> None:
         "TWO": 2,
         "vertexDegree": 3,
     }
+    radius, area = partial(np.multiply, grid.radius), partial(np.multiply, grid.radius**2)
+    from_one = partial(np.add, np.int32(1))
     variables = {}
     for name, places in (("Cell", grid.points), ("Edge", geometry.edges), ("Vertex", geometry.vertices)):
         along: tuple[str, ...] = ({"Cell": "nCells", "Edge": "nEdges", "Vertex": "nVertices"}[name],)
-        latitudes, longitudes = latitudes_longitudes(places)
-        variables[f"lat{name}"] = Variable(along, latitudes)
-        variables[f"lon{name}"] = Variable(along, longitudes)
+        variables[f"lat{name}"] = Variable(along, places, change=lambda places: latitudes_longitudes(places)[0])
+        variables[f"lon{name}"] = Variable(along, places, change=lambda places: latitudes_longitudes(places)[1])
         for axis, coordinates in zip("xyz", places.T, strict=True):
-            variables[f"{axis}{name}"] = Variable(along, coordinates * grid.radius)
+            variables[f"{axis}{name}"] = Variable(along, coordinates, change=radius)
         variables[f"indexTo{name}ID"] = Variable(along, np.arange(1, len(places) + 1, dtype=np.int32))
     cells, cell_table = ("nCells",), ("nCells", "maxEdges")
     edges, edge_pairs, edge_table = ("nEdges",), ("nEdges", "TWO"), ("nEdges", "maxEdges2")
     vertices, vertex_table = ("nVertices",), ("nVertices", "vertexDegree")
-    area = grid.radius**2
     variables |= {
         "nEdgesOnCell": Variable(cells, around.degrees),
         "nEdgesOnEdge": Variable(edges, (edges_on_edge >= 0).sum(axis=1, dtype=np.int32)),
-        "cellsOnCell": Variable(cell_table, around.cells_on_cell + 1),
-        "edgesOnCell": Variable(cell_table, around.edges_on_cell + 1),
-        "verticesOnCell": Variable(cell_table, around.vertices_on_cell + 1),
-        "cellsOnEdge": Variable(edge_pairs, around.cells_on_edge + 1),
-        "verticesOnEdge": Variable(edge_pairs, around.vertices_on_edge + 1),
-        "edgesOnEdge": Variable(edge_table, edges_on_edge + 1),
+        "cellsOnCell": Variable(cell_table, around.cells_on_cell, change=from_one),
+        "edgesOnCell": Variable(cell_table, around.edges_on_cell, change=from_one),
+        "verticesOnCell": Variable(cell_table, around.vertices_on_cell, change=from_one),
+        "cellsOnEdge": Variable(edge_pairs, around.cells_on_edge, change=from_one),
+        "verticesOnEdge": Variable(edge_pairs, around.vertices_on_edge, change=from_one),
+        "edgesOnEdge": Variable(edge_table, edges_on_edge, change=from_one),
         "weightsOnEdge": Variable(edge_table, weights),
-        "cellsOnVertex": Variable(vertex_table, around.cells_on_vertex + 1),
+        "cellsOnVertex": Variable(vertex_table, around.cells_on_vertex, change=from_one),
         # Entry k is the edge between cells k - 1 and k, as the official converter has it.
-        "edgesOnVertex": Variable(vertex_table, np.roll(around.edges_on_vertex, 1, axis=1) + 1),
-        "kiteAreasOnVertex": Variable(vertex_table, geometry.kites * area),
-        "areaCell": Variable(cells, geometry.cell_areas * area),
-        "areaTriangle": Variable(vertices, geometry.triangle_areas * area),
-        "dcEdge": Variable(edges, geometry.cell_distances * grid.radius),
-        "dvEdge": Variable(edges, geometry.edge_lengths * grid.radius),
+        "edgesOnVertex": Variable(vertex_table, np.roll(around.edges_on_vertex, 1, axis=1), change=from_one),
+        "kiteAreasOnVertex": Variable(vertex_table, geometry.kites, change=area),
+        "areaCell": Variable(cells, geometry.cell_areas, change=area),
+        "areaTriangle": Variable(vertices, geometry.triangle_areas, change=area),
+        "dcEdge": Variable(edges, geometry.cell_distances, change=radius),
+        "dvEdge": Variable(edges, geometry.edge_lengths, change=radius),
         "angleEdge": Variable(edges, geometry.angles),
         "meshDensity": Variable(cells, grid.density / grid.density.max()),
     }

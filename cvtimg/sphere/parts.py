@@ -1,0 +1,109 @@
+"""Parts of the sphere: caps, boxes, and what else tells points inside from others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cvtimg._shared.checks import check_in_range, check_picture_density, check_returned, check_that
+from cvtimg.sphere.densities import GlobePicture, Points, angles_from, check_center, check_globe, to_radians
+
+#: A part of the globe: a function from (N, 3) unit vectors to booleans, polygons in degrees (GeoJSON or shapely), or a
+#: map of the globe, white inside.
+PartLike: TypeAlias = "Callable[[Points], Any] | Mapping[str, Any] | ArrayLike | Any"
+
+
+@dataclass(frozen=True, slots=True)
+class Cap:
+    """A round part of the sphere.
+
+    Parameters
+    ----------
+    lon, lat : float
+        Its center in degrees.
+    radius : float
+        In degrees.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import Cap
+    >>> Cap(0, 90, 10)([[0, 0, 1], [1, 0, 0]]).tolist()
+    [True, False]
+    """
+
+    lon: float
+    lat: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_center(self.lon, self.lat)
+        check_in_range("radius", self.radius, 0 < self.radius < 180, "in 0..180 degrees")
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 3) points are inside."""
+        return self.depth(np.asarray(points, np.float64)) > 0
+
+    def depth(self, points: Points) -> NDArray[np.float64]:
+        """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
+        return np.radians(self.radius) - angles_from(self.lon, self.lat, points)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A part of the sphere between two meridians and two parallels.
+
+    Parameters
+    ----------
+    west, south, east, north : float
+        In degrees. It leads from west to east, across the antimeridian where east is less than west.
+
+    Examples
+    --------
+    >>> from cvtimg.sphere import Box
+    >>> Box(170, -10, -170, 10)([[-1, 0, 0], [1, 0, 0]]).tolist()
+    [True, False]
+    """
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("west", self.west), ("east", self.east)):
+            check_in_range(name, value, -360 <= value <= 360, "in -360..360 degrees")
+        check_in_range("south", self.south, -90 <= self.south <= 90, "in -90..90 degrees")
+        check_in_range("north", self.north, self.south < self.north <= 90, "above south and at most 90 degrees")
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which of (N, 3) points are inside."""
+        lon, lat = (np.degrees(angles) for angles in to_radians(np.asarray(points, np.float64)))
+        span = (self.east - self.west) % 360 or 360.0
+        return ((lon - self.west) % 360 <= span) & (lat >= self.south) & (lat <= self.north)
+
+
+def inside_of(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:
+    """Tell which points are in a part."""
+    if callable(part):
+        inside = np.asarray(part(points))
+        check_returned(name, inside, len(points))
+        check_that(name, inside.dtype == np.bool_, "return booleans")
+        return inside
+    if isinstance(part, Mapping) or hasattr(part, "geom_type"):
+        return in_polygons(part, points)
+    mask = check_globe(name, check_picture_density(name, part))
+    return np.asarray(GlobePicture.padded(mask / mask.max())(points) > 0.5)
+
+
+def in_polygons(shape: Any, points: Points) -> NDArray[np.bool_]:
+    """Tell which points are in polygons of longitudes and latitudes, which may go beyond the antimeridian."""
+    from cvtimg.placement import PolygonRegion
+
+    region = PolygonRegion(shape)
+    lon, lat = (np.degrees(angles) for angles in to_radians(points))
+    turns = [region.contains(np.stack([lon + turn, lat], axis=1)) for turn in (-360, 0, 360)]
+    return np.logical_or.reduce(turns)
