@@ -45,7 +45,6 @@ class Spacing:
     tip: float = 5.0  # within so many lengths of the edge: shorter ones would move what is narrow nearer to the corner
     short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
-    outwards: float = 0.0  # how far vertices move off their line to keep areas, in pixels
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
 
     @classmethod
@@ -53,7 +52,7 @@ class Spacing:
         """Return that of polygons, or of contours of pixels, which have many thin parts."""
         if outline.mask is None:
             return cls()
-        return cls(share=1.0, closed=3, near=0.5, shortest=2.0, finest=0.125, outwards=0.7)
+        return cls(share=1.0, closed=3, near=0.5, shortest=2.0, finest=0.125)
 
 
 def place_on_borders(
@@ -136,17 +135,8 @@ class _Chains:
         return np.flatnonzero(self.vertices >= len(self.outline.nodes))
 
     def points(self) -> Points:
-        """Return vertices (B, 2); those on contours of pixels are moved outwards, as far as edges cut off."""
-        at = self.at[self.inner]
-        points = np.concatenate([self.outline.nodes, places_at(at, self.along, self.places)])
-        if self.outline.mask is not None:
-            sweeps = cross(self.places[:-1], self.places[1:])
-            sweeps[self.stops[:-1]] = 0
-            swept = np.interp(self.at, self.along, np.append(0, np.cumsum(sweeps)))
-            points[len(self.outline.nodes) :] += _outwards(
-                points[self.vertices], swept, Spacing.of(self.outline).outwards
-            )[self.inner]
-        return points
+        """Return vertices (B, 2)."""
+        return np.concatenate([self.outline.nodes, places_at(self.at[self.inner], self.along, self.places)])
 
     def borders(self) -> Borders:
         """Join the vertices; segments get their areas."""
@@ -185,18 +175,6 @@ class _Chains:
         return tracks.kept(smooth)
 
 
-def _outwards(points: Points, swept: Values, most: float) -> Points:
-    """Find steps (N, 2) of points to the outer side of their curve, so that chords enclose as much area as it does.
-
-    `swept` is twice the area that the curve has swept over, around the origin, until each point.
-    """
-    missing = np.append((np.diff(swept) - cross(points[:-1], points[1:])) / 2, 0)
-    chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-300)
-    shifts = np.clip((missing + np.roll(missing, 1)) / lengths, -most, most)
-    return shifts[:, None] * np.stack([chords[:, 1], -chords[:, 0]], axis=1) / lengths[:, None]
-
-
 def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
@@ -221,7 +199,7 @@ def _crowded(borders: Borders, lengths: Values, chains: _Chains) -> tuple[NDArra
     segments = shapely.linestrings(points[edges])
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
-    crossed[_crossing(points, edges, *tree.query(segments))] = True
+    crossed[tree.query(segments, predicate="crosses")[0]] = True
     _, which, counts = unique_edges(edges)
     crossed |= counts[which] > 1
     reach = np.zeros(len(points))
@@ -278,14 +256,3 @@ def _are_wider(borders: Borders, chains: _Chains, links: Index, edge: Index) -> 
         of_lines = 180 - turns_of(starts[one, k], at, starts[other, end])
         wider[pairs] |= (angle < spacing.narrow) & (of_lines > spacing.wider * angle)
     return wider
-
-
-def _crossing(
-    points: Points, edges: NDArray[np.int32], one: NDArray[np.intp], other: NDArray[np.intp]
-) -> NDArray[np.intp]:
-    """Return those of some edges that cross others, given as pairs (P,): each has an end on both sides of the other."""
-    apart = (edges[one][:, :, None] != edges[other][:, None, :]).all(axis=(1, 2))
-    one, other = one[apart], other[apart]
-    (a, b), (c, d) = (points[edges[which]].transpose(1, 0, 2) for which in (one, other))
-    divided = (cross(b - a, c - a) * cross(b - a, d - a) < 0) & (cross(d - c, a - c) * cross(d - c, b - c) < 0)
-    return one[divided]

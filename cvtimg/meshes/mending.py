@@ -37,24 +37,17 @@ class Mending:
 
 
 def mend(
-    mesh: PlaneTriangulation,
-    field: Field,
-    grade: float,
-    how: Mending,
-    *,
-    shortest: float,
-    keep_number: bool,
-    whole: NDArray[np.int32],
+    mesh: PlaneTriangulation, field: Field, grade: float, how: Mending, *, shortest: float, keep_number: bool
 ) -> PlaneTriangulation:
     """Return a mesh with fewer small angles, and, if asked, as many vertices.
 
-    New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay; edges between
-    vertices `whole` stay whole. Sizes grow by `grade` from there.
+    New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay.
+    Sizes grow by `grade` from there.
     """
     best, least, since = mesh, _badness(mesh, how.small), 0
     for _ in each(range(how.rounds)):
         ends = mesh.border_edges()
-        split, added, radii = _refined(mesh, how, ends, shortest, whole)
+        split, added, radii = _refined(mesh, how, ends, shortest)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)
         places = np.concatenate([(a + b) / 2, added])
         sizes = np.concatenate([np.linalg.norm(b - a, axis=1) / 2, radii])
@@ -82,7 +75,7 @@ def _badness(mesh: PlaneTriangulation, small: float) -> float:
 
 
 def _refined(
-    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, whole: NDArray[np.int32]
+    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float
 ) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
@@ -93,7 +86,7 @@ def _refined(
     a, b = mesh.points[ends].transpose(1, 0, 2)
     middles, halves = (a + b) / 2, np.linalg.norm(b - a, axis=1) / 2
     bad, centers, radii, tips = _bad(mesh, how)
-    may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1) & ~np.isin(ends, whole).all(axis=1)
+    may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1)
     near = cKDTree(middles).query_ball_point(centers, halves.max())
     found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
     split, added = np.zeros(len(ends), bool), np.zeros(len(bad), bool)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from typing import Any
 from warnings import warn
 
@@ -27,7 +28,7 @@ from cvtimg.meshes.curves import Curves
 from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import Outline, label_outline, with_points
-from cvtimg.meshes.periodic import Twins
+from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
 from cvtimg.meshes.quadratic import quadratic
@@ -246,27 +247,35 @@ def _mesh(
     outline: Outline, wanted: Wanted, fixed: ArrayLike | None, order: int, periodic: str | None, effort: str,
     rng: int | np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """Plan a mesh, make it, or some of which the best is kept, and bend its sides."""
+    """Make a mesh, whose sides may be periodic, and bend its sides."""
     check_in_range("order", order, order in (1, 2), "1 or 2")
     check_choice("effort", effort, EFFORTS)
     places = np.empty((0, 2)) if fixed is None else check_places("fixed", fixed, 2)
     outline, alone = with_points(outline, places)
-    outline, twins = (outline, None) if periodic is None else Twins.of(outline, periodic)
-    with part(0, _PLANNED):
-        plan = plan_mesh(outline, wanted, alone, twins)
-    random = np.random.default_rng(rng)
-    with part(_PLANNED, 1):
-        found = [_made(outline, plan, wanted, one, random) for one in each(_trials(plan, wanted.n, EFFORTS[effort]))]
-    best = found[0]
-    if len(found) > 1:
-        best = max(found, key=lambda one: float(one.qualities.mean())) if plan.varies else min(found, key=_irregularity)
+    make = partial(_best, wanted=wanted, alone=alone, effort=EFFORTS[effort], random=np.random.default_rng(rng))
+    if periodic is None:
+        best = make(outline)
+    else:
+        best, outline = periodic_mesh(outline, periodic, lambda given: plan_mesh(given, wanted, alone).borders, make)
     _check_inside(alone, best.points)
     if wanted.n is not None and fixed is None and wanted.metric is None and np.isscalar(wanted.size):
         _warn_of_small_angles(best)
     if order == 1:
         return best
-    six = quadratic(best.points, best.triangles, best.edges, outline, best.pairs)
+    six = quadratic(best.points, best.triangles, best.edges, outline)
+    six = six if best.pairs is None else with_paired_middles(six, best)
     return replace(best, points=six.nodes[: len(best.points)], quadratic=six)
+
+
+def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, random: np.random.Generator) -> Mesh:
+    """Plan a mesh, and make it, or some of which the best is kept."""
+    with part(0, _PLANNED):
+        plan = plan_mesh(outline, wanted, alone)
+    with part(_PLANNED, 1):
+        found = [_made(outline, plan, wanted, one, random) for one in each(_trials(plan, wanted.n, effort))]
+    if len(found) == 1:
+        return found[0]
+    return max(found, key=lambda one: float(one.qualities.mean())) if plan.varies else min(found, key=_irregularity)
 
 
 def _trials(plan: Plan, n: int | None, effort: MeshEffort) -> list[MeshEffort]:
@@ -314,12 +323,9 @@ def _finished(
             mesh, field, wanted.grade, effort.mending if np.isscalar(wanted.size) else Mending(0),
             shortest=0.0 if outline.mask is None else _SHORTEST,
             keep_number=wanted.n is not None,
-            whole=np.empty(0, np.int32) if plan.pairs is None else plan.pairs.vertices,
-        )  # fmt: skip
+            )  # fmt: skip
     if outline.mask is None:
         Curves(outline).keep_areas(mesh)
-    if plan.pairs is not None:
-        plan.pairs.align(mesh.points)
     return mesh
 
 
@@ -337,9 +343,7 @@ def _even_out(mesh: PlaneTriangulation, plan: Plan, effort: MeshEffort) -> None:
 
 
 def _result(mesh: PlaneTriangulation, plan: Plan, relaxed: Relaxed, n: int | None) -> Mesh:
-    pairs = None if plan.pairs is None else plan.pairs.vertices
-    edges = mesh.border_edges()
-    return Mesh(mesh.points, mesh.triangles, mesh.tags, edges, relaxed.energies, relaxed.converged, n, pairs=pairs)
+    return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, n)
 
 
 def _check_inside(alone: Points, points: Points) -> None:

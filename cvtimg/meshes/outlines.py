@@ -75,6 +75,13 @@ class Outline:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
 
+    def staying(self, places: Points) -> Outline:
+        """Return the outline with the nodes at places (P, 2) still."""
+        from scipy.spatial import cKDTree
+
+        gaps = cKDTree(places).query(self.nodes)[0]
+        return replace(self, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
+
     def check_inside(
         self, name: str, points: Points, values: NDArray[np.float64], right: NDArray[np.bool_], allowed: str
     ) -> None:
@@ -248,9 +255,8 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         own[nearest : nearest + 1] = [own[nearest]] * len(parts)
     areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
     cut = Outline.of(lines, outline.sides[own], outline.bounds, outline.mask, outline.contains, areas, outline.polygons)
-    gaps = cKDTree(points).query(cut.nodes)[0]
-    still = np.flatnonzero(gaps <= ON_LINE * outline.diameter).tolist()
-    return replace(cut, still=tuple(still)), np.array(alone).reshape(-1, 2)
+    cut = cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]]))
+    return cut, np.array(alone).reshape(-1, 2)
 
 
 def _cut_at(line: Points, point: Points) -> list[Points]:

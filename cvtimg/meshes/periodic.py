@@ -1,7 +1,11 @@
-"""Periodic sides: lines of an outline that are copies of others, and pairs of vertices on both."""
+"""Periodic sides: lines that are copies get the same vertices before a mesh is made, and these are paired after that.
+
+Sides become chords between vertices that stay. Where the mesher divides one, its copy is divided there, too.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,34 +13,19 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import optional
-from cvtimg.meshes.fields import Field
-from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.outlines import ON_LINE, Outline, with_points
+from cvtimg.meshes.quadratic import QuadraticTriangles
+from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
-Values = NDArray[np.float64]
+Indices = NDArray[np.int32]
 Index = NDArray[np.intp]
 
 #: Along which axes regions may be periodic.
 PERIODS = ("x", "y", "xy")
-#: Lines as near to each other, by the diameter of all, are copies.
-_NEAR = 1e-9
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
-    """Vertices that are those on other sides, moved along an axis."""
-
-    vertices: NDArray[np.int32]  # (Q, 2): each copy, and what it is a copy of
-    axes: Index  # (Q,)
-    shifts: Values  # (Q,)
-
-    def align(self, points: Points) -> None:
-        """Move copies to where they belong, in place."""
-        for axis in (0, 1):
-            one, other = self.vertices[self.axes == axis].T
-            points[one, 1 - axis] = points[other, 1 - axis]
-            points[one, axis] = points[other, axis] + self.shifts[self.axes == axis]
+#: Times that a mesh is made until no side is divided but its copy.
+_ROUNDS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,92 +35,63 @@ class _Twin:
     copy: int
     line: int
     is_back: bool  # Whether the copy runs the other way
-    axis: int
-    shift: float  # Of the copy, along the axis
+    step: Points  # (2,), to the copy
+
+    def copied(self, places: Points) -> Points:
+        """Return places along the line on its copy, in the direction of that."""
+        return (places[::-1] if self.is_back else places) + self.step
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Twins:
-    """Lines that are copies of others."""
+def periodic_mesh(
+    outline: Outline, periodic: str, plan: Callable[[Outline], Borders], make: Callable[[Outline], Mesh]
+) -> tuple[Mesh, Outline]:
+    """Make a mesh whose vertices on sides that are copies are so, too; also return the outline, with exact copies.
 
-    all: tuple[_Twin, ...]
+    Raises
+    ------
+    ValueError
+        If sides are no copies; the message names a line that has none.
+    """
+    check_choice("periodic", periodic, PERIODS)
+    exact, twins = _exact(outline, periodic)
+    sides, chains = _with_chords(exact, twins, plan(exact))
+    steps, near = np.unique([twin.step for twin in twins], axis=0), ON_LINE * outline.diameter
+    for _ in range(_ROUNDS):
+        mesh = make(sides)
+        pairs = _pairs(mesh.points, steps, near)
+        alone = _alone(mesh, chains, pairs, near)
+        if not len(alone):
+            return replace(mesh, points=_aligned(mesh.points, pairs), pairs=pairs), exact
+        sides, _ = with_points(sides, alone)
+    raise ValueError(f"periodic={periodic!r} must be for sides that no other border comes so near to")
 
-    @classmethod
-    def of(cls, outline: Outline, periodic: str) -> tuple[Outline, Twins]:
-        """Find the twins among lines; return the outline with copies that are exact.
 
-        Raises
-        ------
-        ValueError
-            If sides are no copies; the message names a line that has none.
-        """
-        check_choice("periodic", periodic, PERIODS)
-        near = _NEAR * outline.diameter
-        nodes, lines = outline.nodes.copy(), [line.copy() for line in outline.lines]
-        outer = np.flatnonzero((outline.sides.min(axis=1) <= 0) & ~outline.is_closed)
-        found: list[_Twin] = []
-        for axis in ["xy".index(name) for name in periodic]:
-            twins = _twins_along(axis, lines, outer, near)
-            _check_complete(axis, lines, outer, twins, outline.bounds, near)
-            for twin in twins:
-                exact = lines[twin.line][::-1].copy() if twin.is_back else lines[twin.line].copy()
-                exact[:, axis] += twin.shift
-                lines[twin.copy] = exact
-                nodes[outline.ends[twin.copy]] = exact[[0, -1]]
-            for line, ends in zip(lines, outline.ends, strict=True):
-                line[[0, -1]] = nodes[ends]
-            found += twins
-        return replace(outline, lines=tuple(lines), nodes=nodes), cls(tuple(found))
+def with_paired_middles(six: QuadraticTriangles, mesh: Mesh) -> QuadraticTriangles:
+    """Pair the vertices of a mesh, and the nodes on edges between them, too."""
+    assert mesh.pairs is not None
+    steps = np.unique(mesh.points[mesh.pairs[:, 0]] - mesh.points[mesh.pairs[:, 1]], axis=0)
+    middles = mesh.points[mesh.edges].mean(axis=1)
+    near = 10 * ON_LINE * float(np.linalg.norm(np.ptp(middles, axis=0)))
+    pairs = np.concatenate([mesh.pairs, six.edges[_pairs(middles, steps, near), 2]])
+    return replace(six, nodes=_aligned(six.nodes, pairs), pairs=pairs)
 
-    def lowered(self, borders: Borders, field: Field, grade: float) -> Field:
-        """Return a field that follows the edges on both sides."""
-        assert borders.of_line is not None
-        ends = borders.points[borders.edges]
-        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        for twin in self.all:
-            for line, sign in ((twin.copy, -1), (twin.line, 1)):
-                own = borders.of_line == line
-                middles = ends[own].mean(axis=1)
-                middles[:, twin.axis] += sign * twin.shift
-                field = field.lowered(middles, lengths[own], grade)
-        return field
 
-    def paired(self, borders: Borders) -> tuple[Borders, Pairs]:
-        """Give both sides the vertices of the one that has more; they do not slide."""
-        assert borders.of_line is not None
-        points, n = borders.points, len(borders.points)
-        chains = [borders.edges[borders.of_line == line] for line in range(int(borders.of_line.max()) + 1)]
-        chains = [np.append(chain[:, 0], chain[-1:, 1]) for chain in chains]
-        pairs, is_left = [], np.ones(n, bool)
-        for twin in self.all:
-            turn = slice(None, None, -1 if twin.is_back else 1)
-            sides, sign = [twin.copy, twin.line], -1
-            if len(chains[twin.copy]) < len(chains[twin.line]):
-                sides, sign = [twin.line, twin.copy], 1
-            one, other = sides
-            new = np.arange(len(points), len(points) + len(chains[one]) - 2, dtype=np.int32)
-            inner = points[chains[one][turn][1:-1]]
-            inner[:, twin.axis] += sign * twin.shift
-            is_left[chains[other][1:-1]] = False
-            points, is_left = np.concatenate([points, inner]), np.append(is_left, np.ones(len(new), bool))
-            chains[other] = np.concatenate([chains[other][:1], new, chains[other][-1:]])
-            both = np.stack([chains[twin.copy][turn], chains[twin.line]], axis=1)
-            pairs.append(np.column_stack([np.full(len(both), twin.axis), both, np.full(len(both), twin.shift)]))
-        table = np.concatenate(pairs)
-        table = table[np.unique(table[:, :3], axis=0, return_index=True)[1]]  # lines share their ends
-        number = np.cumsum(is_left, dtype=np.int32) - 1
-        edges = np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains])
-        of_line = np.repeat(np.arange(len(chains)), [len(chain) - 1 for chain in chains])
-        sides_of_line = np.zeros((len(chains), 2), np.int32)
-        sides_of_line[borders.of_line] = borders.sides
-        corners = np.append(borders.corners, np.zeros(len(points) - n, bool))
-        vertices = number[table[:, 1:3].astype(np.intp)]
-        tracks = borders.tracks
-        if tracks is not None:
-            slides = is_left[tracks.vertices] & ~np.isin(number[tracks.vertices], vertices)
-            tracks = tracks.kept(slides, number)
-        whole = Borders(points[is_left], number[edges], sides_of_line[of_line], corners[is_left], of_line, tracks)
-        return whole, Pairs(vertices, table[:, 0].astype(np.intp), table[:, 3])
+def _exact(outline: Outline, periodic: str) -> tuple[Outline, list[_Twin]]:
+    """Find the twins among lines; return the outline with copies that are exact."""
+    near = ON_LINE * outline.diameter
+    nodes, lines = outline.nodes.copy(), [line.copy() for line in outline.lines]
+    outer = np.flatnonzero((outline.sides.min(axis=1) <= 0) & ~outline.is_closed)
+    found: list[_Twin] = []
+    for axis in ["xy".index(name) for name in periodic]:
+        twins = _twins_along(axis, lines, outer, near)
+        _check_complete(axis, lines, outer, twins, outline.bounds, near)
+        for twin in twins:
+            lines[twin.copy] = twin.copied(lines[twin.line])
+            nodes[outline.ends[twin.copy]] = lines[twin.copy][[0, -1]]
+        for line, ends in zip(lines, outline.ends, strict=True):
+            line[[0, -1]] = nodes[ends]
+        found += twins
+    return replace(outline, lines=tuple(lines), nodes=nodes), found
 
 
 def _twins_along(axis: int, lines: list[Points], outer: Index, near: float) -> list[_Twin]:
@@ -144,16 +104,16 @@ def _twins_along(axis: int, lines: list[Points], outer: Index, near: float) -> l
         steps = (ends[:, ::-1] if is_back else ends)[:, None] - ends[None]
         fits = (np.abs(steps[..., 1 - axis]) <= near).all(axis=2) & (np.abs(np.ptp(steps[..., axis], axis=2)) <= near)
         for one, other in np.argwhere(fits & (steps[..., 0, axis] > near)).tolist():
-            shift = float(steps[one, other, 0, axis])
-            found.append(_Twin(int(outer[one]), int(outer[other]), is_back, axis, shift))
-    twins: list[_Twin] = []
-    for twin in sorted(found, key=lambda each: -each.shift):
-        if twins and twin.shift < twins[0].shift - near:
-            break
-        moved = lines[twin.line] + twin.shift * np.eye(2)[axis]
-        if shapely.hausdorff_distance(shapely.LineString(moved), shapely.LineString(lines[twin.copy])) <= near:
-            twins.append(replace(twin, shift=twins[0].shift if twins else twin.shift))
-    return twins
+            step = steps[one, other, 0] * np.eye(2)[axis]
+            found.append(_Twin(int(outer[one]), int(outer[other]), is_back, step))
+    longest = max((twin.step for twin in found), key=np.sum, default=np.zeros(2))
+    found = [replace(twin, step=longest) for twin in found if np.abs(twin.step - longest).max() <= near]
+    strings = [shapely.LineString(line) for line in lines]
+    return [
+        twin
+        for twin in found
+        if shapely.hausdorff_distance(shapely.LineString(twin.copied(lines[twin.line])), strings[twin.copy]) <= near
+    ]
 
 
 def _check_complete(
@@ -168,3 +128,57 @@ def _check_complete(
             ends = f"{lines[k][0].tolist()} to {lines[k][-1].tolist()}"
             check_that(f"periodic={name!r} but the border from {ends}", False, "have a copy on the other side")
     check_that(f"periodic={name!r}", bool(twins), f"be for borders on the {words[0]} and {words[1]} that are copies")
+
+
+def _with_chords(outline: Outline, twins: list[_Twin], borders: Borders) -> tuple[Outline, list[tuple[Points, Points]]]:
+    """Divide twins by the vertices of the one that has more, into chords; also return these places on both."""
+    lines, own, chains = list(outline.lines), np.arange(len(outline.lines)), []
+    for twin in twins:
+        copy, line = (borders.points[borders.chain(k)] for k in (twin.copy, twin.line))
+        places = line if len(line) >= len(copy) else (copy[::-1] if twin.is_back else copy) - twin.step
+        places[[0, -1]] = outline.lines[twin.line][[0, -1]]
+        chains.append((twin.copied(places), places))
+        for k, chain in zip((twin.copy, twin.line), chains[-1], strict=True):
+            lines[k] = chain[:2]
+            lines += [chain[j : j + 2] for j in range(1, len(chain) - 1)]
+            own = np.append(own, np.full(len(chain) - 2, k))
+    areas = None if outline.areas is None else outline.areas.of_parts(own)
+    about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons
+    cut = Outline.of(lines, outline.sides[own], *about)
+    asked = [outline.nodes[list(outline.still)], *(chain for both in chains for chain in both)]
+    return cut.staying(np.concatenate(asked)), chains
+
+
+def _pairs(points: Points, steps: Points, near: float) -> Indices:
+    """Find the points (P, 2) that are others moved by a step."""
+    from scipy.spatial import cKDTree
+
+    tree, found = cKDTree(points), []
+    for step in steps[::-1]:
+        gaps, others = tree.query(points - step)
+        found.append(np.stack([np.arange(len(points)), others], axis=1)[gaps <= near])
+    return np.concatenate(found).astype(np.int32)
+
+
+def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Indices, near: float) -> Points:
+    """Return the places of vertices on sides that are in no pair, and of the copies that they need."""
+    shapely = optional("shapely", "mesh")
+
+    found, places = [np.empty((0, 2))], shapely.points(mesh.points[mesh.boundary])
+    for both in chains:
+        for column, chain in enumerate(both):
+            on_side = mesh.boundary[shapely.distance(shapely.LineString(chain), places) <= near]
+            alone = mesh.points[np.setdiff1d(on_side, pairs[:, column])]
+            step = both[1 - column].min(axis=0) - chain.min(axis=0)
+            found += [alone, alone + step]
+    return np.concatenate(found)
+
+
+def _aligned(points: Points, pairs: Indices) -> Points:
+    """Move copies to where they belong."""
+    points, steps = points.copy(), points[pairs[:, 0]] - points[pairs[:, 1]]
+    for axis in (0, 1):
+        along = np.abs(steps[:, axis]) > np.abs(steps[:, 1 - axis])
+        one, other = pairs[along].T
+        points[one] = points[other] + steps[along][:1] * np.eye(2)[axis]
+    return points

@@ -14,7 +14,6 @@ from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.outlines import Outline
-from cvtimg.meshes.periodic import Pairs, Twins
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders
 
@@ -83,11 +82,10 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Plan:
-    """Vertices on borders, which may be pairs, and sizes around them."""
+    """Vertices on borders, and sizes around them."""
 
     borders: Borders
     field: Field
-    pairs: Pairs | None = None
 
     @property
     def number(self) -> int:
@@ -108,7 +106,7 @@ class Plan:
         return self.field.isotropic and float(np.ptp(np.log(metric[:, 0]))) > _VARIES
 
 
-def plan_mesh(outline: Outline, wanted: Wanted, alone: Points, twins: Twins | None) -> Plan:
+def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     """Place vertices on borders, and (A, 2) alone, with sizes that come to the wanted number.
 
     Where borders need too many, first curves get one edge where they had two, then sizes grow faster, and are larger.
@@ -116,7 +114,7 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points, twins: Twins | No
     ends = np.concatenate([alone, outline.nodes[outline.ends.T.ravel()]])
     _check_fits(outline, wanted, len(outline.nodes) + len(alone))
     start = wanted.field(outline, ends)
-    place = partial(_placed, outline, start, wanted.least, alone, twins)
+    place = partial(_placed, outline, start, wanted.least, alone)
     if wanted.n is None:
         return place(1.0, wanted.grade, 2, np.inf)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
@@ -145,19 +143,21 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points, twins: Twins | No
 
 
 def _placed(
-    outline: Outline, start: Field, least: float, alone: Points, twins: Twins | None,
-    factor: float, grade: float, on_curves: int, most: float,
-) -> Plan:  # fmt: skip
+    outline: Outline,
+    start: Field,
+    least: float,
+    alone: Points,
+    factor: float,
+    grade: float,
+    on_curves: int,
+    most: float,
+) -> Plan:
     """Place vertices for sizes that are larger by a factor."""
-    field, pairs = start.scaled(factor).limited(grade, least), None
+    field = start.scaled(factor).limited(grade, least)
     borders, field = place_on_borders(outline, field, grade, least, most, on_curves)
-    if twins is not None:
-        field = twins.lowered(borders, field, grade)
-        borders, field = place_on_borders(outline, field, grade, least, most, on_curves)
-        borders, pairs = twins.paired(borders)
     if len(alone):
         borders, field = _with_alone(borders, field, alone, grade)
-    return Plan(borders, field, pairs)
+    return Plan(borders, field)
 
 
 def _with_alone(borders: Borders, field: Field, alone: Points, grade: float) -> tuple[Borders, Field]:

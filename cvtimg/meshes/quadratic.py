@@ -65,13 +65,8 @@ class QuadraticTriangles(ReadOnly):
         return self.jacobians.mean(axis=1) / 2
 
 
-def quadratic(
-    points: Points, triangles: Indices, edges: Indices, outline: Outline, pairs: Indices | None = None
-) -> QuadraticTriangles:
-    """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly.
-
-    Nodes on sides that are copies are so, too, by the pairs (P, 2) of their ends.
-    """
+def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outline) -> QuadraticTriangles:
+    """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
     n = len(points)
     half_edges = edges_around(triangles)
     each_once, own, _ = unique_edges(half_edges)
@@ -92,11 +87,7 @@ def quadratic(
         places, bends, straight = there, bends_there, straight | folded
         if not folded.any():
             break
-    nodes = bent.nodes(places, bends)
-    if pairs is not None:
-        pairs, steps = _with_middles(points, with_middles, pairs)
-        nodes[pairs[:, 0]] = nodes[pairs[:, 1]] + steps
-    return QuadraticTriangles(nodes, all_six, with_middles, int(straight.sum()), pairs)
+    return QuadraticTriangles(bent.nodes(places, bends), all_six, with_middles, int(straight.sum()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,22 +192,6 @@ def _with_areas(
     still = np.concatenate([edges[on_rim].ravel(), middle[on_rim], edges[asked]])
     kept = outline.areas.kept(nodes, halves, np.tile(ways.line, 2), np.unique(edges[ways.last]), still)
     return kept[: len(places)], 3 / 4 * (kept[middle] - (kept[a] + kept[b]) / 2)
-
-
-def _with_middles(points: Points, edges: Indices, pairs: Indices) -> tuple[Indices, Points]:
-    """Return pairs of vertices with those of the nodes between them, and the steps from each second to the first."""
-    found, steps = [pairs], points[pairs[:, 0]] - points[pairs[:, 1]]
-    moves, n = [steps], len(points)
-    table = EdgeTable(edges[:, :2], n)
-    for axis in (0, 1):
-        along = steps[:, axis] != 0
-        other = np.full(n, -1, np.int32)
-        other[pairs[along, 0]] = pairs[along, 1]
-        copies = edges[(other[edges[:, :2]] >= 0).all(axis=1)]
-        at = table.find(other[copies[:, :2]])
-        found.append(np.stack([copies[at >= 0, 2], edges[at[at >= 0], 2]], axis=1))
-        moves.append(np.tile(steps[along][:1], (int((at >= 0).sum()), 1)))
-    return np.concatenate(found), np.concatenate(moves)
 
 
 def _jacobians(nodes: Points, triangles: Indices) -> Points:

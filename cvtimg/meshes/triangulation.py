@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import needs
-from cvtimg.halfedges import HalfEdges, edge_keys, find_twins
+from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, find_twins
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import lengths_of
 from cvtimg.meshes.sliding import Tracks
@@ -35,6 +35,11 @@ class Borders:
     corners: NDArray[np.bool_]  # (B,): points that stay where the others move to keep areas
     of_line: NDArray[np.intp] | None = None  # (E,): the line of the outline that each edge is on
     tracks: Tracks | None = None  # Along which some of the points may slide
+
+    def chain(self, line: int) -> NDArray[np.int32]:
+        """Return the points (C,) along a line."""
+        own = self.edges[self.of_line == line]
+        return np.append(own[:, 0], own[-1:, 1])
 
 
 class PlaneTriangulation(HalfEdges):
@@ -165,7 +170,7 @@ class PlaneTriangulation(HalfEdges):
         self.outgoing[self.triangles.ravel()] = np.arange(n_edges)
 
     def _tag(self, borders: Borders) -> None:
-        """Give the triangles between borders the label of most of the border around them; 0 if there is none."""
+        """Give the triangles between borders the label beside the longest edge around them; 0 if there is none."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -175,19 +180,13 @@ class PlaneTriangulation(HalfEdges):
             (np.ones(len(free), np.int8), (free // 3, self.twins.ravel()[free] // 3)), (n_triangles, n_triangles)
         )
         n_parts, part = connected_components(links, directed=False)
-        forth, back = borders.edges.astype(np.int64), borders.edges[:, ::-1].astype(np.int64)
-        keys = np.concatenate([forth, back]) @ np.array([n, 1])
-        labels = np.concatenate([borders.sides[:, 0], borders.sides[:, 1]])
-        order = np.argsort(keys)
-        own = self.edges.astype(np.int64) @ np.array([n, 1])
-        at = order[np.minimum(np.searchsorted(keys, own, sorter=order), len(keys) - 1)]
-        known = keys[at] == own
-        lengths = np.linalg.norm(np.subtract(*self.points[self.edges[known].T]), axis=1)
-        seen, index = np.unique(labels, return_inverse=True)
-        votes = coo_array((lengths, (np.repeat(part, 3)[known], index[at[known]])), (n_parts, len(seen))).tocsr()
-        best = np.asarray(votes.argmax(axis=1)).ravel()
-        most = np.asarray(votes.max(axis=1).todense()).ravel() > 0
-        self.tags = np.where(most, np.maximum(seen[best], 0), 0).astype(np.int32)[part]
+        at = EdgeTable(borders.edges, n).find(self.edges)
+        known, forth = at >= 0, borders.edges[at, 0] == self.edges[:, 0]
+        lengths = np.linalg.norm(np.subtract(*self.points[self.edges.T]), axis=1)
+        order = np.flatnonzero(known)[np.argsort(lengths[known], kind="stable")]
+        tags = np.zeros(n_parts, np.int32)
+        tags[part[order // 3]] = np.maximum(borders.sides[at, np.where(forth, 0, 1)], 0)[order]
+        self.tags = tags[part]
 
     def _keep(self, kept: NDArray[np.bool_], edges: Triangles) -> None:
         """Leave out triangles, and vertices that have none then."""
