@@ -29,10 +29,6 @@ _OFFSET = np.array([0.118, 0.382, 0.236])
 #: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing,
 #: or half of it.
 _NARROW, _NUDGES, _NUDGE = 15.0, 16, 0.05
-#: Points near to several labels go away from these, to this distance by the spacing, in so many rounds.
-_RETREAT, _RETREATS = 0.25, 3
-#: Rounds of moves of vertices where labels meet, to where no dihedral angle is below this, in degrees.
-_DRAWS, _DRAWN = 3, 12.0
 #: Moves that make angles too small are halved so many times, then left out.
 _HALVINGS = 4
 #: Pairs of corners of a tetrahedron; in reverse, those of the other two.
@@ -53,13 +49,11 @@ class Levels(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Filling:
-    """Tetrahedra with labels, and vertices that had to stay away from the surfaces where they belong."""
+    """Tetrahedra with labels."""
 
     points: Points
     cells: Cells
     labels: Indices  # (T,), from 1
-    loose: Indices  # (M,) vertices
-    meeting: Cells  # (M, 4): the labels that meet at each of these; the first fills up the row
 
 
 def stuff(levels: Levels, low: Points, high: Points, spacing: float) -> Filling:
@@ -97,36 +91,13 @@ class _Lattice:
         self.is_free = np.bincount(ends, minlength=len(used)) < 2
         self.is_outer = self.labels == 0
         self.is_outer[ends[others == 0]] = True
-        self._give_way(levels, ends[~self.is_free[ends]], others[~self.is_free[ends]], spacing)
-        self._depths = np.maximum(self._depth(levels, self.points[ends], self.labels[ends], others), 1e-9 * spacing)
+        places = self.points[ends]
+        apart = levels.distances(places, others) - levels.distances(places, self.labels[ends])
+        self._depths = np.maximum(apart / 2, 1e-9 * spacing)
         depths = self._depths[which].reshape(-1, 2)
         self.shares = depths[:, 0] / depths.sum(axis=1)
         self.lengths = np.linalg.norm(points[used[self.edges[:, 0]]] - points[used[self.edges[:, 1]]], axis=1)
         self.near = np.where(self.lengths > 0.93 * spacing, _NEAR_LONG, _NEAR_SHORT)
-
-    @staticmethod
-    def _depth(levels: Levels, points: Points, own: Indices, others: Indices) -> Values:
-        """Return half the difference of the distances of points to another label and to their own."""
-        return (levels.distances(points, others) - levels.distances(points, own)) / 2
-
-    def _give_way(self, levels: Levels, ends: Indices, others: Indices, spacing: float) -> None:
-        """Move points that are near to other labels (M,) away from them."""
-        steps = 0.1 * spacing * np.eye(3)
-        for _ in range(_RETREATS):
-            depths = self._depth(levels, self.points[ends], self.labels[ends], others)
-            near = np.flatnonzero(depths < _RETREAT * spacing)
-            near = near[np.lexsort((depths[near], ends[near]))]
-            moving, first = np.unique(ends[near], return_index=True)
-            beyond, lacking = others[near[first]], _RETREAT * spacing - depths[near[first]]
-            around = [
-                self._depth(levels, self.points[moving] + way * step, self.labels[moving], beyond)
-                for step in steps
-                for way in (1, -1)
-            ]
-            slopes = np.stack([one - other for one, other in zip(around[::2], around[1::2], strict=True)], axis=1)
-            slopes /= 0.2 * spacing
-            moves = slopes * (lacking / np.maximum((slopes**2).sum(axis=1), 0.25))[:, None]
-            self.points[moving] += moves
 
     def depths(self, points: Cells, others: Indices) -> Values:
         """Return how deep points are in their labels, seen from other labels, which neighbors of theirs have."""
@@ -185,25 +156,18 @@ def _filled(grid: _Lattice) -> tuple[Filling, Indices]:
         values[known] = grid.depths(cells[known], others[known]) * np.where(inner, -1, 1)[known]
         parts.append(_cut(cells, values, side[chosen], cuts))
     several = grid.cells[(least < most) & ~is_two]
-    parts_of_several, inner_points, meeting = _starred(grid, several, cuts, np.concatenate([points, on_edges]))
+    parts_of_several, inner_points = _starred(grid, several, cuts, np.concatenate([points, on_edges]))
     parts += parts_of_several
     made, labels = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    # What is loose: cuts that were moved along their edges, and what is inside triangles and tetrahedra of the lattice.
-    far = np.flatnonzero(shares != grid.shares[is_cut])
-    pairs = grid.labels[np.stack([a, b, a, a], axis=1)[far]]
-    loose = np.concatenate([n + far, n + len(a) + np.arange(len(inner_points))])
     used, made = np.unique(made, return_inverse=True)
     places = np.concatenate([points, on_edges, inner_points])[used]
-    meeting = np.concatenate([pairs, meeting])
-    kept = np.isin(loose, used)
-    loose = np.searchsorted(used, loose[kept])
-    return Filling(places, _oriented(places, made.reshape(-1, 4)), labels, loose, meeting[kept]), used
+    return Filling(places, _oriented(places, made.reshape(-1, 4)), labels), used
 
 
 def _starred(
     grid: _Lattice, cells: Cells, cuts: Callable[[Indices, Indices], Indices], points: Points
-) -> tuple[list[tuple[Cells, Indices]], Points, Cells]:
-    """Divide tetrahedra with three or four labels, from a point inside; return also these points, and their labels.
+) -> tuple[list[tuple[Cells, Indices]], Points]:
+    """Divide tetrahedra with three or four labels, from a point inside; return also these points.
 
     Triangles between three labels have such a point, too, so that it is the same for the tetrahedra on both sides.
     """
@@ -238,9 +202,8 @@ def _starred(
     sums = np.zeros((len(cells), 3))
     np.add.at(sums, owner[triple], middles[middle - len(points)])
     centers = sums / np.bincount(owner[triple], minlength=len(cells))[:, None]
-    meeting = np.concatenate([grid.labels[corners[:, [0, 1, 2, 0]]], grid.labels[cells]])
     kept = [(part[label > 0], label[label > 0]) for part, label in made]
-    return kept, np.concatenate([middles, centers]), meeting
+    return kept, np.concatenate([middles, centers])
 
 
 def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices:
@@ -252,45 +215,6 @@ def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices
     keys = edge_keys(edges, n) * (int(labels.max(initial=0)) + 1) + of
     _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.unique(edges[counts[which] > 2])
-
-
-def drawn(filling: Filling, levels: Levels, spacing: float) -> Points:
-    """Draw loose vertices towards where their labels meet, as far as dihedral angles let them."""
-    from scipy.sparse import coo_array
-
-    points, cells = filling.points.copy(), filling.cells
-    loose, meeting = filling.loose, filling.meeting
-    if not len(loose):
-        return points
-    cells = cells[np.isin(cells, loose).any(axis=1)]
-    # Vertices inside labels move like those around them.
-    edges = unique_edges(cells[:, _PAIRS].reshape(-1, 2))[0]
-    is_loose, is_inner = np.zeros((2, len(points)), bool)
-    is_loose[loose], is_inner[cells] = True, True
-    is_inner[label_faces(filling.cells, filling.labels)[0]] = False
-    edges = np.concatenate([edges, edges[:, ::-1]])
-    edges = edges[is_inner[edges[:, 0]] & is_loose[edges[:, 1]]]
-    beside = coo_array((np.ones(len(edges)), edges.T), (len(points),) * 2).tocsr()
-    shares = beside.sum(axis=1)
-    inner = np.flatnonzero(shares)
-    step = 0.1 * spacing * np.concatenate([np.eye(3), -np.eye(3)])
-
-    def distances(places: Points) -> Values:
-        return np.stack([levels.distances(places, meeting[:, k]) for k in range(4)], axis=1)
-
-    for _ in range(_DRAWS):
-        places = points[loose]
-        values = distances(places)
-        around = np.stack([distances(places + one) for one in step])
-        slopes = np.moveaxis(around[:3] - around[3:], 0, 2) / (0.2 * spacing)
-        inverse = np.linalg.pinv(slopes[:, 1:] - slopes[:, :1], rcond=0.2)
-        moves = -np.einsum("ijk,ik->ij", inverse, values[:, 1:] - values[:, :1])
-        lengths = np.linalg.norm(moves, axis=1, keepdims=True)
-        wanted = np.zeros_like(points)
-        wanted[loose] = moves * np.minimum(1, 0.25 * spacing / np.maximum(lengths, 1e-300))
-        wanted[inner] = (beside @ wanted)[inner] / shares[inner, None]
-        points = moved(points, filling.cells, wanted, _DRAWN)
-    return points
 
 
 def widened(points: Points, cells: Cells, spacing: float) -> Points:

@@ -14,7 +14,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.measures import label_faces
-from cvtimg.meshes.tetrahedra import Filling, dihedral_angles, drawn, moved, pinched, qualities, stuff, volumes, widened
+from cvtimg.meshes.tetrahedra import Filling, dihedral_angles, moved, pinched, qualities, stuff, volumes, widened
 
 Points = NDArray[np.float64]
 
@@ -191,9 +191,8 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     -----
     Inside, vertices are a body-centered cubic lattice. It is a centroidal Voronoi tessellation, and none of space is
     known that has less energy. Vertices near to the surface of a label are moved to it, and tetrahedra that it cuts are
-    divided; those in which more than two labels meet are divided from a point inside, and the points on their edges and
-    in their triangles move towards where the labels meet as far as dihedral angles of 20 degrees let them. In the end
-    vertices at dihedral angles below 15 degrees move a little.
+    divided; those in which more than two labels meet are divided from a point inside. In the end vertices at dihedral
+    angles below 15 degrees move a little.
 
     References
     ----------
@@ -239,7 +238,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
         _with_volumes(levels, _spacing_for(levels, spacing, n))  # which moves the surfaces
         spacing = _spacing_for(levels, spacing, n)
     filling = _with_volumes(levels, spacing)
-    points = widened(drawn(filling, levels, spacing), filling.cells, spacing)
+    points = widened(filling.points, filling.cells, spacing)
     points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
     found = _volumes_by_label(points, filling.cells, filling.labels, len(levels.wanted))
     name = f"edge_length={edge_length}" if n is None else f"n={n}"
