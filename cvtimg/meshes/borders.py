@@ -14,18 +14,11 @@ from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
-from cvtimg.meshes.sliding import Tracks, places_at
-from cvtimg.meshes.triangulation import Borders
+from cvtimg.meshes.triangulation import Borders, Tracks, places_at
 
 Points = NDArray[np.float64]
 Values = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-#: A line is sampled at steps of at most this part of an edge. Those that are too long are divided in so many parts at
-#: most at once, since sizes may be tiny at one end only.
-_STEP, _PARTS, _LEAST_PASSES, _PASSES = 0.34, 256, 3, 12
-#: Rounds of making crowded edges shorter; in the last ones, only where they cross.
-_ROUNDS, _LAST_ROUNDS = 12, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +29,6 @@ class Spacing:
     closed: int = 6  # edges that a closed smooth line has at least
     near: float = 0.4  # no vertex is nearer to the edge of another line than this part of that edge,
     beyond: float = 0.3  # or than this part of that where only the outside is between them, and no triangle
-    narrow: float = 25.0  # edges that meet at less than this angle, in degrees, are too long
-    wider: float = 1.5  # if their lines do at one so much larger,
-    shortest: float = 0.0  # and the edges are longer than this, in pixels
     sharp: float = (
         0.42  # where two lines meet at an angle with less than this sine, sizes that grow from there are best
     )
@@ -46,13 +36,20 @@ class Spacing:
     short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
+    farthest: float = 0.6  # by no more than this part of the distance to the next vertex
+    step: float = 0.34  # a line is sampled at steps of at most this part of an edge
+    parts: int = 256  # into which steps are divided at once, since sizes may be tiny at one end only
+    least_passes: int = 3
+    passes: int = 12  # at most, that divide steps
+    rounds: int = 12  # of making crowded edges shorter
+    last_rounds: int = 5  # only where they cross
 
     @classmethod
     def of(cls, outline: Outline) -> Spacing:
         """Return that of polygons, or of contours of pixels, which have many thin parts."""
         if outline.mask is None:
             return cls()
-        return cls(share=1.0, closed=3, near=0.5, shortest=2.0, finest=0.125)
+        return cls(share=1.0, closed=3, near=0.5, finest=0.125)
 
 
 def place_on_borders(
@@ -69,14 +66,14 @@ def place_on_borders(
         If edges cross however short they are.
     """
     spacing = Spacing.of(outline)
-    for round_ in first_few(range(_ROUNDS)):
+    for round_ in first_few(range(spacing.rounds)):
         chains = _Chains.of(outline, field, on_curves)
         borders = chains.borders()
         if len(borders.points) > most:
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
         crossed, near = _crowded(borders, lengths, chains)
-        if round_ >= _ROUNDS - _LAST_ROUNDS:
+        if round_ >= spacing.rounds - spacing.last_rounds:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
         if not halved.any() and round_ > 0:
@@ -109,7 +106,7 @@ class _Chains:
 
     @classmethod
     def of(cls, outline: Outline, field: Field, on_curves: int) -> _Chains:
-        places, line_of = sampled(outline.lines, field)
+        places, line_of = sampled(outline.lines, field, Spacing.of(outline))
         starts = np.flatnonzero(np.diff(line_of, prepend=-1) > 0)
         stops = np.append(starts[1:], len(places)) - 1
         steps = np.diff(places, axis=0)
@@ -156,12 +153,6 @@ class _Chains:
         """Where the first vertex (E,) of each edge is in chains."""
         return np.flatnonzero(self.of_line[1:] == self.of_line[:-1])
 
-    def near_ends(self) -> Points:
-        """Return where (E, 2, 2) the line of each edge is a quarter of the way from either end."""
-        first = self.first_of_edges()
-        quarters = self.at[first, None] + np.diff(self.at)[first, None] * np.array([0.25, 0.75])
-        return places_at(quarters, self.along, self.places)
-
     def _tracks(self, points: Points) -> Tracks | None:
         """Let vertices slide along lines where edges hardly turn."""
         inner = self.inner
@@ -171,20 +162,21 @@ class _Chains:
         start, stop = (self.until[ends][self.of_line[inner]] for ends in (self.starts, self.stops))
         periods = np.where(self.outline.is_closed[self.of_line[inner]], stop - start, 0)
         along = np.interp(self.at[inner], self.along, self.until)
-        tracks = Tracks.of(self.vertices[inner], along, gaps, (self.places, self.until), start, periods)
+        reach = along[:, None] + Spacing.of(self.outline).farthest * gaps[:, None] * np.array([-1.0, 1.0])
+        tracks = Tracks(self.vertices[inner], along, reach, self.places, self.until, periods, start)
         return tracks.kept(smooth)
 
 
-def sampled(lines: tuple[Points, ...], field: Field) -> tuple[Points, NDArray[np.intp]]:
+def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Points, NDArray[np.intp]]:
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    for pass_ in range(_PASSES):
+    for pass_ in range(how.passes):
         metric, steps = field.metric(places), np.diff(places, axis=0)
         longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
         longest[np.diff(line_of) > 0] = 0
-        n_parts = np.clip(np.ceil(longest / _STEP), 1, _PARTS).astype(np.intp)
-        if pass_ >= _LEAST_PASSES and n_parts.max(initial=1) < _PARTS:
+        n_parts = np.clip(np.ceil(longest / how.step), 1, how.parts).astype(np.intp)
+        if pass_ >= how.least_passes and n_parts.max(initial=1) < how.parts:
             break
         places, own = divided_steps(places, n_parts)
         line_of = line_of[own]
@@ -215,9 +207,7 @@ def _crowded(borders: Borders, lengths: Values, chains: _Chains) -> tuple[NDArra
     close = gaps < np.where(beyond, spacing.beyond, 1) * spacing.near * lengths[edge]
     point, edge, gaps = point[close], edge[close], gaps[close]
     table = EdgeTable(edges, len(points))
-    links = np.stack([table.find(np.stack([point, edges[edge, end]], axis=1)) for end in (0, 1)])
-    may_split = lengths[edge] > spacing.shortest
-    fits = (links >= 0).any(axis=0) & ~(may_split & _are_wider(borders, chains, links, edge))
+    fits = np.any([table.find(np.stack([point, edges[edge, end]], axis=1)) >= 0 for end in (0, 1)], axis=0)
     if chains.outline.mask is None:
         fits |= _meet_sharply(borders, chains, lengths, point, edge, gaps)
     near[edge[~fits]] = True
@@ -241,18 +231,3 @@ def _meet_sharply(
         way = np.linalg.norm(points[point] - points[corner], axis=1)
         sharp |= meets & (own != other) & (gaps < spacing.sharp * way) & (way < spacing.tip * lengths[edge])
     return sharp
-
-
-def _are_wider(borders: Borders, chains: _Chains, links: Index, edge: Index) -> NDArray[np.bool_]:
-    """Tell where edges (P,) meet others, linked to their ends (2, P), far more narrowly than the lines do."""
-    points, edges, starts, spacing = borders.points, borders.edges, chains.near_ends(), Spacing.of(chains.outline)
-    wider = np.zeros(len(edge), bool)
-    for k in (0, 1):
-        pairs = np.flatnonzero(links[k] >= 0)
-        one, other = edge[pairs], links[k, pairs]
-        end = (edges[other, 1] == edges[one, k]).astype(np.intp)
-        at = points[edges[one, k]]
-        angle = 180 - turns_of(points[edges[one, 1 - k]], at, points[edges[other, 1 - end]])
-        of_lines = 180 - turns_of(starts[one, k], at, starts[other, end])
-        wider[pairs] |= (angle < spacing.narrow) & (of_lines > spacing.wider * angle)
-    return wider

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
-from cvtimg._shared.extras import optional
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 
@@ -26,20 +25,17 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     if n <= 0:
         return np.empty((0, 2))
     frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
-    edges = None if field.isotropic else _Edges(frame)
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
     reach = _reach(frame)[used]
     wanted, part = float(n), _NEAR
     for _ in range(_ROUNDS):
         points = field.seeds(round(wanted), rng)
-        gaps, near = tree.query(points)
+        near = tree.query(points)[1]
         metric = field.metric(points)
         size = (metric[:, 0] * metric[:, 2] - metric[:, 1] ** 2) ** -0.25
-        if edges is None:
-            far = gaps > part * np.maximum(size, reach[near])
-        else:
-            far = lengths_of(metric, points - edges.nearest(points)) > part
+        room = np.maximum(1, reach[near] / size) if field.isotropic else 1.0
+        far = lengths_of(metric, points - frame.points[used[near]]) > part * room
         points, near = points[far], near[far]
         _, shares = frame.locate(points, used[near])
         points = points[shares.min(axis=1) > 1e-9]
@@ -60,22 +56,3 @@ def _reach(frame: PlaneTriangulation) -> NDArray[np.float64]:
     for end in (0, 1):
         np.maximum.at(reach, edges[:, end], 0.8 * lengths)
     return reach
-
-
-class _Edges:
-    """The border edges of a frame, to find the nearest place on them."""
-
-    def __init__(self, frame: PlaneTriangulation) -> None:
-        shapely = optional("shapely", "mesh")
-
-        self._edges = shapely.linestrings(frame.points[frame.border_edges()])
-        self._tree = shapely.STRtree(self._edges)
-
-    def nearest(self, points: Points) -> Points:
-        """Return the nearest place (M, 2) for each of (M, 2) points."""
-        shapely = optional("shapely", "mesh")
-
-        places = shapely.points(points)
-        nearest = self._tree.query_nearest(places, all_matches=False)[1]
-        lines = shapely.shortest_line(self._edges[nearest], places)
-        return shapely.get_coordinates(lines)[::2]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +13,7 @@ from cvtimg.halfedges import TriangleMeasures, boundary_edges, measure_triangles
 from cvtimg.placement import PolygonRegion
 from cvtimg.placement.cells import measure_cells
 
-__all__ = ["MeshMeasures", "TriangleMeasures", "label_faces", "measure_mesh", "measure_triangles"]
+__all__ = ["MeshMeasures", "TriangleMeasures", "measure_mesh", "measure_triangles"]
 
 Points = NDArray[np.float64]
 
@@ -114,24 +113,6 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
         mean_quality=float(each.qualities.mean()),
         below_30=float((each.least_angles < 30).mean()),
     )
-
-
-def label_faces(
-    tetrahedra: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]]
-) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the faces (S, 3) around each label, counter-clockwise seen from outside, that label, and the one beyond.
-
-    Labels (T,) are above 0, which is beyond the faces that only one tetrahedron has. Faces between two come twice.
-    """
-    faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
-    a, b, c = np.sort(faces, axis=1).astype(np.int64).T
-    n = int(c.max(initial=0)) + 1
-    pairs = np.unique(a * n + b, return_inverse=True)[1]  # three numbers in one would be too large
-    which = np.unique(pairs * n + c, return_inverse=True)[1]
-    own = labels.astype(np.int64).repeat(4)
-    beyond = np.bincount(which, own).astype(np.int64)[which] - own
-    around = own != beyond
-    return faces[around], own[around], beyond[around]
 
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:

@@ -22,17 +22,17 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.extras import optional
 from cvtimg._shared.progress import each, part
-from cvtimg.halfedges import EdgeTable, measure_triangles
+from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.curves import Curves
 from cvtimg.meshes.interior import place_inside
 from cvtimg.meshes.mending import Mending, mend
-from cvtimg.meshes.outlines import Outline, label_outline, with_points
+from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
 from cvtimg.meshes.quadratic import quadratic
-from cvtimg.meshes.relaxation import Relaxed, relax
+from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike
 from cvtimg.meshes.triangulation import PlaneTriangulation
@@ -76,8 +76,6 @@ EFFORTS: dict[str, MeshEffort] = {
 _BEST = 0.75
 #: Parts of the time until vertices are on borders and placed, and until they have moved.
 _PLANNED, _RELAXED = 0.4, 0.6
-#: How far contours of masks and labels are moved to make them smoother, in pixels.
-_TOLERANCE = 0.7
 #: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.
 _NARROW = 10.0
 #: No edge on a border between pixels is made shorter than this, in pixels, to mend small angles.
@@ -155,21 +153,17 @@ def mesh_region(
 
     Notes
     -----
-    Vertices on the boundary are placed first, at equal steps by the sizes, and closer where two parts of the boundary
-    are near to each other. A constrained Delaunay triangulation follows, in which inner vertices move to the centers
-    of mass of their cells, with density size^-4, while edges flip. In the end vertices move a little so that edges are
-    even; those on the boundary of a polygon slide along it, but for corners. Where angles below 30 degrees are left at
-    borders, edges there are split, as in Delaunay refinement, and vertices inside move; with `n`, others are taken away
-    where edges are short. Angles that the borders themselves have stay. Last, vertices move off the boundary of
-    polygons, along its normals, by as much as edges cut off, so that areas stay. With effort "best", small meshes of
-    one size are made several times, and the most regular one is returned.
+    Vertices on the boundary come first, closer where two parts of it are near to each other. In a constrained Delaunay
+    triangulation, inner vertices move to the centers of mass of their cells, with density size^-4, while edges
+    flip. Edges are made even; those at angles below 30 degrees are split, as in Delaunay refinement, and with `n` other
+    vertices are taken away; angles that the borders themselves have stay. Last, vertices move off the boundary of
+    polygons by as much as edges cut off, so that areas stay. With effort "best", small meshes of one size are made
+    several times, and the most regular one is returned.
 
     References
     ----------
     Q. Du, M. Gunzburger, Grid generation and optimization based on centroidal Voronoi tessellations, Applied
     Mathematics and Computation 133 (2002) 591-607, doi 10.1016/S0096-3003(01)00260-0.
-
-    M. Gunzburger, Centroidal Voronoi tessellations, lecture.
 
     J. Ruppert, A Delaunay refinement algorithm for quality 2-dimensional mesh generation, Journal of Algorithms 18
     (1995) 548-585, doi 10.1006/jagm.1995.1021.
@@ -187,7 +181,7 @@ def mesh_region(
     if parts:
         outline = outline_of_parts([as_region(part) for part in parts.values()], least, keep_points)
     else:
-        outline = outline_of(as_region(region), tolerance=_TOLERANCE, min_size=least, keep_points=keep_points)
+        outline = outline_of(as_region(region), least, keep_points)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
@@ -203,7 +197,7 @@ def mesh_labels(
     size: SizeLike | None = None,
     grade: float = 0.2,
     min_size: float = 0.0,
-    tolerance: float = _TOLERANCE,
+    tolerance: float = SMOOTHING.tolerance,
     order: int = 1,
     periodic: str | None = None,
     effort: str = "balanced",
@@ -308,7 +302,8 @@ def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, rand
         )
     with part(_RELAXED, 1):
         mesh = _finished(mesh, outline, plan, wanted, effort)
-    return _result(mesh, plan, relaxed, wanted.n)
+    edges = mesh.border_edges()
+    return Mesh(mesh.points, mesh.triangles, mesh.tags, edges, relaxed.energies, relaxed.converged, wanted.n)
 
 
 def _finished(
@@ -342,10 +337,6 @@ def _even_out(mesh: PlaneTriangulation, plan: Plan, effort: MeshEffort) -> None:
         mesh.flip(None)
 
 
-def _result(mesh: PlaneTriangulation, plan: Plan, relaxed: Relaxed, n: int | None) -> Mesh:
-    return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), relaxed.energies, relaxed.converged, n)
-
-
 def _check_inside(alone: Points, points: Points) -> None:
     """Check that no edge on the border cuts off a fixed point."""
     from scipy.spatial import cKDTree
@@ -360,15 +351,11 @@ def _warn_of_small_angles(mesh: Mesh) -> None:
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
     narrow = mesh.triangles[angles < _NARROW]
     # Each is where the two longer sides meet.
-    ends = np.stack([narrow, np.roll(narrow, -1, axis=1)], axis=2)
-    sides = np.linalg.norm(np.diff(mesh.points[ends], axis=2)[:, :, 0], axis=2)
-    longer = sides > sides.min(axis=1, keepdims=True)
-    on_border = EdgeTable(mesh.edges, len(mesh.points)).find(ends.reshape(-1, 2)).reshape(-1, 3) >= 0
-    is_corner = (on_border | ~longer).all(axis=1)
-    if not is_corner.all():
-        least = angles[angles < _NARROW][~is_corner].min()
-        hint = "leave n out for as many as it needs"
-        warn(
-            f"the border needs more than n={mesh.n_wanted} vertices: the least angle is {least:.1f} degrees; {hint}",
-            stacklevel=4,
-        )
+    sides = edges_around(narrow)
+    lengths = np.linalg.norm(np.subtract(*mesh.points[sides.T]), axis=1).reshape(-1, 3)
+    is_longer = lengths > lengths.min(axis=1, keepdims=True)
+    on_border = EdgeTable(mesh.edges, len(mesh.points)).find(sides).reshape(-1, 3) >= 0
+    wrong = angles[angles < _NARROW][(is_longer & ~on_border).any(axis=1)]
+    if len(wrong):
+        about = f"the least angle is {wrong.min():.1f} degrees; leave n out for as many as it needs"
+        warn(f"the border needs more than n={mesh.n_wanted} vertices: {about}", stacklevel=4)

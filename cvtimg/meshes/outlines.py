@@ -18,13 +18,23 @@ from cvtimg.meshes.areas import Areas
 
 Points = NDArray[np.float64]
 
-#: Contours of labels are jagged by their pixels: there it must turn by more, from so many pixels before to after it.
-_CONTOUR_CORNER, _REACH = 55.0, 4
-#: Passes that smooth contours, and by how much they move points towards, and away from, the middle of their neighbors:
-#: what one pass makes shorter the next makes longer. G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
-_PASSES, _TOWARDS, _AWAY = 6, 0.5, -0.53
-#: How far points may move in these passes, in pixels; to move farther takes more passes.
-_TOLERANCE = 0.7
+
+@dataclass(frozen=True, slots=True)
+class Smoothing:
+    """How contours of pixels are smoothed: what one pass makes shorter the next makes longer.
+
+    G. Taubin, SIGGRAPH 1995, doi 10.1145/218380.218473.
+    """
+
+    corner: float = 55.0  # contours are jagged by their pixels: at a corner they turn by more, in degrees,
+    reach: int = 4  # from so many pixels before to after it
+    passes: int = 6
+    towards: float = 0.5  # how points move towards the middle of their neighbors,
+    away: float = -0.53  # and away from it
+    tolerance: float = 0.7  # how far they may move in these passes, in pixels; to move farther takes more
+
+
+SMOOTHING = Smoothing()
 #: Where a closed line turns by more, in degrees, at its start, that is a corner.
 _CLOSED_CORNER = 10.0
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
@@ -151,14 +161,14 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     dense = _densified(line)
     is_closed = bool((line[0] == line[-1]).all())
     n = len(dense) - 1
-    reach = min(_REACH, max(n // 3, 1)) if tolerance else 1
+    reach = min(SMOOTHING.reach, max(n // 3, 1)) if tolerance else 1
     at = np.arange(n) if is_closed else np.arange(1, n)
     before, after = at - reach, at + reach
     before, after = (before % n, after % n) if is_closed else (np.maximum(before, 0), np.minimum(after, n))
     turns = turns_of(dense[before], dense[at], dense[after])
     corners: list[int] = []
     for index in np.argsort(-turns, kind="stable"):
-        if turns[index] <= (_CONTOUR_CORNER if tolerance else 1e-6):
+        if turns[index] <= (SMOOTHING.corner if tolerance else 1e-6):
             break
         gaps = np.abs(np.array(corners, np.intp) - at[index])
         if not len(gaps) or np.minimum(gaps, n - gaps if is_closed else gaps).min() >= reach:
@@ -204,8 +214,8 @@ def _smoothed(line: Points, tolerance: float) -> Points:
     is_closed = bool((line[0] == line[-1]).all())
     smooth = line.copy()
     # Points move as far as the root of the number of passes.
-    for turn in range(2 * round(_PASSES * max(tolerance / _TOLERANCE, 1) ** 2)):
-        part = _AWAY if turn % 2 else _TOWARDS
+    for turn in range(2 * round(SMOOTHING.passes * max(tolerance / SMOOTHING.tolerance, 1) ** 2)):
+        part = SMOOTHING.away if turn % 2 else SMOOTHING.towards
         if is_closed:
             ring = smooth[:-1]
             ring = ring + part * ((np.roll(ring, 1, axis=0) + np.roll(ring, -1, axis=0)) / 2 - ring)

@@ -20,19 +20,28 @@ from cvtimg.meshes.triangulation import Borders
 Points = NDArray[np.float64]
 
 #: More vertices than this need more memory than machines have.
-_MOST_VERTICES = 1 << 26
+MOST_VERTICES = 1 << 26
 #: Where nothing is said of sizes, edges are no longer than the diagonal of the region by this number.
 _PARTS = 70
-#: The number of vertices is met by scaling sizes, in so many rounds, until it is as near as this.
-_ROUNDS, _NEAR = 8, 0.01
-#: Where more than the root of the excess stays, short edges on borders need it: sizes grow faster then, up to a limit.
-_STUCK, _STEEPER, _STEEPEST = 0.5, 1.5, 1.0
-#: Where that leaves too many on borders, sizes are larger by up to this factor, which is halved so often.
-_COARSEST, _HALVINGS = 100.0, 5
-#: Polygons are said to fit if details are left out until they have no more points than this part of all vertices.
-_FITTING = 0.2
 #: Sizes vary where the logarithms of the metric do by more.
 _VARIES = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How sizes are found that come to a number of vertices."""
+
+    rounds: int = 8  # of scaling sizes,
+    near: float = 0.01  # until the number is as near as this
+    stuck: float = 0.5  # where more than this power of the excess stays, short edges on borders need it:
+    steeper: float = 1.5  # sizes grow faster then by this factor,
+    steepest: float = 1.0  # up to this
+    coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
+    halvings: int = 5  # which is halved so often
+    fitting: float = 0.2  # polygons fit if details are left out until their points are this part of all vertices
+
+
+_SEARCH = Search()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +67,7 @@ class Wanted:
     ) -> Wanted:
         """Check what the user gave."""
         if n is not None:
-            check_count("n", n, _MOST_VERTICES, "what memory holds")
+            check_count("n", n, MOST_VERTICES, "what memory holds")
         ways = {"n": n, "edge_length": edge_length, "size": size, "metric": metric}
         given = [name for name, value in ways.items() if value is not None]
         is_clear = given in ([], ["n"], ["edge_length"], ["size"], ["metric"], ["n", "size"], ["n", "metric"])
@@ -75,8 +84,8 @@ class Wanted:
         if self.metric is not None:
             return MetricField.of(self.metric, outline, self.n, ends)
         field = size_field(outline, self.size, self.n, self.least, ends)
-        allowed = f"ask for at most {_MOST_VERTICES} vertices, which memory holds, not {field.count:.3g}"
-        check_that("sizes", field.count <= _MOST_VERTICES, allowed)
+        allowed = f"ask for at most {MOST_VERTICES} vertices, which memory holds, not {field.count:.3g}"
+        check_that("sizes", field.count <= MOST_VERTICES, allowed)
         return field
 
 
@@ -118,22 +127,22 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     if wanted.n is None:
         return place(1.0, wanted.grade, 2, np.inf)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
-    for _ in first_few(range(_ROUNDS), 0.5):
+    for _ in first_few(range(_SEARCH.rounds), 0.5):
         plan = place(factor, grade, on_curves, 2 * wanted.n)
         ratio = plan.number / wanted.n
-        if abs(ratio - 1) < _NEAR and plan.n_on_borders <= wanted.n:
+        if abs(ratio - 1) < _SEARCH.near and plan.n_on_borders <= wanted.n:
             return plan
         if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
             on_curves = 1
             continue
-        if ratio > max(before, 1) ** _STUCK:
-            grade = min(_STEEPER * grade, max(grade, _STEEPEST))
+        if ratio > max(before, 1) ** _SEARCH.stuck:
+            grade = min(_SEARCH.steeper * grade, max(grade, _SEARCH.steepest))
         factor, before = factor * ratio**0.5, ratio
     # The coarsest first: where borders need too many by any sizes, that is known at once.
-    low, high = np.log([factor, _COARSEST * factor])
-    coarser = partial(place, grade=max(grade, _STEEPEST), on_curves=1, most=wanted.n)
+    low, high = np.log([factor, _SEARCH.coarsest * factor])
+    coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1, most=wanted.n)
     found = plan if plan.n_on_borders <= wanted.n else coarser(np.exp(high))
-    for _ in range(_HALVINGS if found is not plan else 0):
+    for _ in range(_SEARCH.halvings if found is not plan else 0):
         middle = (low + high) / 2
         plan = coarser(np.exp(middle))
         is_fit = plan.n_on_borders <= wanted.n
@@ -174,6 +183,6 @@ def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:
     """Refuse fewer vertices than there must be, and say by how large details there would be less."""
     if wanted.n is None or n_least <= wanted.n:
         return
-    size = outline.detail_for(int(_FITTING * wanted.n))
+    size = outline.detail_for(int(_SEARCH.fitting * wanted.n))
     hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
     refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range, check_that
 from cvtimg._shared.extras import optional
 from cvtimg.halfedges import unique_edges
-from cvtimg.meshes.outlines import ON_LINE, Outline, label_outline, split_line, turns_of
+from cvtimg.meshes.outlines import ON_LINE, SMOOTHING, Outline, label_outline, split_line, turns_of
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
@@ -22,15 +22,15 @@ Index = NDArray[np.intp]
 _CORNER, _LONG_CORNER, _LONG = 30.0, 10.0, 0.1
 
 
-def outline_of(region: Region, *, tolerance: float, min_size: float, keep_points: bool) -> Outline:
-    """Return the outline of a region: contours of masks may move by a tolerance, polygons lose details.
+def outline_of(region: Region, min_size: float, keep_points: bool) -> Outline:
+    """Return the outline of a region: contours of masks are smoothed, polygons lose details.
 
     All points that polygons have then are corners, if they are to be kept.
     """
     check_that(repr(region), region.n_dims == 2, "be in the plane")
     if isinstance(region, PictureRegion):
         check_that("keep_points", not keep_points, "be False: contours of masks have no points to keep")
-        return label_outline(region.mask.astype(np.int32), None, tolerance)
+        return label_outline(region.mask.astype(np.int32), None, SMOOTHING.tolerance)
     if isinstance(region, Box) and any(region.periodic):
         raise ValueError(f"{region!r} must not be periodic: a mesh needs a boundary")
     return outline_of_parts([region], 0 if isinstance(region, Box) else min_size, keep_points)

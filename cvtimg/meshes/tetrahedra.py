@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.halfedges import edge_keys, edges_around, unique_edges
-from cvtimg.meshes.measures import label_faces
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -26,11 +25,6 @@ Mask = NDArray[np.bool_]
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
 #: The lattice is not in line with voxels, so that the number of its points inside grows gradually with finer spacing.
 _OFFSET = np.array([0.118, 0.382, 0.236])
-#: Vertices of tetrahedra with a smaller dihedral angle, in degrees, move in so many rounds by this part of the spacing,
-#: or half of it.
-_NARROW, _NUDGES, _NUDGE = 15.0, 16, 0.05
-#: Moves that make angles too small are halved so many times, then left out.
-_HALVINGS = 4
 #: Pairs of corners of a tetrahedron; in reverse, those of the other two.
 _PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
@@ -45,6 +39,15 @@ class Levels(Protocol):
     def distances(self, points: Points, labels: Indices) -> Values:
         """Return the distance of each of (N, 3) points to its label (N,)."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Widening:
+    """How vertices of tetrahedra with small dihedral angles move."""
+
+    narrow: float = 15.0  # which angles are small, in degrees
+    rounds: int = 16
+    step: float = 0.05  # by the spacing; in every other round half of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,13 +220,13 @@ def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices
     return np.unique(edges[counts[which] > 2])
 
 
-def widened(points: Points, cells: Cells, spacing: float) -> Points:
+def widened(points: Points, cells: Cells, spacing: float, how: Widening = Widening()) -> Points:
     """Move vertices of tetrahedra with small dihedral angles so that these grow, by little."""
     points = points.copy()
     directions = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3)
-    for k in range(_NUDGES):
-        steps = directions * spacing * _NUDGE / (1 + k % 2)
-        narrow = _least_angles(points[cells]) < _NARROW
+    for k in range(how.rounds):
+        steps = directions * spacing * how.step / (1 + k % 2)
+        narrow = _least_angles(points[cells]) < how.narrow
         if not narrow.any():
             break
         moving = np.unique(cells[narrow])
@@ -232,7 +235,7 @@ def widened(points: Points, cells: Cells, spacing: float) -> Points:
         ends = np.searchsorted(near.ravel()[order], np.stack([moving, moving + 1], axis=1))
         for vertex, (first, last) in zip(moving.tolist(), ends.tolist(), strict=True):
             star = near[order[first:last] // 4]
-            if _least_angles(points[star]).min() < _NARROW:
+            if _least_angles(points[star]).min() < how.narrow:
                 corners = (star == vertex)[None, :, :, None]
                 places = np.where(corners, points[vertex] + steps[:, None, None], points[star])
                 points[vertex] += steps[_least_angles(places).min(axis=1).argmax()]
@@ -240,13 +243,16 @@ def widened(points: Points, cells: Cells, spacing: float) -> Points:
 
 
 def moved(points: Points, cells: Cells, moves: Points, least: float) -> Points:
-    """Move points (N, 3) as far as no dihedral angle gets smaller than `least`, or than it is, in degrees."""
+    """Move points (N, 3) as far as no dihedral angle gets smaller than `least`, or than it is, in degrees.
+
+    Moves that make angles too small are halved four times, then left out.
+    """
     is_moving = (moves != 0).any(axis=1)
     cells = cells[is_moving[cells].any(axis=1)]
     allowed, moves = np.minimum(_least_angles(points[cells]), least), moves.copy()
     n_halved = 0
     while (bad := _least_angles((points + moves)[cells]) < allowed).any():
-        moves[cells[bad]] *= 0.5 if n_halved < _HALVINGS else 0
+        moves[cells[bad]] *= 0.5 if n_halved < 4 else 0
         n_halved += 1
     return points + moves
 
@@ -319,27 +325,25 @@ def _oriented(points: Points, cells: Cells) -> Cells:
     return cells
 
 
-def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
+def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
     """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise."""
-    return _volumes(points[cells])
+    return _cosines(points[cells])[1] / 6
 
 
-def _volumes(corners: Points) -> NDArray[np.float64]:
-    a, b, c, d = (corners[..., k, :] for k in range(4))
-    return (np.cross(b - a, c - a) * (d - a)).sum(axis=-1) / 6
+def normals(corners: Points) -> Points:
+    """Return the normals (..., 3) of triangles (..., 3, 3), twice as long as their areas are large."""
+    return _cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> NDArray[np.float64]:
+def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
     """Return three times the radius of the ball in each tetrahedron (T,) by that of the one around it."""
-    a, b, c, d = (points[cells[:, k]] for k in range(4))
-    u, v, w = b - a, c - a, d - a
-    uv, vw, wu = np.cross(u, v), np.cross(v, w), np.cross(w, u)
-    faces = sum(np.linalg.norm(side, axis=1) for side in (uv, vw, wu, uv + vw + wu))
-    squares = [(side**2).sum(axis=1)[:, None] for side in (u, v, w)]
-    around = np.linalg.norm(squares[0] * vw + squares[1] * wu + squares[2] * uv, axis=1)
-    six = (uv * w).sum(axis=1)
+    u, v, w = np.moveaxis(points[cells[:, 1:]] - points[cells[:, :1]], 1, 0)
+    sides = _cross(u, v), _cross(v, w), _cross(w, u)
+    faces = sum(np.linalg.norm(side, axis=1) for side in (*sides, sum(sides)))
+    squares = ((w * w).sum(axis=1), (u * u).sum(axis=1), (v * v).sum(axis=1))
+    around = np.linalg.norm(sum(square[:, None] * side for square, side in zip(squares, sides, strict=True)), axis=1)
     # r = six / faces and R = around / (2 six).
-    return np.asarray(6 * six**2 / np.maximum(faces * around, 1e-300))
+    return np.asarray(6 * (sides[0] * w).sum(axis=1) ** 2 / np.maximum(faces * around, 1e-300))
 
 
 def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
@@ -370,3 +374,21 @@ def _cross(u: Points, v: Points) -> Points:
     """Return the cross product; numpy.cross is slower."""
     (a, b, c), (x, y, z) = np.moveaxis(u, -1, 0), np.moveaxis(v, -1, 0)
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+
+
+def label_faces(
+    tetrahedra: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]]
+) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the faces (S, 3) around each label, counter-clockwise seen from outside, that label, and the one beyond.
+
+    Labels (T,) are above 0, which is beyond the faces that only one tetrahedron has. Faces between two come twice.
+    """
+    faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
+    a, b, c = np.sort(faces, axis=1).astype(np.int64).T
+    n = int(c.max(initial=0)) + 1
+    pairs = np.unique(a * n + b, return_inverse=True)[1]  # three numbers in one would be too large
+    which = np.unique(pairs * n + c, return_inverse=True)[1]
+    own = labels.astype(np.int64).repeat(4)
+    beyond = np.bincount(which, own).astype(np.int64)[which] - own
+    around = own != beyond
+    return faces[around], own[around], beyond[around]

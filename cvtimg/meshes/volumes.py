@@ -11,27 +11,45 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.sums import sum_by_label
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
-from cvtimg.meshes.measures import label_faces
-from cvtimg.meshes.tetrahedra import Filling, dihedral_angles, moved, pinched, qualities, stuff, volumes, widened
+from cvtimg.meshes.planning import MOST_VERTICES
+from cvtimg.meshes.tetrahedra import (
+    Filling,
+    dihedral_angles,
+    label_faces,
+    moved,
+    normals,
+    pinched,
+    qualities,
+    stuff,
+    volumes,
+    widened,
+)
 
 Points = NDArray[np.float64]
+Values = NDArray[np.float64]
 
-#: The distance to the surface is smoothed by a Gaussian of this many voxels.
-_SMOOTHNESS = 1.0
 _SUFFIXES = (".vtu", ".msh", ".inp", ".vtk", ".xdmf")
-_MOST_VERTICES = 1 << 26
-#: Rounds by which the number of vertices is met, and how near is near enough.
-_ROUNDS, _NEAR = 8, 0.01
-#: Rounds by which the volume is met, when it is, and what is not near enough.
-_VOLUME_ROUNDS, _VOLUME_NEAR, _VOLUME_ERROR = 6, 0.001, 0.01
-#: Where surfaces move in the end, dihedral angles stay above this, in degrees.
-_LEAST_ANGLE = 15.0
-#: More vertices for each voxel show nothing that the voxels hold.
-_MOST_PER_VOXEL = 16
-#: Vertices in a volume of 1 where the longer edges have length 1.
-_PER_VOLUME = 2
+
+
+@dataclass(frozen=True, slots=True)
+class VolumeEffort:
+    """How volumes and numbers of vertices are met."""
+
+    smoothness: float = 1.0  # the distance to the surface is smoothed by a Gaussian of this many voxels
+    most_per_voxel: int = 16  # more vertices for each voxel show nothing that the voxels hold
+    per_volume: float = 2.0  # vertices in a volume of 1 where the longer edges have length 1
+    rounds: int = 8  # by which the number of vertices is met
+    near: float = 0.01  # as part of the wanted one, which is near enough
+    volume_rounds: int = 6  # by which the volume is met
+    volume_near: float = 0.001  # what is near enough
+    volume_error: float = 0.01  # what is not near enough
+    least_angle: float = 15.0  # where surfaces move in the end, dihedral angles stay above this, in degrees
+
+
+_EFFORT = VolumeEffort()
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,26 +135,24 @@ class VolumeMesh(ReadOnly):
     @property
     def surface(self) -> NDArray[np.int32]:
         """Triangles (S, 3) that only one tetrahedron has, counter-clockwise seen from outside."""
-        faces, _, beyond = self._label_faces()
+        faces, _, beyond = label_faces(self.tetrahedra, self._numbers)
         return faces[beyond == 0]
 
     @property
     def interfaces(self) -> NDArray[np.int32]:
         """Triangles (I, 3) between tetrahedra of two labels, counter-clockwise seen from the higher one."""
-        faces, own, beyond = self._label_faces()
+        faces, own, beyond = label_faces(self.tetrahedra, self._numbers)
         return faces[own < beyond]
 
     @property
     def is_manifold(self) -> bool:
         """Whether each edge of the surfaces of all and of each label has two triangles, as `mesh_volume` makes them."""
-        return not len(pinched(self.tetrahedra, self._numbers(), len(self.points)))
+        return not len(pinched(self.tetrahedra, self._numbers, len(self.points)))
 
+    @property
     def _numbers(self) -> NDArray[np.intp]:
-        """Return the labels, numbered from 1."""
+        """The labels, numbered from 1."""
         return np.unique(self.tags, return_inverse=True)[1] + 1
-
-    def _label_faces(self) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int64]]:
-        return label_faces(self.tetrahedra, self._numbers())
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the mesh, and labels as tags, to a file.
@@ -218,6 +234,30 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     >>> [round(halves[label].volume / int(ball.sum()), 2) for label in (1, 2)]
     [0.5, 0.5]
     """
+    voxels = _checked(labels)
+    check_that("what is given of n and edge_length", (n is None) != (edge_length is None), "be one of them")
+    volume = np.count_nonzero(voxels)
+    if edge_length is not None:
+        levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
+    else:
+        assert n is not None
+        check_count("n", n, MOST_VERTICES, "what memory holds")
+        check_in_range("n", n, n <= _EFFORT.most_per_voxel * volume, f"at most {_EFFORT.most_per_voxel} for each voxel")
+        spacing = (volume * _EFFORT.per_volume / n) ** (1 / 3)
+        levels = _VoxelLevels(voxels, spacing)
+        _with_volumes(levels, _spacing_for(levels, spacing, n))  # which moves the surfaces
+        spacing = _spacing_for(levels, spacing, n)
+    filling = _with_volumes(levels, spacing)
+    points = widened(filling.points, filling.cells, spacing)
+    points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
+    found = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
+    name = f"edge_length={edge_length}" if n is None else f"n={n}"
+    for tag, error in zip(levels.tags[1:].tolist(), np.abs(found / levels.wanted - 1).tolist(), strict=True):
+        check_that(name, error < _EFFORT.volume_error, f"let tetrahedra be smaller: they lose the shape of label {tag}")
+    return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
+
+
+def _checked(labels: ArrayLike) -> NDArray[Any]:
     voxels = np.asarray(labels)
     check_shape("labels", voxels.shape, voxels.ndim == 3, "(D, H, W)")
     if voxels.dtype.kind not in "bui":
@@ -225,36 +265,17 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     check_that("labels", bool((voxels != 0).any()), "not be empty: all are 0")
     most = np.iinfo(np.int32).max
     check_that("labels", bool(voxels.min() >= 0 and voxels.max() <= most), f"be in 0..{most}")
-    check_that("what is given of n and edge_length", (n is None) != (edge_length is None), "be one of them")
-    volume = np.count_nonzero(voxels)
-    if edge_length is not None:
-        levels = _VoxelLevels(voxels, spacing := check_positive("edge_length", edge_length))
-    else:
-        assert n is not None
-        check_count("n", n, _MOST_VERTICES, "what memory holds")
-        check_in_range("n", n, n <= _MOST_PER_VOXEL * volume, f"at most {_MOST_PER_VOXEL} for each voxel")
-        spacing = (volume * _PER_VOLUME / n) ** (1 / 3)
-        levels = _VoxelLevels(voxels, spacing)
-        _with_volumes(levels, _spacing_for(levels, spacing, n))  # which moves the surfaces
-        spacing = _spacing_for(levels, spacing, n)
-    filling = _with_volumes(levels, spacing)
-    points = widened(filling.points, filling.cells, spacing)
-    points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
-    found = _volumes_by_label(points, filling.cells, filling.labels, len(levels.wanted))
-    name = f"edge_length={edge_length}" if n is None else f"n={n}"
-    for tag, error in zip(levels.tags[1:].tolist(), np.abs(found / levels.wanted - 1).tolist(), strict=True):
-        check_that(name, error < _VOLUME_ERROR, f"let tetrahedra be smaller: they lose the shape of label {tag}")
-    return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
+    return voxels
 
 
 def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
     """Find the spacing with which there are about n vertices."""
     best, least = spacing, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(_EFFORT.rounds):
         ratio = max(len(stuff(levels, levels.low, levels.high, spacing).points), 1) / n
         if abs(ratio - 1) < least:
             least, best = abs(ratio - 1), spacing
-        if least < _NEAR:
+        if least < _EFFORT.near:
             break
         spacing *= min(max(ratio, 0.2), 5.0) ** (1 / 3)
     return best
@@ -270,7 +291,7 @@ class _VoxelLevels:
         numbers = numbers[:-1].reshape(voxels.shape)
         self.wanted = np.bincount(numbers.ravel(), minlength=len(self.tags)).astype(float)[1:]
         # Distances are known in the box of each label, and as far around it as edges reach.
-        self._margin = int(np.ceil(4 * _SMOOTHNESS + reach)) + 1
+        self._margin = int(np.ceil(4 * _EFFORT.smoothness + reach)) + 1
         padded = np.pad(numbers, self._margin)
         whole = tuple(slice(0, size) for size in voxels.shape)
         self._corners, self._fields = [], []
@@ -278,7 +299,7 @@ class _VoxelLevels:
             inside = padded[tuple(slice(side.start, side.stop + 2 * self._margin) for side in box)] == number
             distances = ndimage.distance_transform_edt(~inside), ndimage.distance_transform_edt(inside)
             distance = np.where(inside, 0.5 - distances[1], distances[0] - 0.5)
-            self._fields.append(ndimage.gaussian_filter(distance, _SMOOTHNESS))
+            self._fields.append(ndimage.gaussian_filter(distance, _EFFORT.smoothness))
             self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
             thick = bool((self._fields[-1] < 0).any())
             check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")
@@ -313,7 +334,7 @@ class _VoxelLevels:
 
 def _with_volumes(levels: _VoxelLevels, spacing: float) -> Filling:
     """Fill labels with tetrahedra, and move the surfaces between them until they have the volumes of the labels."""
-    for _ in range(_VOLUME_ROUNDS):
+    for _ in range(_EFFORT.volume_rounds):
         found = stuff(levels, levels.low, levels.high, spacing)
         heights, is_near = _heights(found.points, found.cells, found.labels, levels.wanted)
         if is_near:
@@ -323,39 +344,29 @@ def _with_volumes(levels: _VoxelLevels, spacing: float) -> Filling:
     return found
 
 
-def _volumes_by_label(
-    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], n_labels: int
-) -> NDArray[np.float64]:
-    return np.asarray(np.bincount(labels, volumes(points, cells), minlength=n_labels + 1)[1:], float)
-
-
-def _with_wanted_volumes(points: Points, filling: Filling, wanted: NDArray[np.float64], spacing: float) -> Points:
+def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spacing: float) -> Points:
     """Move surfaces along their normals until labels have the wanted volumes, as far as dihedral angles let them."""
-    for _ in range(_VOLUME_ROUNDS):
+    for _ in range(_EFFORT.volume_rounds):
         heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
         if is_near:
             break
         faces, own, beyond = label_faces(filling.cells, filling.labels)
-        a, b, c = (points[faces[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        areas = np.linalg.norm(normals, axis=1).repeat(3)
-        normals *= np.clip(heights[own] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
-        weights = np.maximum(np.bincount(faces.ravel(), areas, minlength=len(points)), 1e-300)
-        moves = [np.bincount(faces.ravel(), x.repeat(3), minlength=len(points)) / weights for x in normals.T]
-        points = moved(points, filling.cells, np.stack(moves, axis=1), _LEAST_ANGLE)
+        areas = normals(points[faces])
+        weights = np.maximum(sum_by_label(faces.ravel(), np.linalg.norm(areas, axis=1).repeat(3), len(points)), 1e-300)
+        areas *= np.clip(heights[own] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
+        moves = sum_by_label(faces.ravel(), areas.repeat(3, axis=0), len(points)) / weights[:, None]
+        points = moved(points, filling.cells, moves, _EFFORT.least_angle)
     return points
 
 
 def _heights(
-    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], wanted: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], bool]:
+    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], wanted: Values
+) -> tuple[Values, bool]:
     """Return heights (L + 1,) by whose differences surfaces between labels must move, and if volumes are near."""
-    lacking = wanted - _volumes_by_label(points, cells, labels, len(wanted))
+    lacking = wanted - sum_by_label(labels, volumes(points, cells), len(wanted) + 1)[1:]
     faces, own, beyond = label_faces(cells, labels)
-    a, b, c = (points[faces[:, k]] for k in range(3))
     areas = np.zeros((len(wanted) + 1,) * 2)
-    np.add.at(areas, (own, beyond), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    np.add.at(areas, (own, beyond), np.linalg.norm(normals(points[faces]), axis=1) / 2)
     flows = (np.diag(areas.sum(axis=1)) - areas)[1:, 1:]
-    heights = np.zeros(len(wanted) + 1)
-    heights[1:] = np.linalg.lstsq(flows, lacking)[0]
-    return heights, bool((np.abs(lacking) < _VOLUME_NEAR * wanted).all())
+    heights = np.append(0, np.linalg.lstsq(flows, lacking)[0])
+    return heights, bool((np.abs(lacking) < _EFFORT.volume_near * wanted).all())
