@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,19 +17,24 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-#: Creases that are shorter in all than so many distances of points are left out.
-_SHORTEST = 3
-#: The surfaces on both sides of a crease, so far by the distance of points, meet at this part of the angle at least.
-_BREADTH, _BROAD = 1.0, 0.9
-#: A curve that turns by more than the angle of creases, and this one at most, has a corner if it does over this part of
-#: the distance of points as well: the steps of a scan do not.
-_CORNER, _REACH = 40.0, 0.5
-#: Curves get points until twice as many make them longer by less than this.
-_MOST_LOSS = 0.05
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Which features are large enough to be seen, by the distances of points."""
+
+    shortest: float = 3.0  # creases that are shorter in all are left out
+    breadth: float = 1.0  # the surfaces on both sides of a crease, so far,
+    broad: float = 0.9  # meet at this part of the angle at least
+    corner: float = 40.0  # a curve has a corner where it turns by the angle of creases or, if that is less, by this
+    reach: float = 0.5  # over this part of the distance as well: the steps of a scan do not
+    most_loss: float = 0.05  # curves get points until twice as many make them longer by less than this
 
 
-def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given: Triangles) -> Mask:
-    """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, creases, and those given (M, 2).
+_SEEN = Seen()
+
+
+def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Mask:
+    """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, and creases.
 
     Creases are where faces meet at more than `angle` degrees from flat, and the surfaces on both sides, as far as a
     distance (N,) of points, nearly do. Those that are not longer in all than a few distances are too small to be seen.
@@ -41,15 +47,14 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values, given
     creased = (n_faces == 2) & (cosines < np.cos(np.radians(angle)) - 1e-12)
     first = edge == np.arange(len(edge))
     creased &= _is_broad(mesh, first & (creased | (n_faces != 2)), creased & first, normals, sizes, angle)[edge]
-    is_given = EdgeTable(given, len(mesh.points)).find(mesh.edges) >= 0
-    return is_given | (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
+    return (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
 
 
 def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
     """Return how many points more there are than whole cells: those on a boundary have half of one."""
     edge = number_edges(mesh.triangles, len(mesh.points))
     a, b = mesh.edges.T
-    lengths = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1) * 2 / (sizes[a] + sizes[b])
+    lengths = mesh.edge_lengths() * 2 / (sizes[a] + sizes[b])
     return float((lengths * (1 / np.bincount(edge)[edge] - 1 / 2)).sum())
 
 
@@ -68,10 +73,10 @@ def _is_broad(
         return broad
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     centers, weighted = (a + b + c) / 3, np.cross(b - a, c - a)
-    middles, lengths = mesh.points[ends].mean(axis=1), np.linalg.norm(np.subtract(*mesh.points[ends.T]), axis=1)
+    middles, lengths = mesh.points[ends].mean(axis=1), mesh.edge_lengths()[creased]
     sides = halves // 3, mesh.twins.ravel()[halves] // 3
     # Faces around are on the side of that face at the crease to which the way from its middle leads.
-    near = KDTree(centers).query_ball_point(middles, _BREADTH * sizes[ends].mean(axis=1), return_sorted=False)
+    near = KDTree(centers).query_ball_point(middles, _SEEN.breadth * sizes[ends].mean(axis=1), return_sorted=False)
     of = np.arange(len(halves)).repeat([len(one) for one in near])
     face = np.concatenate(near).astype(np.intp)
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
@@ -82,12 +87,12 @@ def _is_broad(
         chosen &= np.einsum("ij,ij->i", normals[face], normals[side[of]]) > 0
         chosen &= face != side[of]
         means.append(unit(weighted[side] + sum_by_label(of[chosen], weighted[face[chosen]], len(halves))))
-    passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_BROAD * angle))
+    passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_SEEN.broad * angle))
     lengths /= sizes[ends].mean(axis=1)
     table, n_ends = EdgeTable(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
     for chain in _chains(ends):
         each = table.find(np.stack([chain[:-1], chain[1:]], axis=1))
-        is_spur = (n_ends[chain[0]] == 1) != (n_ends[chain[-1]] == 1) and lengths[each].sum() < _SHORTEST
+        is_spur = (n_ends[chain[0]] == 1) != (n_ends[chain[-1]] == 1) and lengths[each].sum() < _SEEN.shortest
         broad[halves[each]] = not is_spur and lengths[each] @ passes[each] >= lengths[each].sum() / 2
     return broad
 
@@ -100,9 +105,9 @@ def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
     a, b = mesh.edges[creased].T
     links = coo_array((np.ones(len(a), np.int8), (a, b)), (len(mesh.points), len(mesh.points)))
     _, group = connected_components(links, directed=False)
-    parts = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1) / (sizes[a] + sizes[b])  # half of it, on both sides
+    parts = mesh.edge_lengths()[creased] / (sizes[a] + sizes[b])  # half of it, on both sides
     lengths = sum_by_label(group[a], parts, int(group.max()) + 1)
-    return np.asarray((lengths > _SHORTEST)[group[mesh.edges[:, 0]]])
+    return np.asarray((lengths > _SEEN.shortest)[group[mesh.edges[:, 0]]])
 
 
 def place_on_curves(mesh: SurfaceTriangulation, features: Mask, sizes: Values, angle: float) -> tuple[Indices, Points]:
@@ -111,7 +116,7 @@ def place_on_curves(mesh: SurfaceTriangulation, features: Mask, sizes: Values, a
     ends = mesh.edges[features & (edge == np.arange(len(edge)))]
     kept: dict[int, Points] = {}
     for chain in _chains(ends):
-        for curve in _divided(mesh.points, chain, sizes, min(angle, _CORNER)):
+        for curve in _divided(mesh.points, chain, sizes, min(angle, _SEEN.corner)):
             inner, places = _spaced(mesh.points[curve], sizes[curve])
             kept.update(zip(curve[[0, -1]].tolist(), mesh.points[curve[[0, -1]]], strict=True))
             kept.update(zip(curve[inner].tolist(), places, strict=True))
@@ -142,7 +147,7 @@ def _divided(points: Points, chain: Indices, sizes: Values, angle: float) -> lis
     """Divide a chain of vertices at its corners, where it turns by more than an angle."""
     places, is_closed = points[chain], chain[0] == chain[-1]
     along = _lengths(places)
-    reach = np.minimum(_REACH * sizes[chain], along[-1] / 4)
+    reach = np.minimum(_SEEN.reach * sizes[chain], along[-1] / 4)
     sharp = np.ones(len(chain), bool)
     period = along[-1] if is_closed else None
     for step in (reach, 1e-3 * np.diff(along).min()):
@@ -173,7 +178,7 @@ def _spaced(places: Points, sizes: Values) -> tuple[Indices, Points]:
 
     is_closed, most = (places[0] == places[-1]).all(), len(places) - 1
     n = min(max(round(along[-1]), 3 if is_closed else 1), most)
-    while 2 * n <= most and _lengths(divided(n))[-1] < (1 - _MOST_LOSS) * _lengths(divided(2 * n))[-1]:
+    while 2 * n <= most and _lengths(divided(n))[-1] < (1 - _SEEN.most_loss) * _lengths(divided(2 * n))[-1]:
         n *= 2
     inner = np.arange(1, n)
     nearest = np.rint(np.interp(inner * along[-1] / n, along, np.arange(most + 1))).astype(np.intp)

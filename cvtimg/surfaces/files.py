@@ -56,13 +56,6 @@ def read_surface(path: StrPath) -> TriangulatedSurface:
     Returns
     -------
     TriangulatedSurface
-
-    Raises
-    ------
-    ImportError
-        If trimesh is not installed.
-    OSError, ValueError
-        If the file cannot be read, or holds no surface.
     """
     found = _loaded(path, process=True)
     vertices, faces = np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64)
@@ -82,13 +75,6 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     Returns
     -------
     VertexDensity
-
-    Raises
-    ------
-    ImportError
-        If trimesh is not installed.
-    OSError, ValueError
-        If the file cannot be read, has no such property, or its values are no density.
     """
     suffix = Path(path).suffix.lower()
     check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")

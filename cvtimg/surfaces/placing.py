@@ -19,7 +19,6 @@ from cvtimg._shared.checks import (
     check_choice,
     check_in_range,
     check_positive,
-    check_that,
     hints_at_keywords,
     refuse_type,
 )
@@ -35,28 +34,14 @@ from cvtimg.surfaces.features import extra_points, find_features, place_on_curve
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
 from cvtimg.surfaces.sizes import HEXAGON, Sizes, least_number, limits_within
-from cvtimg.surfaces.surface import Surface, TriangulatedSurface
+from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-#: Edges of the fine triangles that points are taken from, by the distances of points.
-_FINE = 0.5
-#: The same for samples, where cells are sums over them.
-_FINER = 0.2
-#: The density is looked at in so many places at least.
-_LOOKED_AT = 4096
-#: Edges that are shorter than this part of the distance of points are collapsed first; the part then grows so.
-_FIRST_PART, _GROWTH, _LAST_PART = 0.4, 1.1, 30.0
-#: Edges that this makes are no longer than this multiple of that part.
-_STRETCH = 1.5
 _MOST_POINTS = 1 << 24
-#: Rounds by which triangles come within a tolerance of the surface, and the part of it that each aims at.
-_TRIALS, _AIM = 4, 0.9
-#: Cosine of the angle from which on a triangle is flat.
-_FLAT = -0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +57,16 @@ class SurfaceEffort:
     longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
     rest: int = 10  # the sizes of cells are measured again after so many moves
     retreats: int = 4  # points whose triangles would fold stay, and those so far around them if that folds others
+    fine: float = 0.5  # edges of the fine triangles that points are taken from, by the distances of points
+    finer: float = 0.2  # the same for samples, where cells are sums over them
+    looked_at: int = 4096  # places at least where the density is looked at
+    first_part: float = 0.4  # edges shorter than this part of the distance of points are collapsed first,
+    growth: float = 1.1  # then the part grows so
+    last_part: float = 30.0  # up to this
+    stretch: float = 1.5  # edges that this makes are no longer than this multiple of that part
+    trials: int = 4  # rounds by which triangles come within a tolerance of the surface
+    aim: float = 0.9  # the part of it that each aims at
+    flat: float = -0.5  # cosine of the angle from which on a triangle is flat
 
 
 #: The registry of efforts.
@@ -89,7 +84,6 @@ def surface_points(
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,
     feature_angle: float = 40.0,
-    features: ArrayLike | None = None,
     keep_border: bool = True,
     tolerance: float | None = None,
     effort: EffortName = "balanced",
@@ -108,8 +102,6 @@ def surface_points(
     feature_angle : float
         Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
         kept: their corners are points, and edges of triangles lie along them. 180 keeps none.
-    features : (E, 2) integer array, optional
-        Edges to keep as well, as pairs of vertices.
     keep_border : bool
         Keep the boundary of an open surface in the same way. Otherwise points stay inside, half a cell from it, and
         creases are not kept.
@@ -122,10 +114,6 @@ def surface_points(
     Returns
     -------
     SurfacePoints
-
-    See Also
-    --------
-    cvtimg.mesh_region, cvtimg.sphere_grid, cvtimg.surfaces.read_surface
 
     Notes
     -----
@@ -161,10 +149,8 @@ def surface_points(
     limits = EFFORTS[effort]
     check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
     is_free = not (keep_border or shape.triangulation.is_closed)
-    check_that("features", features is None or not is_free, "not be given with keep_border=False")
-    kept = _edges_of(shape, features)
-    apart = float(shape.triangulation.areas().sum() / (HEXAGON * _LOOKED_AT)) ** 0.5
-    mesh, kept = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface, kept)
+    apart = float(shape.triangulation.areas().sum() / (HEXAGON * limits.looked_at)) ** 0.5
+    mesh = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface)
     angle = 180.0 if shape.is_smooth or is_free else feature_angle
 
     def place(most: Values | None) -> SurfacePoints:
@@ -172,7 +158,7 @@ def surface_points(
         sizes = Sizes(mesh, n, weight, most)
         if is_free:
             return _by_samples(shape, mesh, n, sizes, limits)
-        found, is_sound = _by_triangles(shape, mesh, n, sizes, limits, angle, kept)
+        found, is_sound = _by_triangles(shape, mesh, n, sizes, limits, angle)
         if is_sound:
             return found
         other = _by_samples(shape, mesh, n, sizes, limits)
@@ -182,24 +168,29 @@ def surface_points(
     if tolerance is None:
         return place(None)
     depth = check_positive("tolerance", tolerance)
-    lines = find_features(mesh, angle, np.full(len(mesh.points), apart), kept)
-    return _near_surface(place, mesh, lines, depth * float(np.linalg.norm(np.ptp(mesh.points, axis=0))), n)
+    lines = find_features(mesh, angle, np.full(len(mesh.points), apart))
+    return _near_surface(place, mesh, lines, depth * float(np.linalg.norm(np.ptp(mesh.points, axis=0))), n, limits)
 
 
 def _near_surface(
-    place: Callable[[Values], SurfacePoints], mesh: SurfaceTriangulation, features: Mask, depth: float, n: int
+    place: Callable[[Values], SurfacePoints],
+    mesh: SurfaceTriangulation,
+    features: Mask,
+    depth: float,
+    n: int,
+    effort: SurfaceEffort,
 ) -> SurfacePoints:
     """Place points, given the largest distances (N,) between them, until triangles are within a depth of the mesh."""
     most = limits_within(mesh, features, depth, n)
     n_least = least_number(mesh, most)
     check_in_range("n", n, n > n_least, f"more than about {n_least}, which the tolerance asks for")
     best, least = None, np.inf
-    for _ in range(_TRIALS):
+    for _ in range(effort.trials):
         found = place(most)
         far, apart = _distances(mesh, found)
         if far.max() < least:
             best, least = found, float(far.max())
-        most = np.minimum(most, apart * np.where(far > depth, _AIM * depth / np.maximum(far, depth), np.inf))
+        most = np.minimum(most, apart * np.where(far > depth, effort.aim * depth / np.maximum(far, depth), np.inf))
         if least <= depth or least_number(mesh, most) >= n:
             break
     if least > depth:
@@ -227,15 +218,6 @@ def _distances(mesh: SurfaceTriangulation, found: SurfacePoints) -> tuple[Values
     return far[first], np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).mean(axis=1)
 
 
-def _edges_of(surface: Surface, features: ArrayLike | None) -> Triangles:
-    """Return the edges (M, 2) of the triangulation of a surface that are to be kept."""
-    if features is None:
-        return np.empty((0, 2), np.int32)
-    if not isinstance(surface, TriangulatedSurface):
-        raise ValueError("features must be of a surface that is given by triangles")
-    return surface.edges_of(features)
-
-
 def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
     """Tell whether triangles close, and have as many holes and handles as the surface."""
     if not len(found.triangles):
@@ -245,24 +227,18 @@ def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
 
 
 def _by_triangles(
-    surface: Surface,
-    mesh: SurfaceTriangulation,
-    n: int,
-    sizes: Sizes,
-    effort: SurfaceEffort,
-    angle: float,
-    given: Triangles,
+    surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort, angle: float
 ) -> tuple[SurfacePoints, bool]:
     """Place points by the cells of a triangulation; tell whether there are features, or no fold stood in their way."""
-    whole, given = _split(surface, mesh, given, sizes, _FINE)
+    whole = _split(surface, mesh, sizes, effort.fine)
     apart = sizes(whole.points)
     apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
-    features = find_features(whole, angle, apart, given)
+    features = find_features(whole, angle, apart)
     kept, places = place_on_curves(whole, features, apart, angle)
     fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
     goals = whole.points.copy()
     goals[kept] = surface.on_surface(places) if len(kept) else places
-    used, triangles = _collapsed(fine, apart[sites], n, kept, sites)
+    used, triangles = _collapsed(fine, apart[sites], n, kept, sites, effort)
     mesh = SurfaceTriangulation(goals[sites[used]], triangles)
     offset, n_iter, is_free = _relax(surface, fine, mesh, used, sizes.density, effort)
     masses, _ = mesh.moments(sizes.given(mesh.points))
@@ -278,26 +254,24 @@ def _by_samples(
     surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort
 ) -> SurfacePoints:
     """Place points by samples: where a surface has a boundary, or is thinner than cells are wide."""
-    fine, _ = _split(surface, mesh, np.empty((0, 2), np.int32), sizes, _FINER)
+    fine = _split(surface, mesh, sizes, effort.finer)
     weights = fine.vertex_areas() * sizes.density(fine.points)
-    points, triangles, masses, offset, n_iter = place_by_samples(surface, fine, weights, n, effort.moves, effort.offset)
+    points, triangles, masses, offset, n_iter = _place_by_samples(surface, fine, weights, n, effort)
     return SurfacePoints(points, triangles, masses, _energy(fine, points, sizes.given), offset, n_iter)
 
 
-def _split(
-    surface: Surface, mesh: SurfaceTriangulation, kept: Triangles, sizes: Sizes, part: float
-) -> tuple[SurfaceTriangulation, Triangles]:
-    """Split triangles until edges are shorter than this part of the distances of points; also what becomes of edges."""
+def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: float) -> SurfaceTriangulation:
+    """Split triangles until edges are shorter than this part of the distances of points."""
     # The density may vary within these triangles: what they hold is measured again on finer ones.
     for _ in range(2):
-        fine, parts = split_long_edges(mesh, lambda places: part * sizes(places), surface.on_surface, kept)
+        fine = split_long_edges(mesh, lambda places: part * sizes(places), surface.on_surface)
         if sizes.fits(fine):
             break
-    return fine, parts
+    return fine
 
 
 def _collapsed(
-    fine: SurfaceTriangulation, sizes: Values, n: int, kept: Indices, sites: Indices
+    fine: SurfaceTriangulation, sizes: Values, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
 ) -> tuple[Indices, Triangles]:
     """Collapse the shortest edges until n sites of vertices are left, those kept among them.
 
@@ -306,17 +280,17 @@ def _collapsed(
     ranks = fine.on_boundary().astype(np.uint8)
     ranks[np.isin(sites, kept)] = 2
     mesh = SurfaceTriangulation(fine.points, fine.triangles.copy(), fine.twins.copy())
-    normals, part, most = fine.normals(), _FIRST_PART, n - len(kept)
+    normals, part, most = fine.normals(), effort.first_part, n - len(kept)
     n_left, n_on_curves, _ = np.bincount(ranks, minlength=3)
-    while (n_left > most or n_on_curves) and part < _LAST_PART:
-        gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, _STRETCH, max(n_left - most, 0))
+    while (n_left > most or n_on_curves) and part < effort.last_part:
+        gone = _surfaces.collapse(mesh, normals, sizes, ranks, part, effort.stretch, max(n_left - most, 0))
         n_left, n_on_curves = n_left - gone[0], n_on_curves - gone[1]
         mesh.flip(normals)
-        part *= _GROWTH
+        part *= effort.growth
     left = mesh.triangles[:, 0] >= 0
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
     if n_on_curves:  # those that one side cannot do without stay on all
-        return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites)
+        return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites, effort)
     allowed = f"at least {n_left + len(kept)}: fewer points do not make triangles of this shape"
     allowed += ", with its edges; a larger feature_angle keeps fewer of these" if len(kept) else ""
     check_in_range("n", n, n_left == most, allowed)
@@ -380,8 +354,8 @@ def _energy(fine: SurfaceTriangulation, points: Points, density: Density) -> flo
     return total
 
 
-def place_by_samples(
-    surface: Surface, fine: SurfaceTriangulation, weights: Values, n: int, moves: int, least: float
+def _place_by_samples(
+    surface: Surface, fine: SurfaceTriangulation, weights: Values, n: int, effort: SurfaceEffort
 ) -> tuple[Points, Triangles, Values, float, int]:
     """Move points to the centers of mass of the samples nearest to them, projected to the surface.
 
@@ -405,8 +379,8 @@ def place_by_samples(
         sizes = np.sqrt(np.maximum(sum_by_label(labels, area, n), 1e-300))
         there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
         offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
-        if offset <= least or move == moves:
-            return points, _without_flat(points, _dual(labels, fine.triangles)), masses, offset, move
+        if offset <= effort.offset or move == effort.moves:
+            return points, _without_flat(points, _dual(labels, fine.triangles), effort.flat), masses, offset, move
         points, move = there, move + 1
 
 
@@ -428,7 +402,7 @@ def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
     return np.ascontiguousarray(found[np.abs(sums) > 0.5], np.int32)
 
 
-def _without_flat(points: Points, triangles: Triangles) -> Triangles:
+def _without_flat(points: Points, triangles: Triangles, flattest: float) -> Triangles:
     """Leave out flat triangles at the boundary, where cells that are long beside it meet far outside of them."""
     while len(triangles):
         mesh = SurfaceTriangulation(points, triangles)
@@ -438,7 +412,7 @@ def _without_flat(points: Points, triangles: Triangles) -> Triangles:
         one, other = points[start] - points[apex], points[end] - points[apex]
         lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
         # An apex inside comes to the boundary; one that is there would be its end on both sides.
-        flat = (np.einsum("ij,ij->i", one, other) < _FLAT * lengths) & ~np.isin(apex, start)
+        flat = (np.einsum("ij,ij->i", one, other) < flattest * lengths) & ~np.isin(apex, start)
         _, first = np.unique(apex[flat], return_index=True)
         if not len(first):
             break

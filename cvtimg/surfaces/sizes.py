@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from warnings import warn
 
 import numpy as np
@@ -18,23 +19,28 @@ Values = NDArray[np.float64]
 
 #: Area of a regular hexagon whose neighbors are at distance 1.
 HEXAGON = 0.75**0.5
-#: Points may be so much farther from each other than where the density is largest.
-_SPARSEST = 30.0
-#: A density that is 0 at more of these places is warned of.
-_MOST_ZEROS = 0.01
-#: Distances grow by so much for each unit of length, at most, unless they would by less than this factor too much.
-_GRADE, _TOO_STEEP = 0.3, 1.25
-#: Rounds by which distances come to the number of points, how near is near enough, and the largest step (logarithm).
-_ROUNDS, _NEAR, _STEP = 20, 0.01, 1.0
-#: On a finer mesh they are made shorter where they come out less by this factor.
-_MISSED = 0.8
-#: Curvatures are means around vertices, passed on to neighbors so often: about half as far as points are apart.
-_LEAST_PASSES, _MOST_PASSES = 2, 64
-#: How far a triangle with corners on a ball of radius r is from it, by (distance of points)^2 / r, and an edge with
-#: ends on a circle: 1/6 and 1/8 if no edge were longer than that.
-_TRIANGLE, _EDGE = 1 / 4, 1 / 6
-#: Curves that turn by more at a vertex (as the length of the sum of two directions) have a corner there.
-_CORNER = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Grading:
+    """How distances of points grow, and how they are found."""
+
+    sparsest: float = 30.0  # points may be so much farther from each other than where the density is largest
+    most_zeros: float = 0.01  # a density that is 0 at more places is warned of
+    grade: float = 0.3  # distances grow by so much for each unit of length, at most,
+    too_steep: float = 1.25  # unless they would by less than this factor too much
+    rounds: int = 20  # by which they come to the number of points
+    near: float = 0.01  # as a logarithm: what is near enough
+    step: float = 1.0  # and the largest step
+    missed: float = 0.8  # on a finer mesh they are made shorter where they come out less by this factor
+    least_passes: int = 2  # curvatures are means around vertices, passed on to neighbors so often:
+    most_passes: int = 64  # about half as far as points are apart
+    triangle: float = 1 / 4  # how far one with corners on a ball is from it, by (distance of points)^2 / radius,
+    edge: float = 1 / 6  # and an edge with ends on a circle: 1/6 and 1/8 if no edge were longer than that
+    corner: float = 0.7  # curves have one where two directions add up to a longer sum
+
+
+_GRADING = Grading()
 
 
 class Sizes:
@@ -45,8 +51,8 @@ class Sizes:
         values = density(mesh.points)
         self._top = float(values.max())
         check_that("density", self._top > 0, "be > 0 somewhere on the surface")
-        if (zeros := float((values <= 0).mean())) > _MOST_ZEROS:
-            gap = f"cells there are up to {_SPARSEST:g} times as wide as the finest"
+        if (zeros := float((values <= 0).mean())) > _GRADING.most_zeros:
+            gap = f"cells there are up to {_GRADING.sparsest:g} times as wide as the finest"
             warn(f"the density is 0 on about {zeros:.0%} of the surface: {gap}", stacklevel=5)
         areas, relative = mesh.vertex_areas(), self.relative(mesh.points)
         self.distance = _scale(areas, relative, n)
@@ -54,18 +60,23 @@ class Sizes:
         if (limits >= self.distance * relative).all() and not _is_steep(mesh, self.distance * relative):
             return
         before = step = 0.0
-        for _ in range(_ROUNDS):
+        for _ in range(_GRADING.rounds):
             sizes = _graded(mesh, np.minimum(self.distance * relative, limits))
             off = float(np.log(_scale(areas, sizes, n)))
-            if abs(off) < _NEAR:
+            if abs(off) < _GRADING.near:
                 break
-            step = float(np.clip(off * (step / (before - off) if before - off else 1), -_STEP, _STEP)) or off
+            step = (
+                float(np.clip(off * (step / (before - off) if before - off else 1), -_GRADING.step, _GRADING.step))
+                or off
+            )
             self.distance, before = self.distance * np.exp(step), off
         self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
 
     def relative(self, places: Points) -> Values:
         """Return the distances (N,) of points around (N, 3) places, by that where the density is largest."""
-        sizes = np.minimum((np.maximum(self.given(places), 0) / self._top + _SPARSEST**-4) ** -0.25, _SPARSEST)
+        sizes = np.minimum(
+            (np.maximum(self.given(places), 0) / self._top + _GRADING.sparsest**-4) ** -0.25, _GRADING.sparsest
+        )
         return sizes if self._lower is None else np.minimum(sizes, self._lower(places))
 
     def __call__(self, places: Points) -> Values:
@@ -79,7 +90,7 @@ class Sizes:
     def fits(self, mesh: SurfaceTriangulation) -> bool:
         """Tell whether distances come to the number of points on a finer mesh, too; make them shorter otherwise."""
         factor = _scale(mesh.vertex_areas(), self(mesh.points), self._n)
-        is_near = factor > _MISSED
+        is_near = factor > _GRADING.missed
         self.distance *= 1 if is_near else factor
         return is_near
 
@@ -89,16 +100,16 @@ def _scale(areas: Values, sizes: Values, n: int) -> float:
     return float((areas / sizes**2).sum() / (HEXAGON * n)) ** 0.5
 
 
-def _edges(mesh: SurfaceTriangulation) -> tuple[Triangles, Values]:
-    """Return half-edges (3 T, 2) as their ends, and their lengths."""
-    a, b = mesh.edges.T
-    return mesh.edges, np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1)
-
-
 def _is_steep(mesh: SurfaceTriangulation, sizes: Values) -> bool:
     """Tell whether sizes (N,) grow too fast along some edge, in either direction."""
-    (a, b), lengths = mesh.edges.T, _edges(mesh)[1]
-    return bool((np.maximum(sizes[a], sizes[b]) > _TOO_STEEP * np.minimum(sizes[a], sizes[b]) + _GRADE * lengths).any())
+    a, b = mesh.edges.T
+    lengths = mesh.edge_lengths()
+    return bool(
+        (
+            np.maximum(sizes[a], sizes[b])
+            > _GRADING.too_steep * np.minimum(sizes[a], sizes[b]) + _GRADING.grade * lengths
+        ).any()
+    )
 
 
 def _graded(mesh: SurfaceTriangulation, sizes: Values) -> Values:
@@ -106,12 +117,12 @@ def _graded(mesh: SurfaceTriangulation, sizes: Values) -> Values:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra
 
-    n, (edges, lengths) = len(sizes), _edges(mesh)
+    n, edges, lengths = len(sizes), mesh.edges, mesh.edge_lengths()
     is_finite = np.isfinite(sizes)
     own = np.flatnonzero(is_finite)
     rows = np.concatenate([edges[:, 0], edges[:, 1], np.full(len(own), n)])
     columns = np.concatenate([edges[:, 1], edges[:, 0], own])
-    weights = np.concatenate([_GRADE * lengths, _GRADE * lengths, sizes[own]])
+    weights = np.concatenate([_GRADING.grade * lengths, _GRADING.grade * lengths, sizes[own]])
     # A border has one half-edge and others two: of equal weights in the same place, one is kept.
     order = np.unique(rows * np.int64(n + 1) + columns, return_index=True)[1]
     links = coo_array((weights[order], (rows[order], columns[order])), (n + 1, n + 1)).tocsr()
@@ -128,15 +139,15 @@ def limits_within(mesh: SurfaceTriangulation, features: Mask, depth: float, n: i
 
     Curvatures are means as far as n points are apart, but not beyond features.
     """
-    a, b = mesh.edges.T
-    lengths = np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1)
     apart = (mesh.areas().sum() / (HEXAGON * n)) ** 0.5
-    n_passes = int(np.clip((apart / (2 * lengths.mean())) ** 2, _LEAST_PASSES, _MOST_PASSES))
+    n_passes = int(
+        np.clip((apart / (2 * mesh.edge_lengths().mean())) ** 2, _GRADING.least_passes, _GRADING.most_passes)
+    )
     parts, sites = mesh.cut(features)
     bends = _curvatures(parts, n_passes)
     limits = np.full(len(mesh.points), np.inf)
-    np.minimum.at(limits, sites, np.sqrt(depth / (_TRIANGLE * np.maximum(bends, 1e-300))))
-    on_curves = np.sqrt(depth / (_EDGE * np.maximum(_turns(mesh, features, n_passes), 1e-300)))
+    np.minimum.at(limits, sites, np.sqrt(depth / (_GRADING.triangle * np.maximum(bends, 1e-300))))
+    on_curves = np.sqrt(depth / (_GRADING.edge * np.maximum(_turns(mesh, features, n_passes), 1e-300)))
     return np.minimum(np.minimum(limits, on_curves), mesh.areas().sum() ** 0.5)
 
 
@@ -170,7 +181,7 @@ def _turns(mesh: SurfaceTriangulation, features: Mask, n_passes: int) -> Values:
     # What leads away from a vertex adds up to its turn.
     away = np.concatenate([unit(steps), -unit(steps)])
     turns, halves = sum_by_label(at, away, n), sum_by_label(at, np.tile(lengths / 2, 2), n)
-    smooth = (np.bincount(at, minlength=n) == 2) & (np.linalg.norm(turns, axis=1) < _CORNER)
+    smooth = (np.bincount(at, minlength=n) == 2) & (np.linalg.norm(turns, axis=1) < _GRADING.corner)
     turns[~smooth] = 0
     turns, halves = _passed_on(ends, np.column_stack([turns, halves]), n_passes)
     return np.linalg.norm(turns, axis=1) / np.maximum(halves[:, 0], 1e-300)

@@ -9,16 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_have_area, check_places, check_shape, check_that, check_triangles, check_weights
-from cvtimg.halfedges import EdgeTable, measure_triangles
-from cvtimg.surfaces.triangulation import (
-    Points,
-    SurfaceTriangulation,
-    Triangles,
-    check_directions,
-    divide_fans,
-    number_edges,
-)
+from cvtimg._shared.checks import check_have_area, check_places, check_triangles, check_weights
+from cvtimg.halfedges import measure_triangles
+from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, check_directions, divided
 
 
 class Surface(ABC):
@@ -66,19 +59,16 @@ class TriangulatedSurface(Surface):
     """
 
     _triangulation: SurfaceTriangulation
-    _origin: NDArray[np.intp]  # Vertices as given, of which the triangulation may have several copies
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
         points = check_places("vertices", vertices, 3)
         triangles = check_triangles("faces", faces, len(points))
         check_have_area("faces", measure_triangles(points, triangles).areas)
         check_directions(points, triangles)
-        origin, triangles = divide_fans(triangles, number_edges(triangles, len(points)))
-        mesh = SurfaceTriangulation(points[origin], triangles)
-        if mesh.is_closed and np.linalg.det(mesh.points[triangles] - points.mean(axis=0)).sum() < 0:
-            mesh = SurfaceTriangulation(mesh.points, triangles[:, ::-1])
+        mesh = divided(points, triangles)
+        if mesh.is_closed and np.linalg.det(mesh.points[mesh.triangles] - points.mean(axis=0)).sum() < 0:
+            mesh = SurfaceTriangulation(mesh.points, mesh.triangles[:, ::-1])
         object.__setattr__(self, "_triangulation", mesh)
-        object.__setattr__(self, "_origin", origin)
 
     def __repr__(self) -> str:
         kind = "closed" if self.triangulation.is_closed else "with a boundary"
@@ -93,16 +83,6 @@ class TriangulatedSurface(Surface):
     def area(self) -> float:
         """The area of all triangles."""
         return float(self.triangulation.areas().sum())
-
-    def edges_of(self, features: ArrayLike) -> Triangles:
-        """Return edges (M, 2) of `triangulation` that `surface_points` is told to keep: (E, 2) pairs of vertices."""
-        ends, mesh = np.asarray(features), self._triangulation
-        is_pairs = ends.ndim == 2 and ends.shape[1] == 2 and ends.dtype.kind in "iu"
-        check_shape("features", ends.shape, is_pairs, "(E, 2) integers, vertices")
-        of_ends, n = self._origin[mesh.edges], int(self._origin.max()) + 1
-        for edge in np.flatnonzero(EdgeTable(of_ends, n).find(ends) < 0)[:1]:
-            check_that(f"features has {ends[edge].tolist()}, which", False, "be the ends of an edge of the surface")
-        return mesh.edges[EdgeTable(ends, n).find(of_ends) >= 0]
 
     def on_surface(self, places: Points) -> Points:
         """Return the places, which are on the surface."""

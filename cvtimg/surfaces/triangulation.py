@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, edges_around, find_twins
+from cvtimg.halfedges import HalfEdges, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -21,8 +21,6 @@ Triangles = NDArray[np.int32]
 _ROUNDS = 24
 #: Flips at most for each triangle; rounding on curved surfaces might let two edges take turns for ever.
 _MOST_FLIPS = 20
-#: Steps of the kernel to find the nearest point.
-_WORK = 300
 
 
 class SurfaceTriangulation(HalfEdges):
@@ -32,6 +30,10 @@ class SurfaceTriangulation(HalfEdges):
         """Return the areas (T,) of triangles."""
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
         return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Return the lengths (3 T,) of half-edges."""
+        return np.linalg.norm(np.subtract(*self.points[self.edges.T]), axis=1)
 
     def vertex_areas(self) -> NDArray[np.float64]:
         """Return a third of the areas (N,) of the triangles at each vertex."""
@@ -60,7 +62,7 @@ class SurfaceTriangulation(HalfEdges):
     def nearest(self, places: Points, faces: Triangles) -> tuple[Points, Triangles]:
         """Walk from faces to the nearest points to places; return them and their faces."""
         found, last = np.ascontiguousarray(places).copy(), faces.copy()
-        in_parts(partial(_surfaces.walk, self, found, last), len(found), _WORK * len(found))
+        in_parts(partial(_surfaces.walk, self, found, last), len(found), 300.0 * len(found))  # steps of the kernel
         return found, last
 
     def cut(self, features: NDArray[np.bool_]) -> tuple[SurfaceTriangulation, NDArray[np.intp]]:
@@ -138,15 +140,9 @@ def divided(points: Points, triangles: Triangles) -> SurfaceTriangulation:
 
 
 def split_long_edges(
-    mesh: SurfaceTriangulation,
-    limits: Callable[[Points], NDArray[np.float64]],
-    on_surface: Callable[[Points], Points],
-    kept: Triangles,
-) -> tuple[SurfaceTriangulation, Triangles]:
-    """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface.
-
-    Also returns what becomes of the edges `kept` (M, 2).
-    """
+    mesh: SurfaceTriangulation, limits: Callable[[Points], NDArray[np.float64]], on_surface: Callable[[Points], Points]
+) -> SurfaceTriangulation:
+    """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface."""
     points, triangles = mesh.points, np.ascontiguousarray(mesh.triangles)
     allowed = limits(points)
     for _ in range(_ROUNDS):
@@ -158,22 +154,12 @@ def split_long_edges(
             break
         a, b = a[is_long], b[is_long]
         middles = on_surface((points[a] + points[b]) / 2)
-        kept = _halved(kept, np.stack([a, b], axis=1), len(points))
         number = np.full(triangles.size, -1, np.int32)
         number[own[is_long]] = np.arange(len(points), len(points) + len(middles), dtype=np.int32)
         triangles = _split(triangles, number[edge].reshape(-1, 3))
         points = np.concatenate([points, middles])
         allowed = np.concatenate([allowed, limits(middles)])
-    return SurfaceTriangulation(points, triangles), kept
-
-
-def _halved(kept: Triangles, split: Triangles, n: int) -> Triangles:
-    """Return edges (M, 2) of n points after others (S, 2) were halved by points n, n + 1, ..."""
-    at = EdgeTable(split, n).find(kept)
-    found = at >= 0
-    middles = (n + at[found]).astype(np.int32)
-    a, b = kept[found].T
-    return np.concatenate([kept[~found], np.stack([a, middles], axis=1), np.stack([middles, b], axis=1)])
+    return SurfaceTriangulation(points, triangles)
 
 
 def _split(triangles: Triangles, middles: Triangles) -> Triangles:

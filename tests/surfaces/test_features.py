@@ -135,7 +135,7 @@ def test_a_crease_among_those_of_noise_is_kept() -> None:
     cosines = np.einsum("ij,ij->i", normals.repeat(3, axis=0), normals[twins // 3])
     ridge = (np.abs(points[mesh.edges][:, :, 1] - 0.5) < 1e-9).all(axis=1)
     assert ((cosines < np.cos(np.radians(20))) & ~ridge & (twins >= 0)).sum() > 100
-    found = find_features(mesh, 20, np.full(len(points), 0.25), np.empty((0, 2), np.int32))
+    found = find_features(mesh, 20, np.full(len(points), 0.25))
     assert (found == (ridge | (twins < 0))).all()
 
 
@@ -145,15 +145,6 @@ def test_the_steps_of_a_scan_are_no_corners() -> None:
     points[points[:, 1] == 0, 1] = 0.02 * (np.rint(x[points[:, 1] == 0] * 20) % 2)
     found = surface_points((points, faces), 60, effort="fast")
     assert (found.points[:, 1] < 0.03).sum() < 15
-
-
-def test_edges_that_are_given_are_kept() -> None:
-    points, faces = sheet()
-    middle = np.flatnonzero(points[:, 0] == 1)
-    pairs = np.stack([middle[:-1], middle[1:]], axis=1)
-    found = surface_points((points, faces), 120, features=pairs, effort="fast")
-    x = found.points[found.triangles][:, :, 0]
-    assert ((x.max(axis=1) < 1 + 1e-9) | (x.min(axis=1) > 1 - 1e-9)).all()  # no triangle is on both sides
 
 
 def test_distances_grow_gradually_where_a_density_jumps() -> None:
@@ -212,9 +203,5 @@ def test_features_that_n_or_the_angle_does_not_allow_are_refused() -> None:
         surface_points(cube(), 100, feature_angle=200)
     found = surface_points(cube(), 100, feature_angle=180, effort="fast")
     assert area(found) < 23.5
-    with pytest.raises(ValueError, match=r"features has \[0, 7\], which must be the ends of an edge"):
-        surface_points(cube(), 100, features=[[0, 7]])
-    with pytest.raises(ValueError, match=r"features of shape \(3,\) must be"):
-        surface_points(cube(), 100, features=[0, 1, 2])
     with pytest.raises(ValueError, match="tolerance=0 must be"):
         surface_points(cube(), 100, tolerance=0)

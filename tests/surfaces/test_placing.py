@@ -140,9 +140,9 @@ def test_flat_triangles_at_a_boundary_are_left_out() -> None:
     # The middle of the longest side of a triangle is pulled out, and again that of a side.
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.1, 0], [0.5, 0.6, 0]], float)
     corners = np.array([[0, 1, 4], [1, 2, 5], [2, 3, 5], [3, 0, 5], [0, 4, 5], [4, 1, 5]], np.int32)
-    left = _without_flat(square, corners)
+    left = _without_flat(square, corners, -0.5)
     assert left.tolist() == corners[1:].tolist()
-    assert (_without_flat(square, left) == left).all()  # what is on the boundary stays there
+    assert (_without_flat(square, left, -0.5) == left).all()  # what is on the boundary stays there
 
 
 @pytest.mark.slow
