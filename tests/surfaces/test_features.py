@@ -117,9 +117,9 @@ def test_three_sheets_meet_in_one_curve() -> None:
 
 def test_creases_of_noise_are_left_out_or_whole() -> None:
     points, faces = sphere(0.002)
-    mesh, none = SurfaceTriangulation(points, faces), np.empty((0, 2), np.int32)
-    assert find_features(mesh, 12, np.full(len(points), 1e-3), none).any()
-    assert not find_features(mesh, 12, np.full(len(points), 9.0), none).any()
+    mesh = SurfaceTriangulation(points, faces)
+    assert find_features(mesh, 12, np.full(len(points), 1e-3)).any()
+    assert not find_features(mesh, 12, np.full(len(points), 9.0)).any()
     found = surface_points((points, faces), 500, feature_angle=15, effort="fast")
     measures = found.measures()
     assert (len(found.points), measures.is_closed, measures.euler_characteristic) == (500, True, 2)
