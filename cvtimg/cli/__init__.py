@@ -5,7 +5,7 @@ How a command is added:
 1. `cvtimg.options` has its options, each a record: what it takes, its default and help, what it needs and excludes.
 2. ``cli/NAME_command.py`` has ``EXAMPLES``, the ``COLUMNS`` of the table, named as in --json and of 80 characters at
    most, and a function ``NAME`` of the values of the options; its docstring is the help.
-3. The function makes a plan (`plan_each`: a task for each input; `plan_one`: one for all; `plan_alone`: without inputs)
+3. The function makes a plan (`plan_each`: a task for each input; `plan_one`: one for all, or without inputs)
    and returns ``run_plan(plan, work, COLUMNS, given)``, which prints, reports and gives the exit status.
 4. ``work(task, stopwatch, given)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by
    option (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns

@@ -13,8 +13,6 @@ from contextlib import suppress
 
 from cvtimg.cli.overview import overview, version
 
-__all__ = ["main"]
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, ``sys.argv`` by default, and return the exit status; the console script ``cvtimg``."""

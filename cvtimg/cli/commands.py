@@ -31,8 +31,6 @@ from cvtimg.options import options_of, panel_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 from cvtimg.options.settings import read_settings
 
-__all__ = ["app", "command_of", "explain"]
-
 _NAMES = {"help_option_names": ["-h", "--help"]}
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import plan_alone, read_beside, run_plan
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_one
+from cvtimg.cli.running import read_beside, run_plan
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def design(given: Given) -> int:
     """
     if sum((given.dimensions is not None, given.bounds is not None, bool(given.axis))) != 1:
         raise WrongUsageError("give one of -d, --bounds and --axis")
-    plan = plan_alone({"-o": given.output, "--plot": given.plot}, also_read=[given.bounds, given.existing])
+    plan = plan_one((), {"-o": given.output, "--plot": given.plot}, also_read=[given.bounds, given.existing])
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
     given.prints = given.output is None and not given.as_json
     return run_plan(plan, _design, Report(columns, as_json=given.as_json, quiet=given.quiet or given.prints), given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,13 @@ if TYPE_CHECKING:
 
 #: How far points of a file may be from their sphere, by its radius.
 _OFF_THE_SPHERE = 1e-6
+
+
+def _local(option: str, path: Path) -> AbstractContextManager[Path]:
+    """Return a context in which a file is on this machine."""
+    if not exists(path):
+        raise FileNotFoundError(f"{option} {path}: no such file")
+    return local_copy(path)
 
 
 def read_globe(option: str, path: Path) -> NDArray[np.float64]:
@@ -73,9 +81,7 @@ def _part(option: str, path: Path) -> Any:
 def _read_json(option: str, path: Path) -> Any:
     import json
 
-    if not exists(path):
-        raise FileNotFoundError(f"{option} {path}: no such file")
-    with local_copy(path) as file:
+    with _local(option, path) as file:
         try:
             return json.loads(file.read_text(encoding="utf-8-sig"))
         except ValueError as error:
@@ -111,9 +117,7 @@ def _width_map(path: Path) -> NDArray[np.float64]:
 
     if path.suffix.lower() != ".nc":
         return read_globe("--cell-width", path)
-    if not exists(path):
-        raise FileNotFoundError(f"--cell-width {path}: no such file")
-    with local_copy(path) as file:
+    with _local("--cell-width", path) as file:
         table = read_netcdf(file, ("lon", "lat", "cellWidth"))
     try:
         return width_map(table["lon"], table["lat"], table["cellWidth"])
@@ -153,10 +157,8 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np
 
-    if not exists(path):
-        raise FileNotFoundError(f"--parent {path}: no such file")
     try:
-        with local_copy(path) as file:
+        with _local("--parent", path) as file:
             table = _from_netcdf(file) if file.suffix.lower() == ".nc" else _from_table(file)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error

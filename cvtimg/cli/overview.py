@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 
-__all__ = ["COMMANDS", "overview", "version"]
-
 #: The commands in the order of ``--help``, each with its line there.
 COMMANDS = {
     "quantize": "Reduce images to a palette of N colors.",

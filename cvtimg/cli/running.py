@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_one, run
+from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.options.record import Given
 
@@ -39,11 +39,6 @@ def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
         return read(path)
     except OSError as error:
         raise InputsFailedError([(str(path), error)]) from error
-
-
-def plan_alone(outputs: Mapping[str, Path | None], also_read: Iterable[Path | None] = ()) -> Plan:
-    """Plan the single task of a command that has no inputs."""
-    return plan_one((), outputs, also_read=also_read)
 
 
 def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:

@@ -7,8 +7,8 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import plan_alone, run_plan
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
+from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def sphere(given: Given) -> int:
     pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
     pictures += [given.width] if isinstance(given.width, Path) else []
     outputs = {"-o": given.output, "--plot": given.plot, "--histograms": given.histograms}
-    plan = plan_alone(outputs, also_read=pictures)
+    plan = plan_one((), outputs, also_read=pictures)
     return run_plan(plan, _sphere, COLUMNS, given)
 
 

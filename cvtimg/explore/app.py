@@ -26,8 +26,6 @@ from cvtimg.explore.opened import most_pixels
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
-__all__ = ["Server", "static_files"]
-
 _KINDS = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",

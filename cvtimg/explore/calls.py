@@ -12,8 +12,6 @@ import numpy as np
 
 import cvtimg
 
-__all__ = ["Call", "Formula", "Line", "Name", "Named", "as_python", "literal", "run"]
-
 #: Values of variables by name.
 Values: TypeAlias = Mapping[str, Any]
 

@@ -28,8 +28,6 @@ from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import TABS
 from cvtimg.explore.tabs.base import Request, Tab
 
-__all__ = ["Channel"]
-
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
 #: Pixels that are sent at most of a result.

@@ -20,27 +20,6 @@ from cvtimg.options import options_of, record
 from cvtimg.options.record import Option
 from cvtimg.segmentation import Edit, brush
 
-__all__ = [
-    "Brushed",
-    "Choice",
-    "Colors",
-    "Control",
-    "Edits",
-    "Entry",
-    "Files",
-    "Number",
-    "Settings",
-    "Swatches",
-    "Switch",
-    "Switches",
-    "Table",
-    "UnfitRequestError",
-    "active",
-    "controls_of",
-    "parse_settings",
-    "words_of",
-]
-
 #: Values of the controls of a tab by name, checked.
 Settings: TypeAlias = Mapping[str, Any]
 

@@ -18,8 +18,6 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-__all__ = ["Credentials", "Guard"]
-
 #: Takes a token and gives the session.
 ENTRANCE = "/enter"
 #: The header that carries the session.

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from cvtimg.explore.controls import UnfitRequestError
 
-__all__ = ["Drawing", "Globe", "Indexed", "Layer", "Pixels", "Window", "packed"]
-
 
 class Window(NamedTuple):
     """Part of a picture: columns left..right, rows top..bottom, every step-th pixel of them."""

@@ -29,8 +29,6 @@ from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.pages import one_page
 from cvtimg.pictures.showing import natural_limits, shown
 
-__all__ = ["MOST_PIXELS", "Picture", "most_pixels"]
-
 #: Largest picture; its header is checked before pixels are decoded.
 MOST_PIXELS = 1 << 27
 #: Bytes that a pixel takes, with its colors, their sorting, and a result.

@@ -16,8 +16,6 @@ from cvtimg.explore.calls import Call, Line, as_python
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.options.settings import settings_of
 
-__all__ = ["FOLDERS", "Outcome", "Output", "Recipe", "own_prefix", "safe_name", "written_as"]
-
 #: Temporary files and folders begin so, and go on with the number of the process.
 FOLDERS = "cvtimg-explore-"
 #: A result saves itself.

@@ -18,12 +18,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg.explore.guard import Credentials
 from cvtimg.explore.outcomes import own_prefix
 
-__all__ = ["serve"]
-
-#: Minutes without a page after which the server ends.
-IDLE_MINUTES = 15.0
-_PATIENCE = 5.0  # seconds between looks at the clock
-
 
 def serve(
     paths: Sequence[Path] = (),
@@ -31,7 +25,7 @@ def serve(
     port: int = 0,
     browser: bool = True,
     keep: bool = True,
-    idle_minutes: float = IDLE_MINUTES,
+    idle_minutes: float = 15.0,
     say: Callable[[str], None] = print,
 ) -> None:
     """Serve the page on this machine, 127.0.0.1, until it is interrupted or nobody uses it any more.
@@ -126,7 +120,7 @@ def _signals_end() -> Iterator[None]:
 
 async def _end_when_idle(running: object, server: object, seconds: float) -> None:
     while server.idle_seconds < seconds:  # type: ignore[attr-defined]
-        await asyncio.sleep(min(_PATIENCE, max(seconds / 4, 0.05)))
+        await asyncio.sleep(max(seconds - server.idle_seconds, 0.05))  # type: ignore[attr-defined]
     running.should_exit = True  # type: ignore[attr-defined]
 
 

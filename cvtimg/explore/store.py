@@ -23,8 +23,6 @@ from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
 from cvtimg.explore.tabs.base import OpenFiles
 from cvtimg.palettes.known import known_palettes
 
-__all__ = ["MOST_BYTES", "Store"]
-
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
 _MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24

@@ -17,8 +17,6 @@ from cvtimg.batch.report import reason
 from cvtimg.options import options_of
 from cvtimg.options.record import Option, Pair, Real, Switch, Whole
 
-__all__ = ["read_settings", "settings_of"]
-
 #: The command that settings are for; may be left out.
 _COMMAND = "command"
 

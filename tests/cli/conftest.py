@@ -40,3 +40,14 @@ def row_of(run: Run) -> RowOf:
         return row
 
     return row_of
+
+
+@pytest.fixture
+def told(run: Run) -> RowOf:
+    """Run the command line; return its first row, the status, and what it complains of under "error"."""
+
+    def told(*arguments: object) -> dict[str, Any]:
+        outcome = run(*arguments, "--overwrite", "--json")
+        return {**(outcome.rows[0] if outcome.out else {}), "status": outcome.status, "error": outcome.err}
+
+    return told

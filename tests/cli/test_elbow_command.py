@@ -12,7 +12,6 @@ from PIL import Image
 
 from cvtimg import energy_curve, quantize, read_image
 from cvtimg.cli.app import main
-from cvtimg.plotting.energy_curves import Plotted, draw_curves
 from cvtimg.segmentation import segment_curve
 
 SAMPLES = Path(__file__).parents[2] / "sample_images"
@@ -82,13 +81,6 @@ def test_one_plot_has_all_curves(drawing: Path, table: Path, tmp_path: Path, suf
             assert image.width == 1200
 
 
-@pytest.mark.slow
-def test_the_same_curves_make_the_same_svg(drawing: Path) -> None:
-    image = read_image(drawing)
-    one = Plotted("drawing", energy_curve(image, 4), 4, image)
-    assert draw_curves([one], ".svg") == draw_curves([one], ".svg")
-
-
 def test_a_bad_input_stops_no_other(drawing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = tmp_path / "bad.png"
     bad.write_bytes(b"no picture")
@@ -148,25 +140,6 @@ def test_edges_count_as_in_segment(drawing: Path, table: Path, capsys: pytest.Ca
     assert row["energies"] != energy_curve(read_image(drawing), 8).energies.tolist()
     assert main(["elbow", str(table), *options]) == 1
     assert "for images, not for tables" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_number_of_jobs_changes_nothing(
-    drawing: Path, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    written = {}
-    for jobs in ("1", "2"):
-        files = {name: tmp_path / f"{jobs}-{name}" for name in ("curves.csv", "plot.svg", "report.jsonl")}
-        options = [f"--{name.partition('.')[0].removesuffix('s')}={path}" for name, path in files.items()]
-        options[0] = options[0].replace("--curve", "--csv")
-        assert main(["elbow", str(drawing), str(table), "--k-max", "8", "--json", "--jobs", jobs, *options]) == 0
-        rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-        told = [json.loads(line) for line in files["report.jsonl"].read_text().splitlines()]
-        for row in (*rows, *told):
-            del row["seconds"]
-        assert [{"status": "done", **row} for row in rows] == told
-        written[jobs] = rows, files["curves.csv"].read_text(), files["plot.svg"].read_text()
-    assert written["1"] == written["2"]
 
 
 def test_max_pixels_guards_and_the_report_tells(

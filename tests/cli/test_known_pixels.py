@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
+from commands import RowOf
 from PIL import Image
 
 from cvtimg import quantize, read_image, read_palette, write_image
-from cvtimg.cli import app as cli
 from cvtimg.pictures import image_info, read_frames, read_pages
-
-Run = Callable[..., dict[str, Any]]
 
 #: Colors in 100..199, and a band on the left that is to be left out.
 COLORS = np.random.default_rng(7).integers(100, 200, (24, 32, 3), dtype=np.uint8)
@@ -24,22 +21,15 @@ LEFT_OUT = np.arange(32) < np.full((24, 1), 10)
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run the command in an empty folder; return its first row, or what it complains of under "error"."""
-
-    def run(*arguments: str) -> dict[str, Any]:
-        status = cli.main(["quantize", *arguments, "--overwrite", "--json"])
-        out, err = capsys.readouterr()
-        return {**(json.loads(out.splitlines()[0]) if out else {}), "status": status, "error": err}
-
-    return run
+def run(told: RowOf) -> RowOf:
+    return partial(told, "quantize")
 
 
 def write_raster(name: str, values: np.ndarray[Any, Any], nodata: str, **more: Any) -> None:
     tifffile.imwrite(name, values, extratags=[(42113, "s", 0, nodata)], **more)
 
 
-def test_masked_pixels_do_not_change_the_palette_and_become_transparent(run: Run) -> None:
+def test_masked_pixels_do_not_change_the_palette_and_become_transparent(run: RowOf) -> None:
     write_image("mask.png", ~LEFT_OUT)
     palettes = []
     for value in (0, 255):
@@ -51,7 +41,7 @@ def test_masked_pixels_do_not_change_the_palette_and_become_transparent(run: Run
     assert palettes[0] == palettes[1] == quantize(COLORS[:, 10:], 5).palette.tolist()
 
 
-def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(run: Run) -> None:
+def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(run: RowOf) -> None:
     values = np.where(LEFT_OUT[..., None], np.uint8(9), COLORS)
     values[0, 31] = (9, 150, 150)
     write_image("in.png", values)
@@ -60,7 +50,7 @@ def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(run: Run) -> None
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-def test_nodata_of_a_file_is_left_out_and_stays_nodata(run: Run, dtype: str) -> None:
+def test_nodata_of_a_file_is_left_out_and_stays_nodata(run: RowOf, dtype: str) -> None:
     values = np.where(LEFT_OUT, 0, COLORS[..., 0]).astype(dtype)
     write_raster("in.tif", values, "0")
     row = run("in.tif", "-k", "4", "-o", "out.tif")
@@ -72,7 +62,7 @@ def test_nodata_of_a_file_is_left_out_and_stays_nodata(run: Run, dtype: str) -> 
     assert result.dtype == dtype
 
 
-def test_no_color_becomes_nodata(run: Run) -> None:
+def test_no_color_becomes_nodata(run: RowOf) -> None:
     values = np.array([[7, 6, 8], [7, 8, 6]], np.uint16)  # the mean of 6 and 8 is nodata
     write_raster("in.tif", values, "7")
     assert run("in.tif", "-k", "1", "-o", "out.tif")["left_out"] == 2
@@ -80,7 +70,7 @@ def test_no_color_becomes_nodata(run: Run) -> None:
     assert image_info("out.tif").nodata is None
 
 
-def test_aims_and_weights_count_the_pixels_that_are_known(run: Run) -> None:
+def test_aims_and_weights_count_the_pixels_that_are_known(run: RowOf) -> None:
     write_raster("in.tif", np.where(LEFT_OUT, 0, COLORS[..., 0]), "0")
     write_image("known.tif", np.ascontiguousarray(COLORS[:, 10:, 0]))
     for aim in (["--psnr", "35"], ["-k", "auto"]):
@@ -92,7 +82,7 @@ def test_aims_and_weights_count_the_pixels_that_are_known(run: Run) -> None:
     assert masked["mse"] == run("known.tif", "-k", "3", "--weight-map", "weights_known.png", "-o", "out.png")["mse"]
 
 
-def test_a_shared_palette_is_of_known_pixels(run: Run) -> None:
+def test_a_shared_palette_is_of_known_pixels(run: RowOf) -> None:
     for name, at in (("a.tif", 0), ("b.tif", 1)):
         write_raster(name, np.where(LEFT_OUT, 0, COLORS[..., at]), "0")
         write_image(f"known_{name}", np.ascontiguousarray(COLORS[:, 10:, at]))
@@ -103,7 +93,7 @@ def test_a_shared_palette_is_of_known_pixels(run: Run) -> None:
     assert read_palette("p.hex").tolist() == read_palette("known_p.hex").tolist()
 
 
-def test_pages_leave_out_the_pixels_of_one_mask_or_of_as_many(run: Run) -> None:
+def test_pages_leave_out_the_pixels_of_one_mask_or_of_as_many(run: RowOf) -> None:
     other = LEFT_OUT[:, ::-1]
     masks = {"one.png": np.stack([~LEFT_OUT] * 2), "two.tif": np.stack([~LEFT_OUT, ~other])}
     write_image("one.png", ~LEFT_OUT)
@@ -123,7 +113,7 @@ def test_pages_leave_out_the_pixels_of_one_mask_or_of_as_many(run: Run) -> None:
         assert len(np.unique(found[0])) == 4
 
 
-def test_left_out_pixels_of_8_bit_pages_become_transparent(run: Run) -> None:
+def test_left_out_pixels_of_8_bit_pages_become_transparent(run: RowOf) -> None:
     write_image("mask.png", ~LEFT_OUT)
     tifffile.imwrite("pages.tif", np.stack([COLORS] * 3), photometric="rgb")
     assert run("pages.tif", "-k", "4", "--mask", "mask.png", "-o", "out.tif")["left_out"] == 3 * LEFT_OUT.sum()
@@ -134,7 +124,7 @@ def test_left_out_pixels_of_8_bit_pages_become_transparent(run: Run) -> None:
 
 
 @pytest.mark.parametrize("mask", ["one.png", "all.gif"])
-def test_animations_leave_out_pixels_of_each_frame(run: Run, mask: str) -> None:
+def test_animations_leave_out_pixels_of_each_frame(run: RowOf, mask: str) -> None:
     frames = [np.where(LEFT_OUT[..., None], np.uint8(value), COLORS) for value in (0, 255)]
     first, second = map(Image.fromarray, frames)
     first.save("film.png", save_all=True, append_images=[second])
@@ -148,7 +138,7 @@ def test_animations_leave_out_pixels_of_each_frame(run: Run, mask: str) -> None:
             np.testing.assert_array_equal(image[..., 3] == 0, LEFT_OUT)
 
 
-def test_masks_of_another_number_and_pages_without_pixels_are_refused(run: Run) -> None:
+def test_masks_of_another_number_and_pages_without_pixels_are_refused(run: RowOf) -> None:
     tifffile.imwrite("pages.tif", np.stack([COLORS[..., 0]] * 3), photometric="minisblack")
     tifffile.imwrite("two.tif", np.stack([~LEFT_OUT] * 2).astype(np.uint8), photometric="minisblack")
     none = np.stack([~LEFT_OUT, np.zeros_like(LEFT_OUT), ~LEFT_OUT]).astype(np.uint8)
@@ -166,7 +156,7 @@ def test_masks_of_another_number_and_pages_without_pixels_are_refused(run: Run) 
 @pytest.mark.parametrize("mask", ["mask.png", "mask.tif"])
 @pytest.mark.parametrize("kind", ["gray", "color", "int16"])
 def test_tiles_leave_out_what_the_whole_image_does(
-    run: Run, monkeypatch: pytest.MonkeyPatch, mask: str, kind: str
+    run: RowOf, monkeypatch: pytest.MonkeyPatch, mask: str, kind: str
 ) -> None:
     color = COLORS if kind == "color" else COLORS[..., 0].astype(np.int16 if kind == "int16" else np.uint8)
     tifffile.imwrite("in.tif", color, rowsperstrip=5, photometric="rgb" if kind == "color" else "minisblack")
@@ -185,7 +175,7 @@ def test_tiles_leave_out_what_the_whole_image_does(
     np.testing.assert_array_equal(read_image("tiled.tif"), read_image("whole.tif"))
 
 
-def test_tiles_keep_nodata(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_keep_nodata(run: RowOf, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
     write_raster("in.tif", np.where(LEFT_OUT, -32768, COLORS[..., 0].astype(np.int16)), "-32768")
     assert run("in.tif", "-k", "4", "-o", "t.tif")["left_out"] == LEFT_OUT.sum()
@@ -193,7 +183,7 @@ def test_tiles_keep_nodata(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert image_info("t.tif").nodata == -32768
 
 
-def test_a_type_that_a_format_cannot_hold_is_said(run: Run) -> None:
+def test_a_type_that_a_format_cannot_hold_is_said(run: RowOf) -> None:
     write_image("in.tif", COLORS[..., 0].astype(np.int16))
     row = run("in.tif", "-k", "4", "-o", "out.png")
     assert "int16 samples are written as uint16 with the same values" in row["warning"]
@@ -208,7 +198,7 @@ def test_a_type_that_a_format_cannot_hold_is_said(run: Run) -> None:
 
 
 @pytest.mark.parametrize("page", [1, 2, 3])
-def test_a_page_takes_the_page_of_the_mask_with_its_number(run: Run, page: int) -> None:
+def test_a_page_takes_the_page_of_the_mask_with_its_number(run: RowOf, page: int) -> None:
     masks = np.zeros((3, *COLORS.shape[:2]), np.uint8)
     for number in range(3):
         masks[number, number + 1 :] = 255

@@ -49,13 +49,7 @@ def table() -> bytes:
 
 @pytest.mark.parametrize(
     ("command", "opens_as"),
-    [
-        (["quantize", "-", "-k", "5"], "PNG"),
-        (["segment", "a.png", "-k", "2", "-o", "tif:-"], "TIFF"),
-        pytest.param(["quantize", "-", "-k", "5", "-o", "webp:-"], "WEBP", marks=pytest.mark.slow),
-        pytest.param(["segment", "-", "-k", "2"], "PNG", marks=pytest.mark.slow),
-        pytest.param(["restore", "-", "a.png", "-k", "3", "-o", "-"], "PNG", marks=pytest.mark.slow),
-    ],
+    [(["quantize", "-", "-k", "5"], "PNG"), (["segment", "a.png", "-k", "2", "-o", "tif:-"], "TIFF")],
     ids=" ".join,
 )
 def test_images_come_from_standard_input_and_go_to_standard_output(
@@ -102,27 +96,6 @@ def test_tables_arrays_and_figures_are_read_from_standard_input(fed: Fed) -> Non
         status, out, _ = fed(command, Path("a.png").read_bytes())
         assert status == 0
         assert out.startswith(("-: 3 of", "input"))
-
-
-@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n\x00\x00"])
-def test_what_cannot_be_read_from_standard_input_is_one_line(fed: Fed, content: bytes) -> None:
-    status, out, err = fed(["quantize", "-", "-k", "5"], content)
-    assert (status, out) == (1, "")
-    assert err.startswith("cvtimg: -: ")
-    assert err.count("\n") == 1
-    assert "tmp" not in err
-
-
-@posix
-@pytest.mark.parametrize("words", [["quantize", "a.png", "-k", "4", "-o", "-"], ["palette", "a.png", "-k", "4"]])
-def test_a_reader_that_leaves_early_gets_no_complaint(here: Path, words: list[str]) -> None:
-    reader, writer = os.pipe()
-    os.close(reader)
-    environ = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    with os.fdopen(writer, "w") as out:
-        command = [sys.executable, "-P", "-m", "cvtimg", *words]
-        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, env=environ, check=False, timeout=60)
-    assert (done.returncode, done.stderr) == (1, b"")
 
 
 # Folders

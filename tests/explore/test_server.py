@@ -131,6 +131,9 @@ def test_only_a_token_gives_the_session_that_opens_the_page(stranger: TestClient
 
 def test_the_session_is_no_cookie_which_browsers_send_to_other_ports(stranger: TestClient) -> None:
     assert "set-cookie" not in stranger.get("/enter?token=right").headers
+    for path in ("/about", "/curve/x/rgb", "/file/x/o.png", "/picture/x", "/nowhere"):
+        for given in ("", "right", "wrong", "\xe9\x00".encode("latin-1")):
+            assert stranger.get(path, headers={SESSION: given}).status_code == 403
     assert stranger.get("/about", headers={"cookie": f"{SESSION}={OWN.session}"}).status_code == 403
 
 
@@ -138,12 +141,6 @@ def test_a_token_for_one_visit_lets_in_once(stranger: TestClient) -> None:
     address = OWN.entrance(once=True).removeprefix(HOST)
     assert [stranger.get(address).status_code for _ in range(2)] == [303, 403]
     assert [stranger.get(OWN.entrance().removeprefix(HOST)).status_code for _ in range(2)] == [303, 303]
-
-
-@pytest.mark.parametrize("path", ["/about", "/curve/x/rgb", "/file/x/o.png", "/picture/x", "/nowhere"])
-def test_without_the_session_nothing_is_told(path: str, stranger: TestClient) -> None:
-    for given in ("", "right", "wrong", "\xe9\x00".encode("latin-1")):
-        assert stranger.get(path, headers={SESSION: given}).status_code == 403
 
 
 def test_the_browser_is_opened_through_a_file_of_this_user_that_goes(
@@ -565,11 +562,6 @@ def test_work_that_has_ended_is_what_it_was() -> None:
             await slow.result
 
     asyncio.run(run())
-
-
-def test_there_is_a_sample_to_try(page: TestClient) -> None:
-    about = page.post("/sample").json()
-    assert (about["width"], about["height"]) == (512, 512)
 
 
 def test_a_server_is_idle_when_its_last_page_has_gone(page: TestClient, server: Server) -> None:

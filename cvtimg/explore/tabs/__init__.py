@@ -11,8 +11,6 @@ from cvtimg.explore.tabs.segments_tab import SegmentsTab
 from cvtimg.explore.tabs.sphere_tab import SphereTab
 from cvtimg.explore.tabs.stipple_tab import StippleTab
 
-__all__ = ["TABS"]
-
 #: All tabs by name, in the order of the page.
 TABS: dict[str, Tab] = {
     tab.name: tab

@@ -15,8 +15,6 @@ from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 
-__all__ = ["OpenFiles", "Request", "Tab", "reading"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenFiles:
@@ -84,6 +82,7 @@ class Tab:
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
+    most_drafted: ClassVar[int] = 1 << 20  # Pixels, or what else a tab makes, of a draft: what is quickly made
     for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
@@ -108,7 +107,7 @@ class Tab:
         return Recipe(self.words(request), self.lines(request), for_many=not self.sheet)
 
     def draft_pixels(self, settings: Settings) -> int:
-        """Return how many pixels a draft has at most: as many as are shown while a control moves."""
+        """Return how many pixels of the picture are shown at most while a control moves."""
         return 1 << 20
 
     def draft(self, request: Request) -> Outcome | None:

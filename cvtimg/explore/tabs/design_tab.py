@@ -18,8 +18,8 @@ from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Outcome, Output
 from cvtimg.explore.tabs.base import Request, Tab
 
-#: Axes that are drawn, and points of a draft.
-_MOST_AXES, _DRAFT = 8, 200
+#: Axes that are drawn.
+_MOST_AXES = 8
 #: Width of the sheet, its margin, and the gap between panels.
 _SIZE, _MARGIN, _GAP = 1000, 56, 14
 
@@ -32,6 +32,7 @@ class DesignTab(Tab):
     about = "Place points for experiments evenly in a box. Needs no image."
     verb = "design"
     sheet = (_SIZE, _SIZE)
+    most_drafted = 200
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "design",
         ("number", {"name": "n"}),
@@ -72,7 +73,7 @@ class DesignTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Place the points quickly."""
         settings = {**request.settings, "effort": "fast"}
-        return self.quick(replace(request, settings=settings)) if settings["n"] <= _DRAFT else None
+        return self.quick(replace(request, settings=settings)) if settings["n"] <= self.most_drafted else None
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         """Return the drawing of the points."""

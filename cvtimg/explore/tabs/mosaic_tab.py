@@ -13,9 +13,6 @@ from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Outcome, Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
-#: Pixels of a draft.
-_DRAFT = 1 << 16
-
 
 class MosaicTab(Tab):
     """Mosaics."""
@@ -24,6 +21,7 @@ class MosaicTab(Tab):
     title = "Mosaic"
     about = "Turn the image into tiles of one color each, whose borders follow its edges."
     verb = "mosaic"
+    most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mosaic",
         ("number", {"name": "n_cells", "keyword": ""}),
@@ -53,9 +51,9 @@ class MosaicTab(Tab):
 
     def draft(self, request: Request) -> Outcome | None:
         """Compose the picture in a small size."""
-        step = request.picture.whole(_DRAFT).step
+        step = request.picture.whole(self.most_drafted).step
         settings = {**request.settings, "effort": "fast", "outline": request.settings["outline"] / step}
-        settings["n_cells"] = min(settings["n_cells"], _DRAFT // 64)
+        settings["n_cells"] = min(settings["n_cells"], self.most_drafted // 64)
         return self.quick(replace(request, settings=settings, step=step))
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:

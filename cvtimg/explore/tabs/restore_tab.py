@@ -22,8 +22,6 @@ from cvtimg.segmentation import Averaging
 _FLAT = {"when": {"way": ["flat"]}}
 #: Formats of results of 8 bits, the first of others, too; AVIF loses a little.
 _SUFFIXES = [suffix for suffix in (".png", ".webp", ".avif") if suffix in image_suffixes()]
-#: Height and width of the part that a draft restores.
-_DRAFT = 128
 _RESTORED = "{}-restored.png"
 
 
@@ -34,6 +32,7 @@ class RestoreTab(Tab):
     title = "Restore"
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
+    most_drafted = 128  # height and width
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "restore",
         Files(
@@ -121,10 +120,10 @@ class RestoreTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
         (left, top, right, bottom, step), settings = request.window, request.settings
-        if settings["seen"] != "result" or min(right - left, bottom - top) <= _DRAFT:
+        if settings["seen"] != "result" or min(right - left, bottom - top) <= (side := self.most_drafted):
             return None
-        across, down = ((length - _DRAFT) // 2 // step for length in (right - left, bottom - top))
-        rows, columns = (slice(start, start + _DRAFT) for start in (top + down * step, left + across * step))
+        across, down = ((length - side) // 2 // step for length in (right - left, bottom - top))
+        rows, columns = (slice(start, start + side) for start in (top + down * step, left + across * step))
         versions = [one.array[rows, columns] for one in _versions(request)]
         if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
             return None

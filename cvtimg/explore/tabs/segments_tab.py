@@ -20,8 +20,6 @@ from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing
 from cvtimg.labels import region_means
 from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy
 
-#: Pixels of a draft.
-_DRAFT = 1 << 17
 _SEGMENTS = {"way": ["segments"]}
 _REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
 _CELLS: dict[str, Any] = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
@@ -36,6 +34,7 @@ class SegmentsTab(Tab):
         "Divide the image into connected regions, segments of similar color, or superpixels, and change them by hand."
     )
     verb = "segment"
+    most_drafted = 1 << 17
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
         Switches(
@@ -141,7 +140,7 @@ class SegmentsTab(Tab):
         picture = request.picture
         if request.settings["edits"]:
             return None
-        window = picture.whole(_DRAFT)
+        window = picture.whole(self.most_drafted)
         scaled = replace(request, settings=_scaled(request.settings, window.step), step=window.step)
         return Outcome(*self.seen(request, self.run(scaled)), drawn=window)
 

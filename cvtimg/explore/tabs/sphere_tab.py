@@ -15,8 +15,8 @@ from cvtimg.explore.outcomes import Outcome, Output
 from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle
 
-#: Points that the page shows at most, and those of a draft.
-_MOST, _DRAFT = 163_842, 2562
+#: Points that the page shows at most.
+_MOST = 163_842
 _FILES = {
     ".nc": "MPAS mesh (.nc)",
     ".ugrid.nc": "UGRID (.ugrid.nc)",
@@ -50,6 +50,7 @@ class SphereTab(Tab):
     verb = "sphere"
     sheet = (1000, 1000)
     tool = "globe"
+    most_drafted = 2562
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "sphere",
         Choice(name="by", label="Sizes by", default="n", choices={"n": "number of points", "width": "width of cells"}),
@@ -94,7 +95,7 @@ class SphereTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Place fewer points, quickly."""
         settings = {**request.settings, "effort": "fast"}
-        number = min(_n_points(settings), _DRAFT)
+        number = min(_n_points(settings), self.most_drafted)
         call = Call("sphere_grid", (number,), self.lines(replace(request, settings=settings))[0].value.keywords)
         return Outcome(*self.seen(request, {"result": call.run({})}))
 
