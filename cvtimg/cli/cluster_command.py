@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
-  cvtimg cluster trees.csv -k auto
   cvtimg cluster trees.csv -k 5 --columns height,girth --generators means.csv
+  cvtimg cluster trees.csv -k 5 --standardize --plot trees.png
   cvtimg cluster trees.csv -k 5 --weight count --standardize -o labels.npy
   cvtimg cluster 'runs/*.npy' -k 12 --out-dir labels --missing drop
   cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
@@ -33,39 +34,43 @@ def cluster(given: Given) -> int:
     """Cluster the rows of tables: find the N means that represent them with the least error.
 
     A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
-    col0, col1 and so on where the table has none. Without -o and --out-dir, the labels of one table go to
-    NAME-labels.csv beside it: a line "label", then for each row the number of its cluster, from 0. A row that is
-    dropped has an empty label, -1 in a .npy file, or null in a .parquet file. Means are in the units of the table; the
-    energy is in those of the standardized columns if --standardize is given.
+    col0, col1 and so on where the table has none. Without -o and --out-dir, one table is written to NAME-clusters.csv
+    beside it: all its columns as they are, and "cluster", the number of the cluster of each row, from 0; empty where
+    the row is dropped. --labels-only writes NAME-labels.csv, a line "label" and a line for each row. A .npy or .parquet
+    file holds labels alone, -1 or null in rows that are dropped. Means are in the units of the table; the energy is in
+    those of the standardized columns if --standardize is given.
 
     Parquet files, Zarr arrays, and .npy files of more than 1 GiB may be larger than memory: they are read in blocks,
-    with --dask by all workers of a cluster. A folder called NAME.parquet is one table. Labels go to
-    NAME-labels.parquet, or to NAME-labels.npy for a Zarr array. -k auto then looks at a sample of a million rows.
+    with --dask by all workers of a cluster. A folder called NAME.parquet is one table. Labels, alone, go to
+    NAME-labels.parquet, or to NAME-labels.npy for a Zarr array. -k auto and --plot look at a sample of a million rows.
     """
     from cvtimg.blocks.opening import BLOCK_SUFFIXES
     from cvtimg.tables.files import find_tables
 
-    names = _split(given.columns) if given.columns is not None else None
-    given.read = {"columns": names, "weight": given.weight, "missing": given.missing}
-    outputs = {"-o": given.output or _labels_of, "--generators": given.generators}
+    given.read = reading(given)
+    standard = partial(_output_of, labels_only=given.labels_only)
+    outputs = {"-o": given.output or standard, "--generators": given.generators, "--plot": given.plot}
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return run_plan(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))
 
 
-def _labels_of(source: Path) -> str:
-    """Return the pattern for the labels of a table."""
-    kinds = {".parquet": ".parquet", ".zarr": ".npy"}
-    return "{}-labels" + kinds.get(source.suffix.lower(), ".csv")
+def _output_of(source: Path, labels_only: bool) -> str:
+    """Return the pattern for the output of a table."""
+    kinds = {".parquet": "{}-labels.parquet", ".zarr": "{}-labels.npy"}
+    return kinds.get(source.suffix.lower(), "{}-labels.csv" if labels_only else "{}-clusters.csv")
 
 
-def _split(columns: str) -> list[str]:
-    """Parse names like a line of CSV, because they may contain commas."""
-    names = [name.strip() for name in next(csv.reader([columns], skipinitialspace=True), [])]
-    if not all(names) or not names:
-        raise WrongUsageError(f"--columns: {columns!r} must be names with commas between them")
-    return names
+def reading(given: Given) -> dict[str, Any]:
+    """Return the arguments of `read_table` that options give."""
+    names = None
+    if given.columns is not None:
+        # Like a line of CSV, because names may contain commas.
+        names = [name.strip() for name in next(csv.reader([given.columns], skipinitialspace=True), [])]
+        if not all(names) or not names:
+            raise WrongUsageError(f"--columns: {given.columns!r} must be names with commas between them")
+    return {"columns": names, "weight": given.weight, "missing": given.missing}
 
 
 def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -101,7 +106,7 @@ class _Found:
 
 def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
-    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_row_labels
+    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_clusters, write_row_labels
 
     table = read_table(task.source, **given.read)
     stopwatch.lap("read")
@@ -110,8 +115,12 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
     n_generators, curve = _count(given, rows, table.weights)
     result = tessellate(rows, n_generators, density=table.weights, **given.arguments)
     stopwatch.lap("cluster")
-    write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
+    if given.labels_only or task.output.suffix.lower() != ".csv":
+        write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
+    else:
+        write_clusters(task.output, task.source, result.labels, table.kept, overwrite=given.overwrite)
     _write_means(task, table.names, result, scaling, given.overwrite)
+    _plot(task, rows, result, given.overwrite)
     return _Found(result, table.names, len(table.kept), energy_about_mean(rows, table.weights), curve)
 
 
@@ -132,6 +141,8 @@ def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         result = tessellate(blocks, n_generators, **given.arguments)
         stopwatch.lap("cluster")
         n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=given.overwrite)
+        if "--plot" in task.outputs:
+            _plot(task, sample_rows(blocks, given.seed)[0], result, given.overwrite)
     _write_means(task, blocks.names, result, scaling, given.overwrite)
     total = spread.squares / scaling.deviations**2 if scaling else spread.squares
     return _Found(result, blocks.names, n_rows, float(total.sum()), curve)
@@ -144,6 +155,13 @@ def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | No
     if given.number != "auto":
         return int(given.number), None
     return auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
+
+
+def _plot(task: Task, rows: Any, result: Tessellation, overwrite: bool) -> None:
+    if "--plot" in task.outputs:
+        from cvtimg.plotting import draw_clusters, save_plot
+
+        save_plot(task.outputs["--plot"], draw_clusters, rows, result.generators, overwrite=overwrite)
 
 
 def _write_means(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.batch.runner import INTERRUPTED
+from cvtimg.cli.cluster_command import reading
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
@@ -34,8 +35,9 @@ def elbow(given: Given) -> int:
 
     The energy falls with each generator: fast up to the number of colors that an image really has, slowly beyond it.
     Each input has a line with the number that the rule picks, and those of the other rules. One input is followed by
-    its whole curve. All columns of a table are used, as by cvtimg cluster -k auto without --columns.
+    its whole curve. Tables are read as by cvtimg cluster -k auto.
     """
+    given.read = reading(given)
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
     report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
@@ -72,11 +74,11 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.plotting.energy_curves import Plotted
     from cvtimg.segmentation import segment_curve
 
-    samples, image = _read(task.source, given)
+    samples, image, weights = _read(task.source, given)
     stopwatch.lap("read")
     curve = given.arguments
     if not given.segments:
-        result = energy_curve(samples, **curve)
+        result = energy_curve(samples, density=weights, **curve)
     elif image is None:
         raise ValueError("--averaging and --edge-weight are for images, not for tables")
     else:
@@ -99,17 +101,21 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    """Read the samples, and the image if the file is one."""
+def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None, NDArray[Any] | None]:
+    """Read the samples, the image if the file is one, and the weights of the rows of a table."""
     from cvtimg.pictures.known import read_whole
-    from cvtimg.tables.files import read_table
+    from cvtimg.tables.files import Scaling, read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:
+        if wrong := [f"--{name}" for name in ("columns", "weight", "standardize") if getattr(given, name)]:
+            raise ValueError(f"{' and '.join(wrong)} must not be given for images, only for tables")
         image = read_whole(source)
-        return image, image
+        return image, image, None
     if given.space != "rgb":
         raise ValueError(f"--space {given.space} is for images; a table has no color space")
-    return read_table(source, missing=given.missing).rows, None
+    table = read_table(source, **given.read)
+    rows = Scaling.of(table.rows, table.weights).apply(table.rows) if given.standardize else table.rows
+    return rows, None, table.weights
 
 
 def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:

@@ -59,11 +59,6 @@ class Survey:
     weights: NDArray[np.float64]  # (n,)
 
     @property
-    def n_rows(self) -> int:
-        """Number of rows, N."""
-        return int(self.lengths.sum())
-
-    @property
     def frame(self) -> Frame:
         """A frame about the mean of all rows, in which every block is packed."""
         center = self.sums / self.mass
@@ -128,8 +123,8 @@ class Checkpoint:
 
 def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Survey:
     """Check all blocks, measure them, and draw a sample; there must be as many rows as generators."""
-    lengths = blocks.lengths or over_blocks(blocks, _length, _chained)
-    check_count("n_generators", n_generators, sum(lengths), "the number of samples")
+    lengths = over_blocks(blocks, _length, np.concatenate) if blocks.lengths is None else blocks.lengths
+    check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
     found = over_blocks(blocks, _survey_block, Survey.total, int(rng.integers(1 << 62)), np.cumsum([0, *lengths]), most)
     check_that("density", found.mass > 0, "not be 0 for all samples")
@@ -202,12 +197,8 @@ def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray
     return map_rows(blocks, label, np.int32, lengths=tuple(lengths.tolist()))
 
 
-def _length(block: Block) -> tuple[int, ...]:
-    return (len(block.rows),)
-
-
-def _chained(parts: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    return tuple(length for part in parts for length in part)
+def _length(block: Block) -> NDArray[np.int64]:
+    return np.array([len(block.rows)])
 
 
 def _total(parts: Sequence[BlockMoments]) -> BlockMoments:

@@ -82,7 +82,9 @@ def _children(points: Points, elders: Ends, effort: Evolution, conditions: Condi
     candidates = rng.integers(n_locked, n_generators, (n_children, effort.n_candidates))
     costs = _merging_costs(children, masses)[every[:, None], candidates]
     replaced = candidates[every, costs.argmin(axis=1)]
-    children[every, replaced] = points.rows(_drawn(points.density * distances, rng))
+    cumulative = np.cumsum(points.density * distances, axis=1)
+    draws = cumulative[:, -1:] * rng.random((n_children, 1))
+    children[every, replaced] = points.rows(np.argmax(cumulative >= draws, axis=1))
     return children
 
 
@@ -108,11 +110,3 @@ def _matched(generators: NDArray[np.float64], others: NDArray[np.float64], n_loc
     costs = np.einsum("njd,njd->nj", partners, partners)[:, None] - 2 * crossed
     order = np.stack([linear_sum_assignment(cost)[1] for cost in costs])
     return np.take_along_axis(partners, order[:, :, None], axis=1)
-
-
-def _drawn(weights: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.intp]:
-    """Draw one index from each row of (n, M) weights."""
-    cumulative = np.cumsum(weights, axis=1)
-    draws = cumulative[:, -1:] * rng.random((len(weights), 1))
-    # The last cumulated weight may be rounded to the draw.
-    return np.minimum(np.count_nonzero(cumulative <= draws, axis=1), np.argmax(cumulative, axis=1))

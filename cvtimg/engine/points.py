@@ -100,7 +100,10 @@ def pack(
     middle = _mean(rows, density) if center is None and frame is None else center
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
-    frame = frame or _frame_about(rows, middle)
+    if middle is not None:
+        scale = scale_within(rows.min(axis=0), rows.max(axis=0), middle) if rows.dtype.kind == "f" else 1.0
+        frame = Frame(middle, scale)
+    assert frame is not None
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
@@ -122,13 +125,6 @@ def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float6
         center = np.einsum("n,nd->d", weights, some) / weights.sum()
     # Whole, so that float32 holds integers, and products of 8-bit colors, exactly.
     return np.rint(center) if rows.dtype.kind == "u" else center
-
-
-def _frame_about(rows: NDArray[Any], center: NDArray[np.float64] | None) -> Frame:
-    assert center is not None
-    if rows.dtype.kind != "f":
-        return Frame(center, 1.0)
-    return Frame(center, scale_within(rows.min(axis=0), rows.max(axis=0), center))
 
 
 def scale_within(low: NDArray[Any], high: NDArray[Any], center: NDArray[np.float64]) -> float:

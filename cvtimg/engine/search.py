@@ -77,9 +77,8 @@ def search(
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)
     evolution = effort.evolution if some is points and n_generators > len(fixed) else None
-    n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
-    if evolution is not None:
-        n_starts = 1
+    most = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
+    n_starts = most if evolution is None else 1
     n_parts = n_starts + (evolution is not None)
     ends: list[Iteration] = []
     while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:

@@ -185,7 +185,8 @@ def tessellate(
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)
     weighted = weighted_energy(masses, parts, power)
-    own = _given_order(labels[: points.n_points], order)
+    own = np.empty(points.n_points, np.int32)
+    own[slice(None) if order is None else order] = labels[: points.n_points]
     return _of_frame(points.frame, end, own, masses, float(parts.sum()), weighted)
 
 
@@ -243,7 +244,7 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
     kept = Checkpoint(checkpoint, found.fingerprint(*options))
     state = kept.load()
     if state is None:
-        start = of_sample.start(effort_beyond(asked.effort, found.n_rows, len(found.rows)))
+        start = of_sample.start(effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
         if not of_sample.has_start:  # from given generators the descent starts at once
             start = of_sample.method.iterate(points, start, of_sample.conditions).generators
         state = start, []
@@ -278,10 +279,3 @@ def _points(samples: Any, density: ArrayLike | None, n_generators: int) -> tuple
         check_alone("density", ["weighted samples"])
     check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
     return pack(samples.rows, samples.density, in_order=samples.in_order), None
-
-
-def _given_order(labels: NDArray[np.int32], order: NDArray[np.intp] | None) -> NDArray[np.int32]:
-    given = labels.copy()
-    if order is not None:
-        given[order] = labels
-    return given

@@ -16,6 +16,14 @@ def _labels() -> Sequence[str]:
     return LABEL_SUFFIXES
 
 
+#: How tables are read.
+_TABLE = (
+    Option("columns", Text(), "Columns of tables to use; by default all but the weight.", metavar="A,B,C"),
+    Option("weight", Text(), "Column with the weight of each row.", metavar="COLUMN"),
+    switch("standardize", "Scale each column to mean 0 and variance 1."),
+    common.MISSING,
+)
+
 CLUSTER = (
     replace(
         common.IMAGES,
@@ -31,14 +39,15 @@ CLUSTER = (
         required=True,
     ),
     common.output(
-        "Write the labels, .csv, .npy or .parquet; for one table; - for standard output.", _labels, standard=".csv"
+        "Write the table with its clusters, .csv, or labels, .npy or .parquet; for one table; - for standard output.",
+        _labels,
+        standard=".csv",
     ),
-    common.out_dir("Folder for outputs NAME-labels.csv."),
+    common.out_dir("Folder for outputs NAME-clusters.csv."),
+    switch("labels_only", "Write only the label of each row, not the columns of the table."),
     file("generators", "Write the mean and the weight of each cluster, .csv; for one table.", (".csv",)),
-    Option("columns", Text(), "Columns to use; by default all but the weight.", metavar="A,B,C"),
-    Option("weight", Text(), "Column with the weight of each row.", metavar="COLUMN"),
-    switch("standardize", "Scale each column to mean 0 and variance 1."),
-    common.MISSING,
+    file("plot", "Plot the clusters on their first two principal axes, .png or .svg.", common.PLOTS),
+    *_TABLE,
     common.SKIP_EXISTING,
     *common.ENGINE,
     *common.BATCH,
@@ -67,7 +76,7 @@ ELBOW = (
     replace(
         common.EFFORT, help="fast: all numbers in one pass; balanced, best: also search each by itself.", default="fast"
     ),
-    common.MISSING,
+    *_TABLE,
     file("csv", "Write all curves, one line for each k."),
     file("plot", "Plot all curves, .png or .svg.", common.PLOTS),
     common.SEED,

@@ -1,3 +1,4 @@
+from .charts import draw_clusters as draw_clusters
 from .charts import draw_histograms as draw_histograms
 from .charts import draw_pairs as draw_pairs
 from .charts import draw_spectrum as draw_spectrum

@@ -25,6 +25,8 @@ _MOST_AXES = 8
 #: As many levels have their names.
 _MOST_TICKS = 8
 _BINS, _FINE_BINS = 10, 60
+#: Rows of a table that are drawn.
+_MOST_ROWS = 20_000
 _Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
 
@@ -57,6 +59,40 @@ def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str) -> bytes:
             axes.set_xlabel(name)
             axes.set_yticks([])
             axes.spines[["top", "left", "right"]].set_visible(False)
+    return content.getvalue()
+
+
+@chart
+def draw_clusters(rows: NDArray[Any], generators: NDArray[Any], suffix: str) -> bytes:
+    """Draw rows in the colors of their clusters, and the generators, on the first two principal axes of the rows.
+
+    Parameters
+    ----------
+    rows : (n, d) array
+        Of more than 20,000 rows some are drawn.
+    generators : (k, d) array
+        Each row belongs to the nearest.
+    suffix : {".png", ".svg"}
+        Format of the file.
+    """
+    some = rows[:: -(-len(rows) // _MOST_ROWS)].astype(np.float64)
+    middle = some.mean(axis=0)
+    _, lengths, axes = np.linalg.svd(some - middle, full_matrices=False)
+    squares = np.square(generators).sum(axis=1)
+    labels = (squares - 2 * some @ generators.T).argmin(axis=1)
+    shares = np.append(lengths**2, 0) / max(float(np.square(lengths).sum()), np.finfo(np.float64).tiny)
+    plane = np.zeros((some.shape[1], 2))
+    plane[:, : len(axes)] = axes[:2].T
+    with figure_file(5, 5, suffix) as (figure, content):
+        plot = figure.subplots()
+        for places, look in (
+            (some, {"c": labels, "s": 6, "cmap": "tab20"}),
+            (generators, {"c": "black", "marker": "x"}),
+        ):
+            x, y = ((places - middle) @ plane).T
+            plot.scatter(x, y, **look)
+        plot.set_xlabel(f"first principal axis, {shares[0]:.0%} of the variance")
+        plot.set_ylabel(f"second, {shares[1]:.0%}")
     return content.getvalue()
 
 

@@ -3,5 +3,6 @@ from .files import Scaling as Scaling
 from .files import Table as Table
 from .files import find_tables as find_tables
 from .files import read_table as read_table
+from .files import write_clusters as write_clusters
 from .files import write_generators as write_generators
 from .files import write_row_labels as write_row_labels

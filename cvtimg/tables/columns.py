@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import StringIO
@@ -37,6 +38,9 @@ class Columns(Protocol):
 
     def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
         """Read (M, C) values, NaN where one is missing."""
+
+    def cells(self) -> Iterator[Sequence[Any]]:
+        """Go through all rows as they stand."""
 
     def place(self, row: int) -> str:
         """Say where a row is."""
@@ -72,6 +76,9 @@ class _Array:
                 raise ValueError(f"{self.path}: column {name!r} of type {kind} is not of numbers")
         return np.stack(picked, axis=1).astype(np.float64)
 
+    def cells(self) -> Iterator[Sequence[Any]]:
+        return iter(self._array.reshape(len(self._array), -1).tolist() if not self.named else self._array.tolist())
+
     def place(self, row: int) -> str:
         return f"row {row} (from 0)"
 
@@ -95,13 +102,15 @@ class _Text:
             self.names = [name.strip() or number for name, number in zip(first, self.names, strict=True)]
 
     def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        parts = [np.empty((0, len(columns)))]
-        with self._rows(self._delimiter) as (rows, _):
-            n_read = len(list(islice(rows, 1 if self.named else 0)))
-            while chunk := list(islice(rows, _ROWS_AT_ONCE)):
-                parts.append(self._numbers(chunk, columns, n_read))
-                n_read += len(chunk)
+        parts, rows, n_read = [np.empty((0, len(columns)))], self.cells(), int(self.named)
+        while chunk := list(islice(rows, _ROWS_AT_ONCE)):
+            parts.append(self._numbers(chunk, columns, n_read))
+            n_read += len(chunk)
         return np.concatenate(parts)
+
+    def cells(self) -> Iterator[Sequence[Any]]:
+        with self._rows(self._delimiter) as (rows, _):
+            yield from islice(rows, int(self.named), None)
 
     def place(self, row: int) -> str:
         return f"line {self._line(row + 1 if self.named else row)}"
@@ -112,7 +121,7 @@ class _Text:
             next(islice(rows, number, None))
             return int(reader.line_num)
 
-    def _numbers(self, rows: list[list[str]], columns: Sequence[int], n_before: int) -> NDArray[np.float64]:
+    def _numbers(self, rows: list[Sequence[str]], columns: Sequence[int], n_before: int) -> NDArray[np.float64]:
         try:
             by_column = list(zip(*rows, strict=True))
             if len(by_column) == self._n_fields:
@@ -121,7 +130,7 @@ class _Text:
             pass  # read the rows one by one
         return np.array([self._row(row, columns, n_before + number) for number, row in enumerate(rows)])
 
-    def _row(self, row: list[str], columns: Sequence[int], number: int) -> list[float]:
+    def _row(self, row: Sequence[str], columns: Sequence[int], number: int) -> list[float]:
         if len(row) != self._n_fields:
             raise ValueError(
                 f"{self.path}: line {self._line(number)} has {len(row)} values, and the first line {self._n_fields}"
@@ -136,7 +145,7 @@ class _Text:
                 raise ValueError(f"{place}: {text!r} is not a number{self._advice(row, column, number)}") from None
         return values
 
-    def _advice(self, row: list[str], column: int, number: int) -> str:
+    def _advice(self, row: Sequence[str], column: int, number: int) -> str:
         if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", row[column]):
             return " (write a point, not a comma, in it)"
         numbers = [name for name, text in zip(self.names, row, strict=True) if _kind(text) == "number"]
@@ -144,7 +153,7 @@ class _Text:
             return ""  # one odd value in a column of numbers
         text = StringIO()
         csv.writer(text, lineterminator="").writerow(numbers)
-        return f"; choose columns of numbers (--columns {text.getvalue()})"
+        return f"; choose columns of numbers (--columns {shlex.quote(text.getvalue())})"
 
     def _sniff(self) -> tuple[str, list[str], list[str] | None]:
         """Guess the delimiter, and return it with the first two rows."""

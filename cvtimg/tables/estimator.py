@@ -82,10 +82,6 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
     ConvergenceWarning
         If there are fewer distinct samples than clusters. Each is then its own generator, and the energy is 0.
 
-    See Also
-    --------
-    cvtimg.tessellate : The engine, with locked generators, volume power and a callback.
-
     Notes
     -----
     In scikit-learn's terms, generators are cluster centers, a tessellation is a clustering, a cell is a cluster, the
@@ -128,23 +124,15 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
-        """Compute the tessellation.
-
-        Parameters
-        ----------
-        X : (n_samples, n_features) array-like, or samples in blocks
-            Samples, finite and dense.
-        y : ignored
-            Present for compatibility with scikit-learn.
-        sample_weight : (n_samples,) array-like, optional
-            Density: weights >= 0 and not all 0, 1 each by default.
-
-        Returns
-        -------
-        self
-        """
+        """Compute the tessellation of finite samples, an array or in blocks, with (n_samples,) weights >= 0."""
         if is_blocked(X):
-            return self._fit_blocks(as_blocks(X, sample_weight, weights_name="sample_weight"))
+            blocks = as_blocks(X, sample_weight, weights_name="sample_weight")
+            result = self._tessellate(blocks, None, self.n_clusters, checkpoint=self.checkpoint)
+            self.n_features_in_ = blocks.n_dims
+            order = self._keep(result, np.float32 if blocks.rows.dtype == np.float32 else np.float64)
+            self.labels_ = self.predict(blocks)
+            self.inertia_, self.masses_ = result.energy, result.masses[order]
+            return self
         check_needs("checkpoint", self.checkpoint is not None, "samples in blocks", False)
         rows = self._rows(X, reset=True)
         weights = _weights(sample_weight, len(rows))
@@ -153,36 +141,27 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
             result = self._tessellate(rows, weights, self.n_clusters)
         except TooFewSamplesError:
             result = self._tessellate_distinct(rows, weights)
-        generators = (
-            result.generators if not isinstance(self.init, str) else result.generators[_order(result.generators)]
-        )
-        self.cluster_centers_ = generators.astype(rows.dtype)
+        order = self._keep(result, rows.dtype)
         self.labels_, self.inertia_ = _measure(self.cluster_centers_, rows, weights)
-        self.masses_ = np.bincount(self.labels_, weights, len(generators)).astype(np.float64, copy=False)
-        self.energies_ = np.array(result.energies)
-        self.n_iter_ = result.n_iter
+        self.masses_ = np.bincount(self.labels_, weights, len(order)).astype(np.float64, copy=False)
         return self
+
+    def _keep(self, result: Tessellation, dtype: Any) -> NDArray[np.intp]:
+        """Keep what is the same for all kinds of samples; return the order in which the generators are kept."""
+        order = np.arange(len(result.generators))
+        if isinstance(self.init, str):
+            # By their coordinates: labels do not depend on how the engine finds generators.
+            order = np.lexsort(result.generators.astype(np.float32).T[::-1])
+        self.cluster_centers_ = result.generators[order].astype(dtype)
+        self.energies_, self.n_iter_ = np.array(result.energies), result.n_iter
+        return order
 
     def partial_fit(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> CVT:  # noqa: N803
         """Let the generators meet more samples, one by one, and move: MacQueen's online method.
 
         A generator is always the mean of the samples that it has met. The first samples, at least as many distinct ones
-        as there are clusters, are fitted as a whole; generators from `fit` go on as they are.
-
-        Parameters
-        ----------
-        X : (n_samples, n_features) array-like
-            Samples, finite and dense, in the order in which they come.
-        y : ignored
-            Present for compatibility with scikit-learn.
-        sample_weight : (n_samples,) array-like, optional
-            Density: weights >= 0, 1 each by default.
-
-        Returns
-        -------
-        self
-            With the generators and their masses; `labels_` and `inertia_` are those of these samples, by the generators
-            after they have met them.
+        as there are clusters, are fitted as a whole; generators from `fit` go on as they are. `labels_` and `inertia_`
+        are those of these samples, by the generators after they have met them.
 
         References
         ----------
@@ -209,36 +188,14 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return self
 
     def predict(self, X: Any) -> Any:  # noqa: N803
-        """Label each sample with its nearest generator.
-
-        Parameters
-        ----------
-        X : (n_samples, n_features) array-like
-            Samples.
-
-        Returns
-        -------
-        (n_samples,) int32 array
-            A Dask array for samples in blocks.
-        """
+        """Label each sample with its nearest generator, (n_samples,) int32; a Dask array for samples in blocks."""
         check_is_fitted(self)
         if is_blocked(X):
             return map_rows(self._blocks(X), partial(_nearest, self.cluster_centers_), np.int32)
         return _nearest(self.cluster_centers_, self._rows(X))
 
     def transform(self, X: Any) -> Any:  # noqa: N803
-        """Measure the distances to the generators.
-
-        Parameters
-        ----------
-        X : (n_samples, n_features) array-like
-            Samples.
-
-        Returns
-        -------
-        (n_samples, n_clusters) array, or what `set_output` asks for
-            Distances, not squared; a Dask array for samples in blocks.
-        """
+        """Measure the (n_samples, n_clusters) distances to the generators; a Dask array for samples in blocks."""
         check_is_fitted(self)
         if is_blocked(X):
             distances = partial(_distances, self.cluster_centers_)
@@ -246,21 +203,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return _distances(self.cluster_centers_, self._rows(X))
 
     def score(self, X: ArrayLike, y: object = None, sample_weight: ArrayLike | None = None) -> float:  # noqa: N803
-        """Return the energy of samples, negative, so that more is better.
-
-        Parameters
-        ----------
-        X : (n_samples, n_features) array-like
-            Samples.
-        y : ignored
-            Present for compatibility with scikit-learn.
-        sample_weight : (n_samples,) array-like, optional
-            Density, 1 each by default.
-
-        Returns
-        -------
-        float
-        """
+        """Return the energy of samples, negative, so that more is better."""
         check_is_fitted(self)
         if is_blocked(X):
             blocks = self._blocks(X, sample_weight)
@@ -279,18 +222,6 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
 
     def _rows(self, samples: ArrayLike, *, reset: bool = False) -> NDArray[Any]:
         return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
-
-    def _fit_blocks(self, blocks: Blocks) -> CVT:
-        result = self._tessellate(blocks, None, self.n_clusters, checkpoint=self.checkpoint)
-        order = np.arange(len(result.generators)) if not isinstance(self.init, str) else _order(result.generators)
-        self.n_features_in_ = blocks.n_dims
-        single = blocks.rows.dtype == np.float32
-        self.cluster_centers_ = result.generators[order].astype(np.float32 if single else np.float64)
-        self.labels_ = self.predict(blocks)
-        self.inertia_, self.masses_ = result.energy, result.masses[order]
-        self.energies_ = np.array(result.energies)
-        self.n_iter_ = result.n_iter
-        return self
 
     def _blocks(self, samples: Any, sample_weight: Any = None) -> Blocks:
         """Return samples in blocks that have as many columns as those of `fit`."""
@@ -367,11 +298,6 @@ def _distances(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
 
 def _energy_of_block(block: Block, centers: NDArray[Any]) -> float:
     return math.fsum(_measure(centers, rows, weights)[1] for rows, weights in block.pieces())
-
-
-def _order(generators: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the order of generators by coordinates: labels do not depend on how the engine finds them."""
-    return np.lexsort(generators.astype(np.float32).T[::-1])
 
 
 def _weights(sample_weight: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:

@@ -32,6 +32,7 @@ __all__ = [
     "energy_about_mean",
     "find_tables",
     "read_table",
+    "write_clusters",
     "write_generators",
     "write_label_parts",
     "write_row_labels",
@@ -95,19 +96,6 @@ def read_table(
     -------
     Table
 
-    Raises
-    ------
-    ValueError
-        If the file is not such a table, or a column is missing or not numeric; the message names file, line and
-        column.
-    OSError
-        If the file cannot be read.
-
-    See Also
-    --------
-    write_row_labels, write_generators : Files of results.
-    cvtimg.blocks.open_blocks : Tables larger than memory.
-
     Notes
     -----
     The first line of text names the columns if none of its values is a number, or if in some column it has no number
@@ -159,18 +147,10 @@ def _read_table(path: Path, columns: Sequence[str] | None, weight: str | None, m
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
-    """Scales columns to mean 0 and variance 1, and back to their own units.
+    """Scales columns to mean 0 and variance 1, and back to their own units."""
 
-    Attributes
-    ----------
-    means : (D,) float64 array
-        Weighted means.
-    deviations : (D,) float64 array
-        Weighted standard deviations; 1 for constant columns.
-    """
-
-    means: NDArray[np.float64]
-    deviations: NDArray[np.float64]
+    means: NDArray[np.float64]  # (D,) weighted
+    deviations: NDArray[np.float64]  # (D,) weighted; 1 for constant columns
 
     @classmethod
     def of(cls, rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Scaling:
@@ -211,19 +191,27 @@ def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_
         null in a .parquet.
     overwrite : bool
         Replace an existing file.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is another.
-    FileExistsError
-        If the file exists and `overwrite` is false.
-    OSError
-        If the file cannot be written.
     """
     all_labels = np.full(len(kept), -1, np.int32)
     all_labels[kept] = labels
     write_label_parts(path, len(kept), [all_labels], overwrite=overwrite)
+
+
+def write_clusters(
+    path: StrPath, table: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False
+) -> None:
+    """Write all columns of a table as a .csv, and one more, ``cluster``: labels as `write_row_labels` takes them."""
+    clusters = np.full(len(kept), "", object)
+    clusters[kept] = labels
+    with local_copy(table) as file:
+        source = open_columns(file)
+        rows = ((*row, cluster) for row, cluster in zip(source.cells(), clusters.tolist(), strict=True))
+        write_csv(path, _with_more(source.names, "cluster"), rows, overwrite=overwrite)
+
+
+def _with_more(names: Sequence[str], *more: str) -> list[str]:
+    """Add names to those of columns, one of which may be called the same."""
+    return [*names, *(name if name not in names else f"cell_{name}" for name in more)]
 
 
 def write_label_parts(
@@ -265,45 +253,13 @@ def write_generators(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write generators as a CSV, whole or not at all.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Where to write.
-    names : sequence of str
-        Names of the columns.
-    generators : (K, D) array
-        One line each, in the order of the labels.
-    masses : (K,) array
-        Mass of each cell, written to two more columns, ``mass`` and ``share`` of the total.
-    overwrite : bool
-        Replace an existing file.
-    """
-    # A column of the table may itself be called mass or share.
-    columns = [*names, *(name if name not in names else f"cell_{name}" for name in ("mass", "share"))]
+    """Write (K, D) generators as a CSV, in the order of the labels, with two more columns, ``mass`` and ``share``."""
     rows = np.column_stack([generators, masses, masses / masses.sum()]).tolist()
-    write_csv(path, columns, rows, overwrite=overwrite)
+    write_csv(path, _with_more(names, "mass", "share"), rows, overwrite=overwrite)
 
 
 def find_tables(path: StrPath) -> list[Path]:
-    """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for images.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A folder means all files in it and its subfolders that end in .csv, .tsv, .npy, .parquet or .zarr, except hidden
-        ones.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    FileNotFoundError
-        If nothing is found.
-    """
+    """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for images."""
     if is_remote(path):
         return find_remote(url_of(path), frozenset(TABLE_SUFFIXES))
     folder = Path(path)

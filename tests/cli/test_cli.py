@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -639,9 +640,8 @@ def table(here: Path) -> Path:
 
 
 def labels_of(path: str | Path) -> list[int]:
-    head, *labels = Path(path).read_text().splitlines()
-    assert head == "label"
-    return [int(label) for label in labels]
+    with Path(path).open(newline="") as file:
+        return [int(list(row.values())[-1]) for row in csv.DictReader(file)]
 
 
 def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
@@ -651,12 +651,14 @@ def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
     (row,) = outcome.rows
     assert list(row) == TABLE_KEYS
     expected = cvtimg.tessellate(ROWS, 3, density=COUNTS)
-    assert labels_of("trees-labels.csv") == expected.labels.tolist()
+    assert labels_of("trees-clusters.csv") == expected.labels.tolist()
+    kept = [line.rpartition(",")[0] for line in Path("trees-clusters.csv").read_text().splitlines()]
+    assert kept == table.read_text().splitlines()
     means = read_table("means.csv")
     assert means.names == ("height", "girth", "mass", "share")
     shares = np.column_stack([expected.masses, expected.masses / COUNTS.sum()])
     np.testing.assert_array_equal(means.rows, np.column_stack([expected.generators, shares]))
-    assert (row["input"], row["output"], row["columns"]) == ("trees.csv", "trees-labels.csv", ["height", "girth"])
+    assert (row["input"], row["output"], row["columns"]) == ("trees.csv", "trees-clusters.csv", ["height", "girth"])
     assert (row["rows"], row["left_out"], row["k"], row["converged"]) == (40, 0, 3, True)
     assert row["energy"] == pytest.approx(expected.energy)
     total = cvtimg.tessellate(ROWS, 1, density=COUNTS).energy
@@ -667,7 +669,7 @@ def test_cluster_writes_what_tessellate_finds(run: Run, table: Path) -> None:
 def test_standardized_columns_count_alike_and_generators_keep_their_units(run: Run, table: Path) -> None:
     options = ["-k", "3", "--columns", "height,girth", "--weight", "count", "--generators", "means.csv"]
     assert run("cluster", table, *options, "--standardize").status == 0
-    labels, means = np.array(labels_of("trees-labels.csv")), read_table("means.csv").rows
+    labels, means = np.array(labels_of("trees-clusters.csv")), read_table("means.csv").rows
     groups = (ROWS[:, 0] > 45) * 2 + (ROWS[:, 1] > 1000)  # as they were made; without --standardize girth alone counts
     assert len(set(zip(labels, groups, strict=True))) == 3
     for label in range(3):
@@ -684,6 +686,28 @@ def test_arrays_are_clustered_and_labels_can_be_arrays(run: Run, here: Path) -> 
     assert np.count_nonzero(labels < 0) == 1
 
 
+def test_dropped_rows_keep_their_columns_and_labels_can_stand_alone(run: Run, here: Path) -> None:
+    Path("a.csv").write_text('who;"a; b";cluster\nA;1;7\nB;;8\nC;9;9\n')
+    given = ["--columns", "a; b", "--missing", "drop", "--standardize", "--quiet"]
+    assert run("cluster", "a.csv", "-k", "2", *given).status == 0
+    head, *rows = csv.reader(Path("a-clusters.csv").read_text().splitlines())
+    assert head == ["who", "a; b", "cluster", "cell_cluster"]
+    assert [row[:3] for row in rows] == [["A", "1", "7"], ["B", "", "8"], ["C", "9", "9"]]
+    assert ([row[3] == "" for row in rows], {rows[0][3], rows[2][3]}) == ([False, True, False], {"0", "1"})
+    assert run("cluster", "a.csv", "-k", "2", *given, "--labels-only").status == 0
+    assert Path("a-labels.csv").read_text().splitlines() == ["label", rows[0][3], '""', rows[2][3]]
+    np.save("b.npy", [[1, 2.5], [3, 4]])
+    assert run("cluster", "b.npy", "-k", "1", "--quiet").status == 0
+    assert Path("b-clusters.csv").read_text().splitlines() == ["col0,col1,cluster", "1.0,2.5,0", "3.0,4.0,0"]
+
+
+@pytest.mark.parametrize("columns", ["height", "height,girth,count"])
+def test_clusters_are_drawn_on_the_first_two_principal_axes(run: Run, table: Path, columns: str) -> None:
+    pytest.importorskip("matplotlib")
+    assert run("cluster", table, "-k", "3", "--columns", columns, "--plot", "a.svg").status == 0
+    assert re.search(r"first principal axis, \d+% of the variance", Path("a.svg").read_text())
+
+
 def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
     Path("tables").mkdir()
     for name in ("a.csv", "b.csv"):
@@ -691,7 +715,7 @@ def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
     Path("tables/bad.csv").write_text("1,2\n3,\n")
     outcome = run("cluster", "tables", "missing.csv", "-k", "2", "--out-dir", "out")
     assert outcome.status == 1
-    assert sorted(path.name for path in Path("out").iterdir()) == ["a-labels.csv", "b-labels.csv"]
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a-clusters.csv", "b-clusters.csv"]
     missing, bad, summary = outcome.err.splitlines()
     assert summary == "2 done, 0 skipped, 2 failed"
     assert missing == "cvtimg: missing.csv: no such file"
@@ -700,7 +724,7 @@ def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
     names = ["input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "colors"]
     assert head == [*names, "channels", "pixel_size", "icc"]
     assert [(row[0], row[1], row[2], row[-1]) for row in rows] == [
-        (f"tables/{name}.csv", "3", "2", f"out/{name}-labels.csv") for name in ("a", "b")
+        (f"tables/{name}.csv", "3", "2", f"out/{name}-clusters.csv") for name in ("a", "b")
     ]
 
 

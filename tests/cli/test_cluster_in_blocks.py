@@ -88,7 +88,7 @@ def test_all_kinds_of_tables_give_the_same(here: Path, cluster: RowOf, options: 
         assert energy == pytest.approx(found[3][0], rel=1e-3)
         assert explained == pytest.approx(found[3][1], rel=1e-3)
         np.testing.assert_allclose(means, found[3][2], atol=0.2)
-    assert [output for *_, output in found] == ["a-labels.parquet", "a-labels.npy", "a-labels.csv", "a-labels.csv"]
+    assert [output for *_, output in found] == ["a-labels.parquet", "a-labels.npy", "a-clusters.csv", "a-clusters.csv"]
 
 
 def test_labels_are_those_of_the_nearest_means(here: Path, cluster: RowOf) -> None:

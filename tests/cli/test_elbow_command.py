@@ -103,6 +103,25 @@ def test_nothing_is_overwritten_unasked(drawing: Path, tmp_path: Path, capsys: p
     assert drawing.read_bytes() == before
 
 
+def test_tables_are_read_as_cluster_reads_them(tmp_path: Path, row_of: RowOf) -> None:
+    rng = np.random.default_rng(0)
+    rows = np.concatenate([rng.normal(center, 0.3, (50, 2)) for center in ([0, 0], [5, 1000], [2, 7000])])
+    lines = [f"x,{a},{b},{n}\n" for n, (a, b) in enumerate(rows.tolist())]
+    (tmp_path / "a.csv").write_text("".join(["who,a,b,n\n", *lines]))
+    options = ["--columns", "b,a", "--weight", "n", "--standardize", "--k-max", "8"]
+    found = row_of("elbow", str(tmp_path / "a.csv"), *options)
+    weights = np.arange(150)
+    middle = np.average(rows, axis=0, weights=weights)
+    scaled = (rows - middle) / np.sqrt(np.average((rows - middle) ** 2, axis=0, weights=weights))
+    expected = energy_curve(scaled[:, ::-1], 8, density=weights)
+    np.testing.assert_allclose(found["energies"], expected.energies, rtol=1e-6)
+
+
+def test_tables_have_columns_and_images_have_none(drawing: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["elbow", str(drawing), "--columns", "a"]) == 1
+    assert "--columns must not be given for images" in capsys.readouterr().err
+
+
 def test_quantize_takes_the_elbow_and_says_why(drawing: Path, row_of: RowOf) -> None:
     image = read_image(drawing)
     result = quantize(image, "auto")

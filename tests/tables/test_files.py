@@ -171,7 +171,7 @@ def test_a_row_without_a_weight_is_left_out_and_one_that_lacks_what_is_not_read_
         ("1,2\n3,x\n", {}, "line 2, column 'col1': 'x' is not a number$"),
         ("a,b\n1,2\n" + "3,4\n" * 3000 + "5,x\n", {}, "line 3003, column 'b': 'x' is not a number$"),
         ("id,a,b\nx,1,2\n", {}, r"line 2, column 'id': 'x' is not a number; choose .* \(--columns a,b\)$"),
-        ('id,"a,b"\nx,1\n', {}, r"\(--columns \"a,b\"\)$"),
+        ('id,"a,b"\nx,1\n', {}, r"\(--columns '\"a,b\"'\)$"),
         ("a;b\n1,5;2\n", {}, r"line 2, column 'a': '1,5' is not a number \(write a point, not a comma, in it\)$"),
         ("1,5;2,5\n3,5;4,5\n", {}, r"line 2, column '1,5': '3,5' is not a number \(write a point"),
         ("a\n1\n" + "x" * 99, {}, "line 3, column 'a': 'x{36}...' is not a number"),

@@ -5,8 +5,6 @@ S. Lloyd, IEEE Trans. Information Theory 28 (1982), doi 10.1109/TIT.1982.1056489
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,7 +51,7 @@ def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditi
     moving = np.arange(len(sets))
     for _ in range(-(-stopping.max_iterations // _MOVES)):
         moved = ends[moving]
-        before, last = _move_sets(points, moved, conditions.n_locked).energies[:, -2:].T
+        *_, before, last = _move_sets(points, moved, conditions.n_locked, _MOVES)[0].T
         ends[moving], energies[moving] = moved, last
         moving = moving[before - last > stopping.tolerance * before]
         if not moving.size:
@@ -68,16 +66,10 @@ def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDA
     return masses, np.stack(apart)
 
 
-class _Moved(NamedTuple):
-    """What some moves of n sets of generators leave: energies before each and at the end, last masses and labels."""
-
-    energies: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    labels: NDArray[np.int32]
-
-
-def _move_sets(points: Points, sets: NDArray[np.float64], n_locked: int, n_moves: int = _MOVES) -> _Moved:
-    """Move (n, K, D) sets of generators in place."""
+def _move_sets(
+    points: Points, sets: NDArray[np.float64], n_locked: int, n_moves: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
+    """Move (n, K, D) sets of generators in place; return energies before each move and after all, masses, labels."""
     n_sets, n_generators, n_dims = sets.shape
     sums = np.empty((n_sets, n_generators, n_dims + 1))
     labels = np.empty((n_sets, len(points.density)), np.int32)
@@ -91,4 +83,4 @@ def _move_sets(points: Points, sets: NDArray[np.float64], n_locked: int, n_moves
         )
 
     in_parts(move, n_sets, work=n_sets * (n_moves + 1) * points.tiles.size / 8 * n_generators)
-    return _Moved(np.maximum(points.energy_about_origin + energies, 0.0), sums[:, :, -1], labels)
+    return np.maximum(points.energy_about_origin + energies, 0.0), sums[:, :, -1], labels

@@ -2,10 +2,8 @@
 
 Cells of sorted levels are intervals, and the lowest energy E(k) of k intervals is convex in k. So there is a price per
 cell at which the cheapest cut has k cells, or at which two cuts cost the same, one with fewer and one with more cells;
-these two can be joined into one with k. One pass over the levels finds the cheapest cut at a given price, and a few
-prices lead to the right one: usually 1 to 5 passes, up to 30 for very uneven levels. Memory is proportional to the
-number of levels, whatever k; dynamic programming over the cells takes k times as much to trace its way back: 64 MB for
-256 cells of 16-bit levels, 1 GB for a million levels.
+these two can be joined into one with k. One pass over the levels finds the cheapest cut at a given price, and 1 to 15
+prices lead to the right one. Memory is proportional to the number of levels, whatever k.
 
 Energies of intervals are differences of sums over all levels: the optimum is exact to k times 1e-14 of E(1), and
 better where no level is very far from the others.
@@ -114,37 +112,18 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
     for end in (few, many):
         if end.n_cells == n_cells:
             return end
-    prices: dict[int, float] = {}
-    # The price at which two cuts cost the same shows whether there is a cut between them. A guess is faster at first.
-    guess = True
+    # The price at which two cuts cost the same shows whether there is a cut between them. The first is a guess: that
+    # E(k) is proportional to k^-2.
+    price, guessed = 2 * few.energy / n_cells**3, True
     while True:
-        price = _guess(few, many, n_cells, prices) if guess else _price_between(few, many)
         found = levels.cut(price)
         if found.n_cells == n_cells:
             return found
-        between = few.n_cells < found.n_cells < many.n_cells
-        if not (between or guess):
-            return levels._cut_at(_join(few.bounds, many.bounds, n_cells))
-        if between:
-            prices[found.n_cells] = price
+        if few.n_cells < found.n_cells < many.n_cells:
             few, many = (found, many) if found.n_cells < n_cells else (few, found)
-        guess = between
-
-
-def _price_between(few: _Cut, many: _Cut) -> float:
-    """Return the price at which both cuts cost the same."""
-    return (few.energy - many.energy) / (many.n_cells - few.n_cells)
-
-
-def _guess(few: _Cut, many: _Cut, n_cells: int, prices: dict[int, float]) -> float:
-    """Estimate the price of `n_cells` cells, assuming that E(k) is proportional to a power of k, at first k^-2."""
-    known = [cut.n_cells for cut in (few, many) if cut.n_cells in prices]
-    if not known:
-        return 2 * few.energy / n_cells**3
-    power = 3.0
-    if len(known) == 2:
-        power = np.log(prices[known[0]] / prices[known[1]]) / np.log(known[1] / known[0])
-    return float(prices[known[0]] * (known[0] / n_cells) ** power)
+        elif not guessed:
+            return levels._cut_at(_join(few.bounds, many.bounds, n_cells))
+        price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
 
 
 def _join(few: NDArray[np.int32], many: NDArray[np.int32], n_cells: int) -> NDArray[np.int32]:

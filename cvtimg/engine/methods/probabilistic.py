@@ -71,27 +71,17 @@ class Probabilistic:
 
         def move(moving: NDArray[np.float64], counts: NDArray[np.float64], drawn: NDArray[np.int64]) -> None:
             for start in range(0, len(drawn), draws):
-                self._move(points, moving, counts, drawn[start : start + draws], conditions.n_locked)
+                some = np.sort(drawn[start : start + draws])  # near points stay near, which makes `assign` faster
+                group = points.take(some, np.ones(len(some)))
+                masses, sums = cell_moments(group, assign(group, moving), len(moving))
+                masses[: conditions.n_locked] = 0
+                met = masses > 0
+                j, means = counts[met, None], sums[met] / masses[met, None]
+                old, new = self.a1 * j + self.b1, self.a2 * j + self.b2
+                moving[met] = (old * moving[met] + new * means) / (j + 1)
+                counts[met] += 1
 
         return follow_draws(points, generators, conditions, draws, move)
-
-    def _move(
-        self,
-        points: Points,
-        generators: NDArray[np.float64],
-        counts: NDArray[np.float64],
-        drawn: NDArray[np.int64],
-        n_locked: int,
-    ) -> None:
-        drawn = np.sort(drawn)  # near points stay near each other, which makes `assign` faster
-        group = points.take(drawn, np.ones(len(drawn)))
-        masses, sums = cell_moments(group, assign(group, generators), len(generators))
-        masses[:n_locked] = 0
-        met = masses > 0
-        j, means = counts[met, None], sums[met] / masses[met, None]
-        old, new = self.a1 * j + self.b1, self.a2 * j + self.b2
-        generators[met] = (old * generators[met] + new * means) / (j + 1)
-        counts[met] += 1
 
 
 def follow_draws(
