@@ -106,36 +106,31 @@ def add_border_gradient(
     A border that runs steeply is met in every row, and a flat one in every column.
     """
     cdef Py_ssize_t bands = image.shape[2], height = labels.shape[0], width = labels.shape[1], x, y
+    cdef Py_ssize_t axis, d
     cdef int32_t i, j
-    cdef double step_x, step_y, at, slope
+    cdef double along, across, line, slope
+    cdef double place[2]
     with nogil:
         for y in range(first_row, stop_row):
             for x in range(width):
                 i = labels[y, x]
-                if x + 1 < width and labels[y, x + 1] != i:
-                    j = labels[y, x + 1]
-                    step_x = points[j, 0] - points[i, 0]
-                    step_y = points[j, 1] - points[i, 1]
-                    if fabs(step_x) >= fabs(step_y) and step_x != 0:
-                        at = crossing(step_x, step_y, points[i, 0], points[i, 1], y + 0.5, x + 0.5)
-                        slope = gain(&image[y, x, 0], &image[y, x + 1, 0], &colors[i, 0], &colors[j, 0], bands)
-                        slope /= step_x
-                        gradient[i, 0] += slope * (at - points[i, 0])
-                        gradient[i, 1] += slope * (y + 0.5 - points[i, 1])
-                        gradient[j, 0] -= slope * (at - points[j, 0])
-                        gradient[j, 1] -= slope * (y + 0.5 - points[j, 1])
-                if y + 1 < height and labels[y + 1, x] != i:
-                    j = labels[y + 1, x]
-                    step_x = points[j, 0] - points[i, 0]
-                    step_y = points[j, 1] - points[i, 1]
-                    if fabs(step_y) > fabs(step_x):
-                        at = crossing(step_y, step_x, points[i, 1], points[i, 0], x + 0.5, y + 0.5)
-                        slope = gain(&image[y, x, 0], &image[y + 1, x, 0], &colors[i, 0], &colors[j, 0], bands)
-                        slope /= step_y
-                        gradient[i, 0] += slope * (x + 0.5 - points[i, 0])
-                        gradient[i, 1] += slope * (at - points[i, 1])
-                        gradient[j, 0] -= slope * (x + 0.5 - points[j, 0])
-                        gradient[j, 1] -= slope * (at - points[j, 1])
+                for axis in range(2):  # the pixel to the right, and the one below
+                    if (y + 1 if axis else x + 1) >= (height if axis else width):
+                        continue
+                    j = labels[y + axis, x + 1 - axis]
+                    along = points[j, axis] - points[i, axis]
+                    across = points[j, 1 - axis] - points[i, 1 - axis]
+                    if i == j or fabs(along) < fabs(across) or fabs(along) == (fabs(across) if axis else 0):
+                        continue
+                    line = 0.5 + (x if axis else y)
+                    place[axis] = crossing(
+                        along, across, points[i, axis], points[i, 1 - axis], line, 0.5 + (y if axis else x))
+                    place[1 - axis] = line
+                    slope = gain(
+                        &image[y, x, 0], &image[y + axis, x + 1 - axis, 0], &colors[i, 0], &colors[j, 0], bands) / along
+                    for d in range(2):
+                        gradient[i, d] += slope * (place[d] - points[i, d])
+                        gradient[j, d] -= slope * (place[d] - points[j, d])
 
 
 cdef inline double crossing(

@@ -134,11 +134,7 @@ class DotLayer:
 
 
 def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float, float] | None) -> DotLayer:
-    """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for.
-
-    Dots are "equal", of one size where the density tells; or "sized", each as large as its mass, with radii in a range
-    if one is given.
-    """
+    """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for."""
     amount = _amount(ink, n_dots, radius_range)
     points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
     return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
@@ -154,13 +150,6 @@ def place_pens(
     with part(1 / 2, 1):
         apart = keep_apart(amounts, placed)
     return [_finished(ink, points, dots, radius_range, 0) for ink, points in zip(inks, apart, strict=True)]
-
-
-def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> Floats32:
-    """Return how many dots each pixel asks for, in any unit; dots of one size must be as many as the ink."""
-    if n_dots == 0 or radius_range is None:
-        return ink
-    return ink / _disk_areas(ink, n_dots, radius_range)
 
 
 def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
@@ -189,20 +178,20 @@ def _finished(
     masses = found.masses
     radii = np.full(n_dots, np.sqrt(moments.mass / n_dots / np.pi))
     if dots == "sized":
-        radii = np.sqrt(masses / np.pi)
-        if radius_range is not None:
-            radii = np.clip(radii, *radius_range)
+        radii = np.clip(np.sqrt(masses / np.pi), *(radius_range or (0, np.inf)))
     return DotLayer(points, radii, masses, found.energy)
 
 
-def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -> Floats32:
-    """Choose how large the dots of each tone are, from the least radius to the greatest, so that n dots give the ink.
+def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> Floats32:
+    """Return how many dots each pixel asks for, in any unit; dots of one size must be as many as the ink.
 
-    The radius grows as a power of the ink from one to the other; the power is what makes the number right. Where even
-    the least or the greatest for all tones does not, the tones will be off.
+    In a range of radii, that of a dot grows as the power of the ink that lets n dots give the ink. Where even the least
+    or the greatest for all tones does not, the tones will be off.
     """
     from scipy.optimize import bisect
 
+    if n_dots == 0 or radius_range is None:
+        return ink
     least, greatest = radius_range
     darkest = float(ink.max())
     counts, edges = np.histogram(ink, TABLE_SIZE, (0, darkest))
@@ -217,4 +206,6 @@ def _disk_areas(ink: Floats32, n_dots: int, radius_range: tuple[float, float]) -
         return float((counts * tones / areas(bent)).sum()) - n_dots
 
     bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else float(bisect(excess, 0, 1))
-    return areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]
+    return (
+        ink / areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]
+    )

@@ -122,31 +122,18 @@ class Mosaic(ReadOnly):
         return "cells" if self.triangles is None else "triangles"
 
     def polygons(self) -> Polygons:
-        """Compute the corners of each tile.
+        """Compute the (M, 2) corners of each tile in pixels, in order around it, clockwise as seen on a screen.
 
-        Returns
-        -------
-        tuple of (M, 2) float64 arrays
-            In pixels, in order around the tile, clockwise as seen on a screen. Empty for a point that shares its place
-            with another and has no cell.
+        There are none for a point that shares its place with another and has no cell.
         """
         if self.triangles is not None:
             return tuple(self.points[self.triangles])
         return picture_cells(self.points, (self.labels.shape[0], self.labels.shape[1]))
 
     def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
-        """Draw the mosaic with smooth edges.
+        """Draw the mosaic with smooth edges, (H scale, W scale, 3 or 4) uint8, of `scale` pixels per pixel.
 
-        Parameters
-        ----------
-        scale : float
-            Pixels of the drawing per pixel of the image.
-        outline : float
-            Width of dark lines between tiles, in pixels of the image; 0 for none.
-
-        Returns
-        -------
-        (H scale, W scale, 3) or (H scale, W scale, 4) uint8 array
+        Dark lines between tiles are `outline` pixels of the image wide; 0 for none.
         """
         check_non_negative("outline", outline)
         check_positive("scale", scale)
@@ -167,18 +154,10 @@ class Mosaic(ReadOnly):
         return self._outlined(drawn, outline * scale, fine) if outline else drawn
 
     def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
-        """Write the mosaic as vectors or as pixels; the suffix picks the format.
+        """Write the mosaic; the suffix picks the format.
 
-        Parameters
-        ----------
-        path : str or path-like
-            Ends in .svg, or .geojson for a polygon a tile; or in a suffix that `write_image` knows, for pixels.
-        outline : float
-            Width of dark lines between tiles, in pixels of the image; 0 for none. Not for .geojson.
-        scale : float
-            Pixels written per pixel of the image; only for pixels.
-        overwrite : bool
-            Replace an existing file.
+        .svg: drawn as by `draw`, but for the scale. .geojson: a polygon for each tile. .png and other formats of
+        pixels: what `draw` gives.
         """
         check_non_negative("outline", outline)
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
@@ -285,12 +264,6 @@ def mosaic(
     -------
     Mosaic
 
-    Notes
-    -----
-    The error of a tessellation, the sum of the integrals of abs(u - c)**2 over its cells with c their mean colors,
-    changes with a generator only where the borders of its cell move: its gradient is an integral over these borders
-    of the difference of the errors on both sides.
-
     References
     ----------
     Q. Du, V. Faber, M. Gunzburger, Centroidal Voronoi tessellations: Applications and algorithms, SIAM Review 41
@@ -322,7 +295,7 @@ def mosaic(
         for uniform in each(_UNIFORM[shape][: 2 if n_cells <= _FEW else 1])
     ]
     tiling, points, energies = min(ends, key=lambda end: min(end[2]))
-    painted = paint(bands, tiling.labels(points), tiling.n_tiles())
+    painted = paint(bands, tiling.labels(points), tiling.n_tiles)
     triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
     middles = points if triangles is None else points[triangles].mean(axis=1)
     colors = _colors(_means(painted, bands, middles), space, samples.dtype, has_alpha)

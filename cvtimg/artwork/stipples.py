@@ -78,27 +78,20 @@ def draw_dots(
     """
     height, width = (max(round(side * scale), 1) for side in shape)
     centers, sizes = (np.ascontiguousarray(array * scale, np.float64) for array in (points, radii))
-    starts, disks = _disks_of_rows(centers[:, 1], sizes, height)
+    # The disks that meet each row of pixels, row by row, and where each row begins among them.
+    first = np.clip(np.floor(centers[:, 1] - sizes), 0, height).astype(np.int64)
+    n_rows = np.maximum(np.clip(np.ceil(centers[:, 1] + sizes), 0, height).astype(np.int64) - first, 0)
+    met = np.repeat(np.arange(len(centers), dtype=np.int32), n_rows)
+    rows = np.arange(len(met)) + np.repeat(first - np.cumsum(n_rows) + n_rows, n_rows)
+    starts = np.append(0, np.cumsum(np.bincount(rows, minlength=height)))
+    disks = met[np.argsort(rows, kind="stable")]
     coverage = np.empty((height, width), np.float32)
 
-    def part(first: int, stop: int) -> None:
-        cover_rows(centers, sizes, starts, disks, first, stop, _FINE, coverage)
+    def part(start: int, stop: int) -> None:
+        cover_rows(centers, sizes, starts, disks, start, stop, _FINE, coverage)
 
     in_parts(part, height, float(height * width * _FINE))
     return coverage
-
-
-def _disks_of_rows(
-    y: NDArray[np.float64], radii: NDArray[np.float64], height: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """List the disks that meet each row of pixels: where each row begins, and their numbers."""
-    first = np.clip(np.floor(y - radii), 0, height).astype(np.int64)
-    stop = np.clip(np.ceil(y + radii), 0, height).astype(np.int64)
-    n_rows = np.maximum(stop - first, 0)
-    disks = np.repeat(np.arange(len(y), dtype=np.int32), n_rows)
-    rows = np.arange(len(disks)) - np.repeat(np.cumsum(n_rows) - n_rows, n_rows) + np.repeat(first, n_rows)
-    starts = np.append(0, np.cumsum(np.bincount(rows, minlength=height)))
-    return starts, disks[np.argsort(rows, kind="stable")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,13 +145,10 @@ class Stipples(ReadOnly):
         return float((self.radii**2).sum() * np.pi / (self.size[0] * self.size[1]))
 
     def cells(self) -> Polygons:
-        """Compute the cell of each dot among those of its layer, cut off at the sides of the image.
+        """Compute the (M, 2) corners of the cell of each dot among those of its layer, within the image.
 
-        Returns
-        -------
-        tuple of (M, 2) float64 arrays
-            In pixels, in order around the cell, clockwise as seen on a screen. Empty for a dot without a cell, one of
-            two in the same place.
+        They are in pixels, in order around the cell, clockwise as seen on a screen; none for one of two dots in the
+        same place.
         """
         cells: list[NDArray[np.float64]] = [np.empty((0, 2))] * len(self)
         for pen in range(len(self.colors)):
@@ -174,18 +164,10 @@ class Stipples(ReadOnly):
         return draw_dots(self.points[own], self.radii[own], self.size, scale)
 
     def draw(self, *, scale: float | None = None) -> NDArray[np.uint8]:
-        """Draw the dots with smooth edges, mixed in linear light as the eye does.
+        """Draw the dots with smooth edges, mixed in linear light as the eye does, with `scale` pixels per pixel.
 
-        Parameters
-        ----------
-        scale : float, optional
-            Pixels of the drawing per pixel of the image. By default dots are 8 pixels apart, if that makes no drawing
-            of more than 32 megapixels.
-
-        Returns
-        -------
-        (H scale, W scale) or (H scale, W scale, 3) uint8 array
-            Gray for one black or white pen.
+        By default dots are 8 pixels apart, if that makes no drawing of more than 32 megapixels. The drawing is uint8,
+        (H scale, W scale) for one black or white pen, else (H scale, W scale, 3).
         """
         factor = self.default_scale() if scale is None else check_positive("scale", scale)
         channels = 1 if len(self.colors) == 1 and np.ptp(self.colors) == 0 else 3
@@ -238,7 +220,7 @@ class Stipples(ReadOnly):
         tour : bool
             Write dots in the order of the tour, else in that in which they were placed.
         scale : float, optional
-            Pixels per pixel of the image, as for `draw`.
+            As for `draw`.
         overwrite : bool
             Replace an existing file.
         """

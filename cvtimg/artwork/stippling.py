@@ -120,7 +120,9 @@ def stipple(
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
         coverages, pens = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
         inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
-        counts = _divide(count.of(np.stack(inks)), np.array([ink.sum(dtype=np.float64) for ink in inks]))
+        # All pens have dots of about one size.
+        ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
+        counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
         placed = place_pens(inks, counts.tolist(), dots, radius_range)
     else:
         coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
@@ -168,14 +170,6 @@ class _Count:
             f"dot_diameter={self.diameter:.3g}", fits, f"be at least {least:.2g} pixels of an image of this size"
         )
         return enlarge(coverage, self.factor) * np.float32(self.factor**2)
-
-
-def _divide(n_dots: int, inks: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Divide dots among pens by their ink; all pens have dots of about one size."""
-    if not inks.any():
-        return np.zeros(len(inks), np.intp)
-    ends = np.rint(np.cumsum(inks) / inks.sum() * n_dots).astype(np.intp)
-    return np.diff(ends, prepend=0)
 
 
 def _together(layers: list[DotLayer], factor: int, **about: Any) -> Stipples:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -65,11 +66,7 @@ class Painted:
 def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -> Painted:
     """Measure the tiles of an (H, W, C) image."""
     n_bands = image.shape[2]
-
-    def add(first: int, stop: int, sums: Floats) -> None:
-        _artwork.add_colors(image, labels, first, stop, sums)
-
-    sums = by_rows(add, labels.shape, (n_tiles, n_bands + 2))
+    sums = by_rows(partial(_artwork.add_colors, image, labels), labels.shape, (n_tiles, n_bands + 2))
     areas, colors = sums[:, -1], sums[:, :n_bands]
     empty = areas == 0
     means = np.where(empty[:, np.newaxis], colors.sum(axis=0) / areas.sum(), colors / np.maximum(areas, 1)[:, None])
@@ -199,8 +196,9 @@ def _border_points(density: NDArray[np.float32], n_points: int) -> Floats:
     which = np.minimum(np.searchsorted(ends, at, side="right") - 1, 3)
     # One that falls on a corner goes half a pixel along.
     along = np.clip(at - ends[which], 0.25, np.diff(ends)[which] - 0.25)
-    x = np.choose(which, [along, np.full_like(along, width), width - along, np.zeros_like(along)])
-    y = np.choose(which, [np.zeros_like(along), along, np.full_like(along, height), height - along])
+    x, y = (
+        np.interp(ends[which] + along, ends, corner) for corner in ([0, width, width, 0, 0], [0, 0, height, height, 0])
+    )
     return np.stack([x, y], axis=1)
 
 
@@ -208,11 +206,7 @@ class VoronoiTiling:
     """Voronoi cells: a tile for each point."""
 
     def __init__(self, shape: tuple[int, int], n_points: int) -> None:
-        self._shape, self._n_points = shape, n_points
-
-    def n_tiles(self) -> int:
-        """Count the cells."""
-        return self._n_points
+        self._shape, self.n_tiles = shape, n_points
 
     def labels(self, points: Floats) -> NDArray[np.int32]:
         """Label pixels by the point that is nearest to their center."""
@@ -220,10 +214,7 @@ class VoronoiTiling:
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
         """Differentiate along the borders of cells."""
-
-        def add(first: int, stop: int, sums: Floats) -> None:
-            _artwork.add_border_gradient(image, painted.labels, points, painted.colors, first, stop, sums)
-
+        add = partial(_artwork.add_border_gradient, image, painted.labels, points, painted.colors)
         return by_rows(add, self._shape, points.shape)
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
@@ -233,10 +224,6 @@ class VoronoiTiling:
     def keep_inside(self, points: Floats) -> Floats:
         """Keep points in the picture."""
         return np.clip(points, 0, self._shape[::-1])
-
-    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
-        """Divide cells that gain by it with points whose cells are hardly missed."""
-        return relocate(image, points, painted)
 
 
 class DelaunayTiling:
@@ -252,8 +239,9 @@ class DelaunayTiling:
         self._size = size
         self.triangles: NDArray[np.int32] = np.empty((0, 3), np.int32)
 
+    @property
     def n_tiles(self) -> int:
-        """Count the triangles of the last labels."""
+        """Number of triangles of the last labels."""
         return len(self.triangles)
 
     def labels(self, points: Floats) -> NDArray[np.int32]:
@@ -268,17 +256,14 @@ class DelaunayTiling:
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
         """Differentiate along the edges of triangles."""
-        gradient = np.zeros_like(points)
-        _artwork.add_edge_gradient(image, points, self._edges(), painted.colors, gradient)
-        return gradient
-
-    def _edges(self) -> NDArray[np.int32]:
-        """List each inner edge once: its ends, and the triangles to its right and left, with y down."""
-        # All triangles turn from x to y.
+        # Each inner edge once: its ends, and the triangles to its right and left, with y down. All turn from x to y.
         beside = self._mesh.neighbors
         triangle, corner = np.nonzero(beside > np.arange(len(beside))[:, np.newaxis])
         a, b = (self.triangles[triangle, (corner + turn) % 3] for turn in (1, 2))
-        return np.ascontiguousarray(np.stack([a, b, triangle, beside[triangle, corner]], axis=1), np.int32)
+        edges = np.ascontiguousarray(np.stack([a, b, triangle, beside[triangle, corner]], axis=1), np.int32)
+        gradient = np.zeros_like(points)
+        _artwork.add_edge_gradient(image, points, edges, painted.colors, gradient)
+        return gradient
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of a square of the mean area of the triangles around each point."""
@@ -290,10 +275,6 @@ class DelaunayTiling:
         """Keep points of the sides on them, and others in the picture."""
         inside = np.clip(points, 1e-3, self._size - 1e-3)
         return np.where(self._low, 0, np.where(self._high, self._size, inside))
-
-    def relocate(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
-        """Leave all points: several triangles share each corner, so none can move by itself."""
-        return points, np.empty(0, np.intp)
 
 
 #: Tiles that follow from points.
@@ -317,7 +298,7 @@ def descend_error(
     how = DESCENT
     between = max(how.every, round(how.share * n_steps))
     for step in range(n_steps + 1):
-        painted = paint(image, tiling.labels(points), tiling.n_tiles())
+        painted = paint(image, tiling.labels(points), tiling.n_tiles)
         energies.append(painted.energy)
         on_step(step, painted.energy)
         tell(step / n_steps)
@@ -325,8 +306,9 @@ def descend_error(
             best, least = points, painted.energy
         if step == n_steps or painted.energy == 0:
             break
-        if step and step % between == 0 and step < how.until * n_steps:
-            points, moved = tiling.relocate(image, points, painted)
+        # Several triangles share each corner, so that none can move by itself.
+        if isinstance(tiling, VoronoiTiling) and step % between == 0 and 0 < step < how.until * n_steps:
+            points, moved = relocate(image, points, painted)
             direction[moved] = scale[moved] = 0
             if len(moved):
                 points = tiling.keep_inside(points)

@@ -58,9 +58,8 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
         light = to_space(levels[:, np.newaxis], "linear").astype(np.float32)[samples[:, :, :n_colors], 0]
     else:  # by rows, for the sake of memory
         light = np.stack([to_space(row[:, :n_colors], "linear").astype(np.float32) for row in samples])
-    opacity: Floats32 | None = None
-    if n_colors < n_channels:
-        opacity = (samples[:, :, -1] / peak(samples.dtype)).astype(np.float32)
+    opaque = samples[:, :, -1] / peak(samples.dtype) if n_colors < n_channels else None
+    opacity = None if opaque is None else opaque.astype(np.float32)
     if mask is not np.ma.nomask:
         known = (~(mask if mask.ndim == 2 else mask.any(axis=2))).astype(np.float32)
         opacity = known if opacity is None else opacity * known
@@ -129,23 +128,9 @@ def light_tones(
 
 
 def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False, tones: str = "true") -> Floats32:
-    """Compute the share of each pixel that black ink must cover.
+    """Compute the share of each pixel that black ink must cover, (H, W) float32 in 0..1.
 
-    Parameters
-    ----------
-    image : (H, W) or (H, W, C) array, or Pillow image
-        Gray or sRGB, with alpha or without, as for `stipple`.
-    white_cutoff : float
-        Coverage, in 0..1, below which paper stays white.
-    invert : bool
-        Light ink on dark paper.
-    tones : {"true", "light"}
-        As for `stipple`.
-
-    Returns
-    -------
-    (H, W) float32 array
-        In 0..1.
+    Parameters are as in `cvtimg.stipple`.
 
     Examples
     --------
@@ -203,16 +188,6 @@ def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: st
     q is 1 for dots that fall on each other by chance (Demichel), and 0 for dots that never do. Dots here keep apart as
     far as there is room, which black takes: q is k, which drawings bear out.
     """
-    light, opacity = _three_channels(image, tones)
-    light = 1 - np.float32(max_ink) * (1 - light)
-    lightest = light.max(axis=2)
-    black = 1 - lightest
-    share = np.maximum(1 - black * black, np.float32(1e-6))
-    inks = [(lightest - light[:, :, channel]) / share for channel in range(3)]
-    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]
-
-
-def _three_channels(image: Any, tones: str) -> tuple[Floats32, Floats32 | None]:
     light, opacity = linear_light(image)
     if tones == "light":
         before = luminance(light)
@@ -223,4 +198,10 @@ def _three_channels(image: Any, tones: str) -> tuple[Floats32, Floats32 | None]:
         most = (1 - after) / np.maximum(apart.max(axis=2), least)
         apart *= np.minimum(after / np.maximum(before, least), most)[:, :, np.newaxis]
         light = np.clip(after[:, :, np.newaxis] + apart, 0, 1)
-    return np.repeat(light, 3, axis=2) if light.shape[2] == 1 else light, opacity
+    light = np.repeat(light, 3, axis=2) if light.shape[2] == 1 else light
+    light = 1 - np.float32(max_ink) * (1 - light)
+    lightest = light.max(axis=2)
+    black = 1 - lightest
+    share = np.maximum(1 - black * black, np.float32(1e-6))
+    inks = [(lightest - light[:, :, channel]) / share for channel in range(3)]
+    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]

@@ -15,17 +15,9 @@ _REACH = 25_000
 
 
 def find_tour(points: ArrayLike) -> NDArray[np.intp]:
-    """Order points along a short open path.
+    """Order (N, 2) points along a short open path; return the (N,) permutation of them.
 
-    Parameters
-    ----------
-    points : (N, 2) array
-        Finite places (x, y), in any unit.
-
-    Returns
-    -------
-    (N,) integer array
-        The points in order: a permutation of 0..N-1. The path begins at its end that is nearer to (0, 0).
+    The path begins at its end that is nearer to (0, 0).
 
     Notes
     -----

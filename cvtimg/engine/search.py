@@ -49,7 +49,6 @@ EFFORTS: dict[str, SearchEffort] = {
 
 #: From so many rows for each that is searched, a pass over all takes longer than the best search.
 _FAR_MORE = 8
-
 #: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)

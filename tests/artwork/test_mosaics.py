@@ -70,8 +70,8 @@ def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
     def painted(places: np.ndarray) -> Painted:
         if isinstance(tiling, DelaunayTiling):
             label_triangles(places, tiling.triangles, labels)  # as they are: others would be another error
-            return paint(image, labels, tiling.n_tiles())
-        return paint(image, tiling.labels(places), tiling.n_tiles())
+            return paint(image, labels, tiling.n_tiles)
+        return paint(image, tiling.labels(places), tiling.n_tiles)
 
     gradient = tiling.gradient(image, points, painted(points))
     moved = range(4, len(points)) if shape == "triangles" else range(len(points))
@@ -111,16 +111,6 @@ def test_a_palette_restricts_the_colors() -> None:
     palette = np.array([[0, 0, 0], [255, 128, 0], [255, 255, 255]], np.uint8)
     found = np.unique(mosaic(PHOTO, 100, palette=palette, effort="fast").colors, axis=0)
     assert {tuple(color) for color in found.tolist()} <= {tuple(color) for color in palette.tolist()}
-
-
-def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    from cvtimg._shared import threads
-
-    plain = mosaic(PHOTO, 80, effort="fast")
-    monkeypatch.setattr(threads, "n_threads", lambda: 3)
-    threads._pool.cache_clear()
-    assert np.array_equal(mosaic(PHOTO, 80, effort="fast").points, plain.points)
-    threads._pool.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -63,13 +63,6 @@ def test_a_lattice_of_disks_of_this_area_covers_the_share(coverage: float) -> No
     assert drawn.mean() == pytest.approx(coverage, abs=0.003)
 
 
-def test_the_image_is_left_as_it_was() -> None:
-    image = np.random.default_rng(0).random((5, 6, 4)).astype(np.float32)
-    before = image.copy()
-    ink_coverage(image, white_cutoff=0.1)
-    assert np.array_equal(image, before)
-
-
 @pytest.mark.parametrize(
     ("image", "message"),
     [

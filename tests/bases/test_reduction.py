@@ -165,16 +165,3 @@ def test_snapshots_that_differ_limit_modes_and_cells() -> None:
     with pytest.raises(ValueError, match=r"^n_cells=4 must be in 1\.\.2, the number of snapshots that differ"):
         reduced_basis(same, 1, kind="cvod", n_cells=4)
     assert reduced_basis(same, "auto", kind="cvt").n_modes <= 2
-
-
-def test_medoids_are_the_snapshots_nearest_to_the_means_of_their_cells() -> None:
-    rng = np.random.default_rng(2)
-    film = np.repeat(rng.normal(size=(4, 500)) * 20, 12, axis=0) + rng.normal(size=(48, 10)) @ rng.normal(
-        size=(10, 500)
-    )
-    found = reduced_basis(film, 4, kind="cvt")
-    assert sorted(found.medoids // 12) == [0, 1, 2, 3]
-    for cell, index in enumerate(found.medoids):
-        members = np.flatnonzero(found.labels == cell)
-        apart = ((film[members] - film[members].mean(axis=0)) ** 2).sum(axis=1)
-        assert index == members[apart.argmin()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -90,13 +89,6 @@ def test_macqueen_is_the_member_of_the_family_that_draws_one_point(cloud: Points
         assert one.energies[1] < one.energies[0]
 
 
-def test_macqueen_leaves_the_mean_of_all_that_was_met(cloud: Points) -> None:
-    start = np.array([[1.0, 2.0]])
-    drawn = draw(cloud, 500, np.random.default_rng(0))
-    result = after_one_step(METHODS["macqueen"], cloud, start)
-    np.testing.assert_allclose(result.generators[0], np.vstack([start, cloud.rows()[drawn]]).mean(axis=0))
-
-
 def test_points_are_drawn_by_density_and_in_any_order(cloud: Points) -> None:
     drawn = draw(cloud, 200_000, np.random.default_rng(0))
     share = cloud.density[:500] / cloud.density.sum()
@@ -122,21 +114,6 @@ def test_drawing_ends_within_three_percent_of_lloyd_from_the_same_start(
     assert result.energies[-1] < 1.03 * by_lloyd.energies[-1]
     # Nearly half of what separates the start from Lloyd's end was noise to begin with: most of it must be gone.
     assert result.energies[-1] - by_lloyd.energies[-1] < 0.3 * (result.energies[0] - by_lloyd.energies[-1])
-
-
-@pytest.mark.parametrize("name", DRAWING)
-def test_drawn_generators_end_near_the_means_of_their_cells(name: str, colors: Points) -> None:
-    start = SEEDINGS["k-means++"](colors, 32, np.random.default_rng(0))
-    end = DRAWING[name](colors, start, conditions()).generators
-    # One step of Lloyd's lowers the energy by the mass times the squared distance to the means.
-    off = [1 - lowered / first for first, lowered in (lloyd_step_energies(colors, z) for z in (start, end))]
-    assert off[0] > 0.1
-    assert off[1] < 0.01
-
-
-def lloyd_step_energies(points: Points, generators: NDArray[np.float64]) -> tuple[float, float]:
-    first, second = METHODS["lloyd"](points, generators, conditions(tolerance=0, most=1)).energies
-    return first, second
 
 
 @pytest.mark.parametrize("name", DRAWING)
@@ -167,14 +144,6 @@ def test_a_generator_that_meets_no_point_is_put_where_it_does(name: str, cloud: 
 
 
 @pytest.mark.parametrize("name", DRAWING)
-def test_the_same_seed_draws_the_same_and_another_does_not(name: str, cloud: Points) -> None:
-    start = cloud.rows()[:7]
-    one, same, other = (DRAWING[name](cloud, start, conditions(seed=seed)).generators for seed in (1, 1, 2))
-    assert one.tobytes() == same.tobytes()
-    assert one.tobytes() != other.tobytes()
-
-
-@pytest.mark.parametrize("name", DRAWING)
 def test_drawing_ends_after_four_steps_that_lower_the_energy_by_next_to_nothing(name: str, cloud: Points) -> None:
     result = DRAWING[name](cloud, cloud.rows()[:7], conditions(tolerance=1e-2))
     lowered = -np.diff(result.energies) / result.energies[:-1]
@@ -182,15 +151,6 @@ def test_drawing_ends_after_four_steps_that_lower_the_energy_by_next_to_nothing(
     assert len(lowered) > 4
     assert (lowered[-4:] <= 1e-2).all()
     assert all((lowered[start : start + 4] > 1e-2).any() for start in range(len(lowered) - 4))
-
-
-@pytest.mark.parametrize("name", DRAWING)
-def test_a_callback_stops_the_drawing(name: str, cloud: Points) -> None:
-    seen: list[int] = []
-    watch = Watch(lambda number, energy: seen.append(number) or number == 2)
-    result = DRAWING[name](cloud, cloud.rows()[:7], conditions(watch=watch))
-    assert seen == [0, 1, 2]
-    assert not result.converged
 
 
 def test_tessellate_takes_a_member_of_the_family(cloud: Points) -> None:
@@ -227,33 +187,6 @@ def optimum(values: Any, n_generators: int, density: Any = None) -> tuple[NDArra
     return points.frame.outward(result.generators)[:, 0], points.frame.energy(result.energies[0])
 
 
-def energy_of(values: Any, density: Any, generators: Any) -> float:
-    return reference.energy(np.reshape(values, (-1, 1)), np.asarray(density), np.reshape(generators, (-1, 1)))
-
-
-def least_of_all(values: NDArray[Any], density: NDArray[Any], n_cells: int) -> float:
-    """Try every cut of sorted values."""
-    least = np.inf
-    for cuts in itertools.combinations(range(1, len(values)), n_cells - 1):
-        bounds = [0, *cuts, len(values)]
-        cells = [slice(*pair) for pair in itertools.pairwise(bounds)]
-        means = [np.average(values[cell], weights=density[cell]) for cell in cells]
-        total = sum(density[cell] @ (values[cell] - mean) ** 2 for cell, mean in zip(cells, means, strict=True))
-        least = min(least, total)
-    return least
-
-
-def test_optimal1d_agrees_with_trying_every_cut() -> None:
-    rng = np.random.default_rng(0)
-    for n_levels in range(1, 10):
-        values = np.sort(rng.choice(50, n_levels, replace=False)).astype(float)
-        density = rng.integers(1, 20, n_levels).astype(float)
-        for n_cells in range(1, n_levels + 1):
-            generators, found = optimum(values, n_cells, density)
-            assert found == pytest.approx(least_of_all(values, density, n_cells), rel=1e-6, abs=1e-9)
-            assert energy_of(values, density, generators) == pytest.approx(found, rel=1e-6, abs=1e-9)
-
-
 @example([(0, 1), (0, 5), (23, 2), (24, 1)], 2)
 @given(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 5)), min_size=1, max_size=60), st.integers(1, 60))
 def test_optimal1d_agrees_with_dynamic_programming_on_any_weights(pairs: list[tuple[int, int]], n_cells: int) -> None:
@@ -272,44 +205,11 @@ def test_optimal1d_agrees_with_dynamic_programming_on_any_weights(pairs: list[tu
     assert optimum(repeated, n_cells)[1] == pytest.approx(lowest[-1], rel=1e-6, abs=rounding)
 
 
-@pytest.mark.parametrize("n_cells", [2, 7, 64, 300])
-def test_optimal1d_agrees_with_kmeans1d(n_cells: int) -> None:
-    kmeans1d = pytest.importorskip("kmeans1d")
-    rng = np.random.default_rng(n_cells)
-    values = np.concatenate([rng.normal(size=1000), rng.exponential(size=1000), rng.integers(-3, 3, 500)])
-    _, centroids = kmeans1d.cluster(values, n_cells)
-    generators, found = optimum(values, n_cells)
-    assert found == pytest.approx(energy_of(values, np.ones(len(values)), centroids), rel=1e-5)
-    np.testing.assert_allclose(generators, centroids, atol=1e-5)
-
-
-def test_levels_without_weight_do_not_count() -> None:
-    values, density = np.array([-9.0, 1, 2, 5, 6, 7, 50]), np.array([0.0, 2, 1, 0, 1, 1, 0])
-    for n_cells in range(1, 5):
-        found, least = optimum(values, n_cells, density)
-        expected, other = optimum(values[density > 0], n_cells, density[density > 0])
-        np.testing.assert_allclose(found, expected)
-        assert least == pytest.approx(other)
-    with pytest.raises(ValueError, match=r"n_generators=5 must be in 1\.\.4"):
-        optimum(values, 5, density)
-
-
 @pytest.mark.parametrize("n_cells", [1, 2, 3, 31, 32, 33, 63, 64])
 def test_equal_steps_which_no_price_tells_apart_are_cut_evenly(n_cells: int) -> None:
     sizes = np.full(n_cells, 64 // n_cells) + (np.arange(n_cells) < 64 % n_cells)
     _, found = optimum(np.arange(64, dtype=np.uint8), n_cells)
     assert found == pytest.approx((sizes * (sizes**2 - 1) / 12).sum())
-
-
-def test_no_method_ends_below_the_optimum(photograph: NDArray[Any]) -> None:
-    samples = color_samples(photograph[..., 1])
-    points = pack(samples.colors, samples.density)
-    for n_generators in (2, 5, 16, 40):
-        least = optimum(samples.colors, n_generators, samples.density)[1]
-        for name in METHODS.keys() - {"optimal1d"}:
-            start = SEEDINGS["k-means++"](points, n_generators, np.random.default_rng(1))
-            end = METHODS[name](points, start, conditions()).generators
-            assert energy(points, end) >= least * (1 - 1e-9)
 
 
 @pytest.mark.parametrize(("n_levels", "n_cells"), [(5000, 50), (100_000, 4096), (1000, 999)])

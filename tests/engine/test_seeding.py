@@ -40,11 +40,6 @@ def test_as_many_generators_as_samples_are_the_samples(name: str) -> None:
     np.testing.assert_allclose(np.sort(generators, axis=0), np.sort(rows, axis=0), atol=1e-5)
 
 
-@pytest.mark.parametrize("name", SEEDINGS)
-def test_the_same_seed_gives_the_same_generators(name: str, points: Points) -> None:
-    np.testing.assert_array_equal(seeds(name, points, 9, seed=5), seeds(name, points, 9, seed=5))
-
-
 @pytest.mark.parametrize("name", ["k-means++", "random"])
 def test_another_seed_gives_other_generators(name: str, points: Points) -> None:
     assert (seeds(name, points, 9, seed=5) != seeds(name, points, 9, seed=6)).any()

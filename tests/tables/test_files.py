@@ -67,24 +67,23 @@ def test_text_is_read_with_any_delimiter_quotes_and_header(file: Path, text: str
     assert (table.weights, table.kept.tolist()) == (None, [True, True])
 
 
-@pytest.mark.parametrize(("text", "names"), [("a\n1\n2\n", ("a",)), ("1\n2\n", ("col0",)), ('"a"\n"1"\n2', ("a",))])
-def test_a_single_column_has_no_delimiter(file: Path, text: str, names: tuple[str, ...]) -> None:
-    table = read(file, text)
-    assert (table.names, table.rows.tolist()) == (names, [[1], [2]])
-
-
-def test_a_first_row_with_a_missing_value_is_no_header(file: Path) -> None:
-    table = read(file, ",1\n2,3\n", missing="drop")
-    assert (table.names, table.rows.tolist(), table.kept.tolist()) == (("col0", "col1"), [[2, 3]], [False, True])
-
-
-def test_a_name_above_a_missing_value_makes_a_header(file: Path) -> None:
-    table = read(file, "a,2000\n,1\n2,3\n", missing="drop")
-    assert (table.names, table.rows.tolist(), table.kept.tolist()) == (("a", "2000"), [[2, 3]], [False, True])
-
-
-def test_a_column_of_names_makes_no_header_of_the_first_row(file: Path) -> None:
-    assert read(file, "A,1\nB,2\n", columns=["col1"]).rows.tolist() == [[1], [2]]
+@pytest.mark.parametrize(
+    ("text", "options", "names", "rows"),
+    [
+        ("a\n1\n2\n", {}, "a", [[1], [2]]),
+        ('"a"\n"1"\n2', {}, "a", [[1], [2]]),
+        ("1\n2\n", {}, "col0", [[1], [2]]),
+        # A first row with a missing value is no header, but a name above one is.
+        (",1\n2,3\n", {"missing": "drop"}, "col0 col1", [[2, 3]]),
+        ("a,2000\n,1\n2,3\n", {"missing": "drop"}, "a 2000", [[2, 3]]),
+        ("A,1\nB,2\n", {"columns": ["col1"]}, "col1", [[1], [2]]),
+        ("id,a,b,c\nx,1,2,3\ny,4,5,6\n", {"columns": ["c", "a"]}, "c a", [[3, 1], [6, 4]]),
+        ("1,2,3\n4,5,6\n", {"columns": ["2", "col0"]}, "col2 col0", [[3, 1], [6, 4]]),
+    ],
+)
+def test_headers_and_columns_are_told(file: Path, text: str, options: Any, names: str, rows: list[Any]) -> None:
+    table = read(file, text, **options)
+    assert (table.names, table.rows.tolist()) == (tuple(names.split()), rows)
 
 
 @given(
@@ -108,16 +107,6 @@ def test_long_tables_are_read_in_order_like_numpy_reads_them(file: Path) -> None
 
 
 # Columns
-
-
-def test_columns_are_taken_by_name_in_the_order_asked_for(file: Path) -> None:
-    table = read(file, "id,a,b,c\nx,1,2,3\ny,4,5,6\n", columns=["c", "a"])
-    assert (table.names, table.rows.tolist()) == (("c", "a"), [[3, 1], [6, 4]])
-
-
-def test_columns_without_names_are_taken_by_number_too(file: Path) -> None:
-    text = "1,2,3\n4,5,6\n"
-    assert read(file, text, columns=["2", "col0"]).rows.tolist() == [[3, 1], [6, 4]]
 
 
 def test_the_weight_is_no_coordinate(file: Path) -> None:
@@ -212,15 +201,12 @@ def test_another_way_with_missing_values_is_refused(file: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["?", "u1", "<i4", ">i8", "<f4", ">f8"])
 def test_arrays_of_any_numbers_are_read(tmp_path: Path, kind: str) -> None:
+    np.save(tmp_path / "one.npy", [1.5, 2.5])
+    assert read_table(tmp_path / "one.npy").rows.tolist() == [[1.5], [2.5]]
     rows = np.array([[0, 1, 1], [1, 0, 1]], kind)
     np.save(tmp_path / "a.npy", rows)
     table = read_table(tmp_path / "a.npy", columns=["col2", "0"])
     assert (table.names, table.rows.tolist(), table.rows.dtype) == (("col2", "col0"), [[1, 0], [1, 1]], np.float64)
-
-
-def test_one_dimension_is_one_column(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", [1.5, 2.5])
-    assert read_table(tmp_path / "a.npy").rows.tolist() == [[1.5], [2.5]]
 
 
 def test_structured_arrays_are_read_by_name(tmp_path: Path) -> None:
@@ -256,26 +242,19 @@ def test_what_is_wrong_in_an_array_is_named(tmp_path: Path, array: NDArray[Any],
         read_table(tmp_path / "a.npy")
 
 
-def test_no_object_is_unpickled(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.array([{}], object), allow_pickle=True)
+@pytest.mark.parametrize("kind", ["objects", "archive", 0, 5, 60, 200])
+def test_what_is_no_whole_array_of_numbers_is_named(tmp_path: Path, kind: str | int) -> None:
+    file = tmp_path / "a.npy"
+    if kind == "objects":
+        np.save(file, np.array([{}], object), allow_pickle=True)
+    elif kind == "archive":
+        np.savez(tmp_path / "a.npz", x=[1])
+        (tmp_path / "a.npz").rename(file)
+    else:
+        np.save(file, RNG.normal(size=(20, 3)))
+        file.write_bytes(file.read_bytes()[: int(kind)])
     with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
-        read_table(tmp_path / "a.npy")
-
-
-@pytest.mark.parametrize("n_bytes", [0, 5, 60, 200])
-def test_a_damaged_array_is_named(tmp_path: Path, n_bytes: int) -> None:
-    np.save(tmp_path / "a.npy", RNG.normal(size=(20, 3)))
-    whole = (tmp_path / "a.npy").read_bytes()
-    (tmp_path / "a.npy").write_bytes(whole[:n_bytes])
-    with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
-        read_table(tmp_path / "a.npy")
-
-
-def test_an_archive_under_a_wrong_name_is_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", x=[1])
-    (tmp_path / "a.npz").rename(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"is not a complete \.npy file of numbers"):
-        read_table(tmp_path / "a.npy")
+        read_table(file)
 
 
 # Scaling

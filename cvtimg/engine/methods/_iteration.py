@@ -50,7 +50,7 @@ class Ends(NamedTuple):
     energies: NDArray[np.float64]  # (n,) weighted by `Conditions.volume_power`
 
 
-#: Takes points, initial generators (K, D) and conditions, and returns the end of the iteration.
+#: Takes points, initial generators (K, D) and conditions; returns the end of the iteration.
 Iterate = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
 #: The same for n sets (n, K, D) of initial generators.
 IterateSets = Callable[[Points, NDArray[np.float64], Conditions], Ends]

@@ -31,8 +31,7 @@ def breathe(
     breaths: tuple[float, float],
 ) -> Iteration:
     """Breathe until no breath lowers the energy, then descend."""
-    # `breaths` are the largest and the smallest breath as fractions of the generators, at least one each; with (0, 0)
-    # this is the descent alone.
+    # With breaths of (0, 0) this is the descent alone; others are at least one generator.
     if not any(breaths):
         return descend(points, generators, conditions)
     breath, smallest = (max(1, int(share * len(generators))) for share in breaths)

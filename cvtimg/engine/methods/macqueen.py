@@ -2,9 +2,8 @@
 
 J. MacQueen, Proc. 5th Berkeley Symposium on Mathematical Statistics and Probability 1 (1967) 281-297.
 
-This is the first of the probabilistic methods, `Probabilistic(draws=1, a1=1, a2=0, b1=0, b2=1)`, in a compiled loop. It
-gains most in the first pass and then less and less, and needs no memory beyond the generators: use it for a quick
-descent, or as a reference. It returns the best generators so far.
+It is `Probabilistic(draws=1, a1=1, a2=0, b1=0, b2=1)` in a compiled loop. It gains most in the first pass, then less
+and less, and needs no memory beyond the generators. It returns the best generators so far.
 """
 
 from __future__ import annotations

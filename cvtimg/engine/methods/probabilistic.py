@@ -88,8 +88,7 @@ def follow_draws(
     points: Points, generators: NDArray[np.float64], conditions: Conditions, draws: int, move: Move
 ) -> Iteration:
     """Follow moves of `draws` points each, and keep the best generators seen."""
-    # A step is as many moves as draw each point once on average, so that measuring the energy costs no more than
-    # moving.
+    # A step draws each point once on average, so that measuring the energy costs no more than moving.
     n_drawn = -(-points.n_points // draws) * draws
     locked = np.arange(len(generators)) < conditions.n_locked
     moving, counts = generators.copy(), np.ones(len(generators))
