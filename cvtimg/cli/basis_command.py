@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
@@ -11,7 +9,7 @@ from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from cvtimg.bases import Basis, Snapshots
+    from cvtimg.bases import Basis
     from cvtimg.plotting.sheets import Panel
 
 EXAMPLES = """\
@@ -33,21 +31,13 @@ def basis(given: Given) -> int:
     return run_plan(plan, _basis, COLUMNS, given)
 
 
-def as_given(sources: Sequence[Path]) -> Snapshots:
-    """Read one file as an animation or an array, and several files as single frames."""
-    from cvtimg.bases import as_snapshots
-
-    if len(sources) > 1:
-        return as_snapshots(list(sources))
-    if not sources:
-        raise WrongUsageError("there are no frames")
-    return as_snapshots(sources[0])
-
-
 def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import reduced_basis, write_image
+    from cvtimg.bases import as_snapshots
 
-    snapshots = as_given(task.sources)
+    if not task.sources:
+        raise WrongUsageError("there are no frames")
+    snapshots = as_snapshots(list(task.sources) if len(task.sources) > 1 else task.sources[0])
     stopwatch.lap("read")
     found = reduced_basis(snapshots, **given.arguments)
     stopwatch.lap("reduce")

@@ -100,7 +100,7 @@ STIPPLE = (
 
 MOSAIC = (
     common.IMAGES,
-    common.number_of("tiles", 1 << 28, "--tiles -n", keyword="n_cells").on_page(
+    Option("number", Whole(1, 1 << 28), "Number of tiles.", "--tiles -n", required=True, keyword="n_cells").on_page(
         "Tiles", slider=(50, 20_000), log=True, high=10**6, default=1000
     ),
     common.output(common.IMAGE_OUTPUT, late("artwork.mosaics", "suffixes"), standard=".png"),

@@ -9,7 +9,7 @@ from pathlib import Path
 from string import hexdigits
 from typing import Any, get_args
 
-from cvtimg._shared.choices import AutoEffortName, AveragingName, EffortName, InitName, MethodName, SpaceName
+from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodName, SpaceName
 from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, late, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
@@ -111,11 +111,6 @@ def switch(name: str, help: str, **more: Any) -> Option:
     return Option(name, Switch(), help, default=False, **more)
 
 
-def number_of(noun: str, high: int, flags: str, **more: Any) -> Option:
-    """Return the option of a number of generators, called by a noun."""
-    return Option("number", Whole(1, high), f"Number of {noun}.", flags, required=True, **more)
-
-
 OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of the inputs.")
 IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
 SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
@@ -158,7 +153,6 @@ EFFORT = passed(
     "How long to search: fast takes about half as long as balanced, best several times.",
     default="balanced",
 ).on_page("Effort")
-AUTO_EFFORT = Choice(get_args(AutoEffortName))
 SPACE = passed(
     "space",
     Choice(get_args(SpaceName), {"rgb": "sRGB", "oklab": "Oklab", "lab": "CIE Lab", "linear": "linear light"}),

@@ -227,10 +227,6 @@ class Given(SimpleNamespace):
     #: Options that are arguments of the Python function, by their names there.
     keywords: Mapping[str, Option]
 
-    def only(self, *names: str, **renamed: str) -> dict[str, Any]:
-        """Return some values by name, ``rng="seed"`` under another."""
-        return {name: getattr(self, name) for name in names} | {to: getattr(self, name) for to, name in renamed.items()}
-
     def worded(self, message: str) -> str:
         """Return a message about an argument of the Python function in the words of the command line."""
         name, equals, rest = message.partition("=")

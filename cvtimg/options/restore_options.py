@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import get_args
 
-from cvtimg._shared.choices import AlignName, NoiseName
+from cvtimg._shared.choices import AlignName, AutoEffortName, NoiseName
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, File, Option, Real, Text, Whole, passed
@@ -143,7 +143,7 @@ RESTORE = (
     ).on_page("Color space", default="rgb"),
     replace(
         common.EFFORT,
-        kind=common.AUTO_EFFORT,
+        kind=Choice(get_args(AutoEffortName)),
         default="auto",
         help=f"{common.EFFORT.help[:-1]}; auto: with --detail, less for large images.",
     ),

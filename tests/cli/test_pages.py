@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
+from commands import RowOf
 from numpy.typing import NDArray
 
 from cvtimg import find_edges, quantize, read_image, restore, segment
@@ -30,27 +31,22 @@ def stacks() -> None:
     tifffile.imwrite("gray.tif", GRAY, imagej=True, resolution=(7.0, 7.0), metadata=metadata)
 
 
-def rows(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
-    assert main([*arguments, "--json"]) == 0
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-
-
 def pages_of(path: str) -> NDArray[Any]:
     return np.stack(read_pages(path).images)
 
 
-def test_quantize_finds_one_palette_for_all_pages(capsys: pytest.CaptureFixture[str]) -> None:
-    (row,) = rows(capsys, "quantize", "rgb.tif", "-k", "9", "-o", "few.tif", "--save-palette", "few.hex")
+def test_quantize_finds_one_palette_for_all_pages(row_of: RowOf) -> None:
+    row = row_of("quantize", "rgb.tif", "-k", "9", "-o", "few.tif", "--save-palette", "few.hex")
     whole = quantize(np.concatenate(STACK), 9)
     np.testing.assert_array_equal(np.concatenate(pages_of("few.tif")), whole.image)
     assert (row["pages"], row["k"], row["energy"]) == (3, 9, pytest.approx(whole.energy))
-    (row,) = rows(capsys, "quantize", "rgb.tif", "-k", "9", "-o", "each.tif", "--palette-per-frame")
+    row = row_of("quantize", "rgb.tif", "-k", "9", "-o", "each.tif", "--palette-per-frame")
     np.testing.assert_array_equal(pages_of("each.tif"), np.stack([quantize(page, 9).image for page in STACK]))
 
 
-def test_a_stack_of_imagej_stays_one(capsys: pytest.CaptureFixture[str]) -> None:
-    rows(capsys, "quantize", "gray.tif", "-k", "3", "-o", "few.tif")
-    rows(capsys, "segment", "gray.tif", "-k", "3", "-o", "labels.tif")
+def test_a_stack_of_imagej_stays_one(row_of: RowOf) -> None:
+    row_of("quantize", "gray.tif", "-k", "3", "-o", "few.tif")
+    row_of("segment", "gray.tif", "-k", "3", "-o", "labels.tif")
     for name in ("few.tif", "labels.tif"):
         pages = read_pages(name)
         assert (pages.axes, pages.shape, pages.kind, pages.scale["spacing"]) == ("Z", (3,), "imagej", 0.3)
@@ -58,36 +54,36 @@ def test_a_stack_of_imagej_stays_one(capsys: pytest.CaptureFixture[str]) -> None
     np.testing.assert_array_equal(np.concatenate(pages_of("few.tif")), quantize(np.concatenate(GRAY), 3).image)
 
 
-def test_segment_treats_each_page_or_the_volume(capsys: pytest.CaptureFixture[str]) -> None:
-    (row,) = rows(capsys, "segment", "rgb.tif", "-k", "3", "-o", "each.tif")
+def test_segment_treats_each_page_or_the_volume(row_of: RowOf) -> None:
+    row = row_of("segment", "rgb.tif", "-k", "3", "-o", "each.tif")
     np.testing.assert_array_equal(pages_of("each.tif"), np.stack([segment(page, 3).labels for page in STACK]))
     assert row["pages"] == 3
     plain = ["-k", "3", "--volume", "--edge-weight", "0"]
-    rows(capsys, "segment", "rgb.tif", "-o", "volume.tif", *plain)
+    row_of("segment", "rgb.tif", "-o", "volume.tif", *plain)
     expected = segment(np.concatenate(STACK), 3, edge_weight=0).labels
     np.testing.assert_array_equal(np.concatenate(pages_of("volume.tif")), expected)
 
 
-def test_pages_of_a_volume_have_no_edges_with_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+def test_pages_of_a_volume_have_no_edges_with_each_other(row_of: RowOf) -> None:
     down, right = np.mgrid[:20, :30]
     disc = np.uint8(200 * (np.hypot(down - 10, right - 15) < 6))
     tifffile.imwrite("discs.tif", np.stack([disc, 200 - disc]), photometric="minisblack")
-    rows(capsys, "segment", "discs.tif", "-k", "2", "--edge-weight", "100", "-o", "volume.tif", "--volume")
+    row_of("segment", "discs.tif", "-k", "2", "--edge-weight", "100", "-o", "volume.tif", "--volume")
     pages = [segment(page, 2, edge_weight=100).labels for page in (disc, 200 - disc)]
     np.testing.assert_array_equal(pages_of("volume.tif"), pages)
 
 
-def test_info_and_palette_count_all_pages(capsys: pytest.CaptureFixture[str]) -> None:
-    (row,) = rows(capsys, "info", "rgb.tif")
+def test_info_and_palette_count_all_pages(row_of: RowOf) -> None:
+    row = row_of("info", "rgb.tif")
     assert (row["frames"], row["distinct_colors"]) == (3, len(np.unique(STACK.reshape(-1, 3), axis=0)))
-    (row,) = rows(capsys, "palette", "rgb.tif", "-k", "4")
+    row = row_of("palette", "rgb.tif", "-k", "4")
     assert sum(color["pixels"] for color in row["colors"]) == STACK[..., 0].size
 
 
-def test_restore_takes_pages_for_versions(capsys: pytest.CaptureFixture[str]) -> None:
+def test_restore_takes_pages_for_versions(row_of: RowOf) -> None:
     versions = np.repeat(STACK[:1], 3, axis=0) + RNG.integers(0, 5, STACK.shape, np.uint8)
     tifffile.imwrite("versions.tif", versions, photometric="rgb")
-    (row,) = rows(capsys, "restore", "versions.tif", "-k", "4", "-o", "one.png")
+    row = row_of("restore", "versions.tif", "-k", "4", "-o", "one.png")
     assert row["versions"] == 3
     np.testing.assert_array_equal(read_image("one.png"), restore(list(versions), 4).image)
 
@@ -101,10 +97,10 @@ def channels() -> NDArray[np.uint8]:
     return stack
 
 
-def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], row_of: RowOf) -> None:
     files = ["-o", "l.tif", "--overlay", "o.tif", "--edges", "e.tif", "--mean", "m.tif"]
     files += ["--table", "t.csv", "--contours", "c.geojson"]
-    (row,) = rows(capsys, "segment", "channels.tif", "-k", "3", "--edge-weight", "0", *files)
+    row = row_of("segment", "channels.tif", "-k", "3", "--edge-weight", "0", *files)
     labels, each = pages_of("l.tif"), np.moveaxis(channels, 1, -1)
     np.testing.assert_array_equal(labels, [segment(page, 3, edge_weight=0).labels for page in each])
     np.testing.assert_array_equal(pages_of("e.tif") > 0, [find_edges(page) for page in labels])
@@ -124,17 +120,17 @@ def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], caps
     assert row["pages"] == 3
 
 
-def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
+def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(row_of: RowOf) -> None:
     z, y, x = np.mgrid[:9, :40, :60]
     balls = [np.hypot(np.hypot(3 * (z - 4), y - 20), x - at) < 9 for at in (15, 30, 48)]
     frame = np.uint8(30 + 150 * np.any(balls, axis=0) + RNG.integers(0, 9, z.shape))
     metadata = {"axes": "TZYX", "unit": "um", "spacing": 1.5}
     tifffile.imwrite("tz.tif", np.stack([frame, frame]), imagej=True, resolution=(2.0, 2.0), metadata=metadata)
     files = ["-o", "l.tif", "--table", "t.csv", "--contours", "c.geojson", "--overlay", "o.tif"]
-    (row,) = rows(capsys, "segment", "tz.tif", "--objects", "--volume", *files)
+    row = row_of("segment", "tz.tif", "--objects", "--volume", *files)
     assert row["k"] == 6
     assert "warning" not in row
-    (row,) = rows(capsys, "segment", "tz.tif", "--objects", "-o", "planes.tif")
+    row = row_of("segment", "tz.tif", "--objects", "-o", "planes.tif")
     assert row["warning"] == "objects are those of each plane by itself; --volume finds them in three dimensions"
     labels = read_pages("l.tif")
     assert (labels.axes, labels.shape, str(labels.pixel_size)) == ("TZ", (2, 9), "0.5 x 0.5 x 1.5 um")
@@ -151,7 +147,7 @@ def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(capsys: pytest
     assert {(one["t"], one["z"], one["label"]) for one in drawn} >= {(1, 5, 1), (2, 5, 3)}
 
 
-def test_objects_keep_their_label_from_frame_to_frame(capsys: pytest.CaptureFixture[str]) -> None:
+def test_objects_keep_their_label_from_frame_to_frame(row_of: RowOf) -> None:
     y, x = np.mgrid[:40, :70]
     places = [{"a": 15, "b": 40}, {"b": 43, "c": 12}, {"b": 46, "c": 15}]  # a goes, and c comes where it was
     frames = [
@@ -160,7 +156,7 @@ def test_objects_keep_their_label_from_frame_to_frame(capsys: pytest.CaptureFixt
     ]
     series = np.stack([np.uint8(30 + 150 * one + RNG.integers(0, 9, y.shape)) for one in frames])
     tifffile.imwrite("t.tif", series, imagej=True, metadata={"axes": "TYX"})
-    (row,) = rows(capsys, "segment", "t.tif", "--objects", "--track", "-o", "l.tif")
+    row = row_of("segment", "t.tif", "--objects", "--track", "-o", "l.tif")
     labels = pages_of("l.tif")
     assert row["tracks"] == 3
     b = [labels[t][12, at] for t, at in enumerate((40, 43, 46))]
@@ -168,17 +164,19 @@ def test_objects_keep_their_label_from_frame_to_frame(capsys: pytest.CaptureFixt
     assert (len({*b}), len({*c}), len({labels[0][12, 15], b[0], c[0]})) == (1, 1, 3)
 
 
-def test_deep_pages_are_as_bright_beside_each_other_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_deep_pages_are_as_bright_beside_each_other_as_they_are(row_of: RowOf) -> None:
     deep = np.stack([GRAY[0], GRAY[0] * 3.0]).astype(np.uint16) * 50
     tifffile.imwrite("deep.tif", deep, photometric="minisblack")
-    rows(capsys, "segment", "deep.tif", "-k", "1", "--overlay", "o.tif")
+    row_of("segment", "deep.tif", "-k", "1", "--overlay", "o.tif")
     dim, bright = pages_of("o.tif")
     assert np.median(bright[GRAY[0] > 100] / dim[GRAY[0] > 100]) == pytest.approx(3, rel=0.1)
 
 
-def test_channels_belong_to_the_pixel(channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]) -> None:
+def test_channels_belong_to_the_pixel(
+    channels: NDArray[np.uint8], row_of: RowOf, capsys: pytest.CaptureFixture[str]
+) -> None:
     joined = np.concatenate(np.moveaxis(channels, 1, -1))
-    (row,) = rows(capsys, "quantize", "channels.tif", "-k", "4", "-o", "q.tif")
+    row = row_of("quantize", "channels.tif", "-k", "4", "-o", "q.tif")
     assert row["pages"] == 3
     found = read_pages("q.tif")
     assert (found.axes, found.shape, found.channels) == ("ZC", (3, 2), ("DAPI", "GFP"))
@@ -186,24 +184,22 @@ def test_channels_belong_to_the_pixel(channels: NDArray[np.uint8], capsys: pytes
     assert len(np.unique(pixels, axis=0)) == 4
     nearest = np.square(joined.reshape(-1, 1, 2).astype(float) - np.unique(pixels, axis=0)).sum(axis=2).min(axis=1)
     np.testing.assert_allclose(np.square(pixels - joined.reshape(-1, 2).astype(float)).sum(axis=1), nearest)
-    (row,) = rows(capsys, "info", "channels.tif")
+    row = row_of("info", "channels.tif")
     assert row["distinct_colors"] == len(np.unique(joined.reshape(-1, 2), axis=0))
     assert main(["info", "channels.tif"]) == 0
     assert "DAPI,GFP  0.142857 x 0.142857 x 0.3 um" in capsys.readouterr().out
 
 
-def test_planes_are_restored_one_by_one_and_versions_along_an_axis(
-    channels: NDArray[np.uint8], capsys: pytest.CaptureFixture[str]
-) -> None:
-    (row,) = rows(capsys, "restore", "gray.tif", "-k", "3", "-o", "r.tif", "--labels", "l.tif")
+def test_planes_are_restored_one_by_one_and_versions_along_an_axis(channels: NDArray[np.uint8], row_of: RowOf) -> None:
+    row = row_of("restore", "gray.tif", "-k", "3", "-o", "r.tif", "--labels", "l.tif")
     assert (row["pages"], row["versions"]) == (3, 1)
     each = [restore([page], 3) for page in GRAY]
     np.testing.assert_array_equal(pages_of("r.tif"), [one.image for one in each])
     np.testing.assert_array_equal(pages_of("l.tif"), [one.labels for one in each])
     assert str(image_info("r.tif").pixel_size) == "0.142857 x 0.142857 x 0.3 um"
-    (row,) = rows(capsys, "restore", "gray.tif", "-k", "3", "--merge", "Z", "-o", "one.png")
+    row = row_of("restore", "gray.tif", "-k", "3", "--merge", "Z", "-o", "one.png")
     np.testing.assert_array_equal(read_image("one.png"), restore(list(GRAY), 3).image)
-    rows(capsys, "restore", "channels.tif", "-k", "3", "-o", "c.tif")
+    row_of("restore", "channels.tif", "-k", "3", "-o", "c.tif")
     assert image_info("c.tif").channels == ("DAPI", "GFP")
     first = restore([np.moveaxis(channels[0], 0, -1)], 3, alpha=False)
     np.testing.assert_array_equal(read_pages("c.tif").joined().images[0], first.image)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -196,14 +197,19 @@ def test_every_control_has_a_name_and_can_be_reached(tab: str, visit: Go) -> Non
     assert {*(name for name in names if not name.endswith("-note")), *always} <= visited
 
 
+needs_axe = pytest.mark.skipif(find_spec("axe_playwright_python") is None, reason="axe-core is not installed")
+
+
 def check_access(one: Visit, state: str) -> None:
     """Check what axe-core finds, and that nothing is cut off."""
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-core is not installed")
-    found = axe.Axe().run(one.page)
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(one.page)
     assert found.violations_count == 0, (state, found.generate_report())
     assert one.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), state
 
 
+@needs_axe
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1920, 1366, 400])
 def test_all_tabs_are_accessible_also_while_and_after_they_fail(
@@ -230,6 +236,7 @@ def test_all_tabs_are_accessible_also_while_and_after_they_fail(
     one.said.clear()  # of the file
 
 
+@needs_axe
 def test_a_page_without_images_and_one_without_a_server_are_accessible(chromium: Any, tmp_path: Path) -> None:
     with served(tmp_path) as (address, server):
         one = Visit(chromium.new_page())
