@@ -16,23 +16,22 @@ from cvtimg._shared.extras import needs
 from cvtimg.files.whole import write_whole
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
 #: Suffixes of plots.
 PLOT_SUFFIXES = (".png", ".svg")
-#: More axes than this would leave no room for their pairs.
-_MOST_AXES = 8
-#: As many levels have their names.
-_MOST_TICKS = 8
-_BINS, _FINE_BINS = 10, 60
-#: Rows of a table that are drawn.
-_MOST_ROWS = 20_000
+#: More axes would leave no room for their pairs, and more levels on an axis none for their names.
+_MOST = 8
+#: Rows of a table that are drawn; and polygons from which an SVG file would be slower to show than pixels.
+_MANY = 20_000
 _Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
 
 def chart(draw: _Draw) -> _Draw:
     """Complete the documentation of a function that draws by what all of them share."""
-    returns = "Returns\n-------\nbytes\n    Content of the file."
+    returns = 'Returns\n-------\nbytes\n    Content of a file in the format that `suffix` names, ".png" or ".svg".'
     raises = "Raises\n------\nImportError\n    If matplotlib is not installed."
     if draw.__doc__:  # there is none under python -OO
         draw.__doc__ = f"{cleandoc(draw.__doc__)}\n\n{returns}\n\n{raises}\n"
@@ -40,20 +39,12 @@ def chart(draw: _Draw) -> _Draw:
 
 
 @chart
-def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str) -> bytes:
-    """Draw a histogram of each quantity, with its quantiles.
-
-    Parameters
-    ----------
-    values : mapping of str to (n,) arrays
-        The values of each quantity by its name and unit.
-    suffix : {".png", ".svg"}
-        Format of the file.
-    """
+def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str, n_bins: int = 60) -> bytes:
+    """Draw a histogram of each quantity, given by its name and unit, with its quantiles."""
     with figure_file(4.2 * len(values), 3.2, suffix) as (figure, content):
         for axes, (name, of_one) in zip(figure.subplots(1, len(values), squeeze=False)[0], values.items(), strict=True):
             low, middle, high = np.quantile(of_one, (0.01, 0.5, 0.99))
-            axes.hist(of_one, bins=_FINE_BINS, color="C0")
+            axes.hist(of_one, bins=n_bins, color="C0")
             axes.axvline(middle, color="C3", linewidth=1)
             axes.set_title(f"median {middle:.4g}, 98 % in {low:.4g} to {high:.4g}", fontsize=8)
             axes.set_xlabel(name)
@@ -75,7 +66,7 @@ def draw_clusters(rows: NDArray[Any], generators: NDArray[Any], suffix: str) -> 
     suffix : {".png", ".svg"}
         Format of the file.
     """
-    some = rows[:: -(-len(rows) // _MOST_ROWS)].astype(np.float64)
+    some = rows[:: -(-len(rows) // _MANY)].astype(np.float64)
     middle = some.mean(axis=0)
     _, lengths, axes = np.linalg.svd(some - middle, full_matrices=False)
     squares = np.square(generators).sum(axis=1)
@@ -112,21 +103,19 @@ def draw_pairs(
         Of more than 8 axes the first 8 are drawn.
     names : sequence of str
         Names of the axes.
-    suffix : {".png", ".svg"}
-        Format of the file.
     existing : (L, d) array, optional
         Points to show in another color.
     levels : sequence of d sequences of str, optional
         Names of levels that share an axis from 0 to 1 evenly; none for other axes.
     """
-    n_axes = min(points.shape[1], _MOST_AXES)
+    n_axes = min(points.shape[1], _MOST)
     with figure_file(max(1.6 * n_axes, 4.0), max(1.6 * n_axes, 4.0), suffix) as (figure, content):
         grid = figure.subplots(n_axes, n_axes, squeeze=False, sharex="col")
         for (down, right), axes in np.ndenumerate(grid):
             axes.tick_params(labelsize=6)
             if down == right:
                 shown = [points[:, right], *([] if existing is None else [existing[:, right]])]
-                axes.hist(shown, bins=_BINS, stacked=True, rwidth=0.8, color=["C0", "C3"][: len(shown)], alpha=0.5)
+                axes.hist(shown, bins=10, stacked=True, rwidth=0.8, color=["C0", "C3"][: len(shown)], alpha=0.5)
                 axes.locator_params(axis="y", integer=True, nbins=4)
             elif down > right:
                 axes.plot(points[:, right], points[:, down], ".", color="C0", markersize=4, label="new")
@@ -150,23 +139,13 @@ def draw_pairs(
 
 def _ticks(levels: Sequence[str]) -> tuple[list[float], list[str]]:
     """Return where some of the levels are on their axis, and their names."""
-    every = -(-len(levels) // _MOST_TICKS)
+    every = -(-len(levels) // _MOST)
     return [(level + 0.5) / len(levels) for level in range(0, len(levels), every)], list(levels[::every])
 
 
 @chart
 def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -> bytes:
-    """Draw the share of the variance that the first 0, 1, .. n modes leave unexplained.
-
-    Parameters
-    ----------
-    energies : (n + 1,) array
-        As in `cvtimg.bases.Basis`.
-    variance : float
-        What they are shares of.
-    suffix : {".png", ".svg"}
-        Format of the file.
-    """
+    """Draw the share of the variance that the first 0, 1, .. n modes leave unexplained, as energies of `Basis`."""
     with figure_file(6.0, 3.6, suffix) as (figure, content):
         axes = figure.subplots()
         shares = energies / variance if variance else np.zeros(len(energies))
@@ -182,17 +161,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
 def draw_supports(
     points: NDArray[np.float64], radii: NDArray[np.float64], suffix: str, lines: Sequence[NDArray[np.float64]] = ()
 ) -> bytes:
-    """Draw disks around points of the plane.
-
-    Parameters
-    ----------
-    points : (n, 2) array
-    radii : (n,) array
-    suffix : {".png", ".svg"}
-        Format of the file.
-    lines : sequence of (k, 2) arrays, optional
-        Boundaries to show.
-    """
+    """Draw disks of (n,) radii around (n, 2) points of the plane, and boundaries as lines, (k, 2) arrays."""
     with figure_file(6.0, 6.0, suffix) as (figure, content):
         from matplotlib.collections import PatchCollection
         from matplotlib.patches import Circle
@@ -209,23 +178,36 @@ def draw_supports(
     return content.getvalue()
 
 
+def add_polygons(
+    figure: Figure, axes: Axes, outlines: Sequence[Any], *, thickest: float = 0.6, shares: Any = 1.0, **look: Any
+) -> PolyCollection:
+    """Add polygons with edges of a twentieth of their size, but at most so thick, in points, and in shares of that."""
+    from matplotlib.collections import PolyCollection
+
+    size = 72 * figure.get_figwidth() / max(len(outlines), 1) ** 0.5
+    look |= {"linewidths": shares * min(size / 20, thickest), "rasterized": len(outlines) > _MANY}
+    drawn = PolyCollection(outlines, **look)
+    axes.add_collection(drawn)
+    return drawn
+
+
+def figure_height(low: NDArray[Any], high: NDArray[Any], width: float) -> float:
+    """Return the height of a figure that shows a box of the plane at a width in inches: of 1/3 to 4/3 of that."""
+    across, up = high - low
+    return float(np.clip(width * up / across, width / 3, width * 4 / 3))
+
+
+def show_box(axes: Axes, low: NDArray[Any], high: NDArray[Any], *, y_down: bool = False) -> None:
+    """Show a box of the plane in equal units, with a margin."""
+    margin = 0.01 * max(high - low)
+    axes.set_aspect("equal")
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    ends = (low[1] - margin, high[1] + margin)
+    axes.set_ylim(ends[::-1] if y_down else ends)
+
+
 def save_plot(path: Path, draw: Callable[..., bytes], *given: Any, overwrite: bool = False, **more: Any) -> None:
-    """Write what a function of this package draws to a file whose suffix is the format.
-
-    Parameters
-    ----------
-    path : Path
-        The file, .png or .svg.
-    draw : callable
-        Such as `draw_mesh`; gets all other arguments, and the suffix.
-    overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is not installed.
-    """
+    """Write what a function of this package, such as `draw_mesh`, draws of its arguments; .png or .svg."""
     write_whole(path, draw(*given, suffix=path.suffix.lower(), **more), overwrite=overwrite)
 
 

@@ -21,13 +21,10 @@ from cvtimg.plotting.charts import chart, figure_file
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: At most this many images get a row of thumbnails; more would leave no room for the curves.
-MOST_THUMBNAILS = 4
 #: Numbers of generators at which an image is shown, in addition to the one picked.
 _POWERS = (2, 4, 8, 16, 32, 64)
-_THUMBNAIL_SIDE = 160
+#: Width of the figure in inches.
 _WIDTH = 8.0
-_AXES_HEIGHT = 4.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,15 +46,13 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     ----------
     plotted : sequence of Plotted
         Energies are shown relative to E(1), so that images can be compared. The curve ends where E(k) is 0.
-    suffix : {".png", ".svg"}
-        Format of the file.
     rule : str
         Name of the rule that picked k, for the legend.
     """
-    rows = [one for one in plotted if one.image is not None][:MOST_THUMBNAILS]
+    rows = [one for one in plotted if one.image is not None][:4]  # more would leave no room for the curves
     n_max = max(one.curve.n_max for one in plotted)
     n_columns = 2 + sum(k <= n_max for k in _POWERS)
-    heights = [*(_row_height(one, n_columns) for one in rows), _AXES_HEIGHT]
+    heights = [*(_row_height(one, n_columns) for one in rows), 0.5 * _WIDTH]
     with figure_file(_WIDTH, sum(heights) + 0.3, suffix) as (figure, content):
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         for number, (part, one) in enumerate(zip(parts, rows, strict=False)):
@@ -115,9 +110,9 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
         axes.legend(fontsize=8)
 
 
-def _reduced(image: NDArray[Any]) -> NDArray[Any]:
+def _reduced(image: NDArray[Any], most: int = 160) -> NDArray[Any]:
     """Take every n-th pixel: a filter would add colors that the image does not have."""
-    step = max(1, -(-max(image.shape[:2]) // _THUMBNAIL_SIDE))
+    step = max(1, -(-max(image.shape[:2]) // most))
     return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 

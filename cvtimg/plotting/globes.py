@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.plotting.charts import chart, figure_file
+from cvtimg.plotting.charts import add_polygons, chart, figure_file, figure_height, show_box
+from cvtimg.plotting.meshes import POOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,17 +18,11 @@ if TYPE_CHECKING:
 
 Values = NDArray[np.float64]
 
-#: Pixels across the globe that an image is drawn with.
-_ACROSS = 1000
-#: Thickness of edges in points, by the number of cells that are seen.
-_EDGE = 30.0
-#: More polygons than this are drawn as pixels in SVG files.
-_MANY = 20_000
 #: Numbers on color bars, by the largest value to the least.
 _TICKS = ((10, (1, 2, 5)), (2, (1, 1.5, 2, 3, 4, 6, 8)), (0, tuple(np.arange(10, 100) / 10)))
 #: Of coasts and other lines.
 _LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
-#: Light comes from the upper left, and from all sides.
+#: Light comes from the upper left, and more of it from all sides.
 _LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.6
 
 
@@ -51,8 +46,6 @@ def draw_globe(
         The corners of each cell, unit vectors, as `cvtimg.sphere.SphereGrid.cells` returns them.
     sizes : (N,) array
         What cells are colored by: their sizes, or values of a field.
-    suffix : {".png", ".svg"}
-        Format of the file.
     center : (lon, lat)
         Place in the middle of the image, in degrees.
     image : (H, W) or (H, W, 3) uint8 array, optional
@@ -63,10 +56,6 @@ def draw_globe(
         What the sizes are.
     scale : {"log", "linear"}
         Of the colors; "log" for sizes > 0.
-
-    See Also
-    --------
-    draw_map, draw_surface
     """
     ends = np.cumsum([len(cell) for cell in cells])
     turned = np.concatenate(list(cells)) @ _axes_of_view(*center).T
@@ -78,15 +67,13 @@ def draw_globe(
         outlines = [
             outline for outline, is_seen in zip(np.split(turned[:, :2], ends[:-1]), seen, strict=True) if is_seen
         ]
-        drawn = _add_polygons(axes, outlines, sizes[seen], sizes, scale, over_image=image is not None)
+        drawn = _add_polygons(figure, axes, outlines, sizes[seen], sizes, scale, over_image=image is not None)
         for line in lines:
             x, y, toward = _axes_of_view(*center) @ _unit_vectors(line)
             axes.plot(np.where(toward > 0, x, np.nan), y, **_LINE)
         around = np.linspace(0, 2 * np.pi, 361)
         axes.plot(np.cos(around), np.sin(around), **_LINE)
-        axes.set_xlim(-1.01, 1.01)
-        axes.set_ylim(-1.01, 1.01)
-        axes.set_aspect("equal")
+        show_box(axes, np.array([-1, -1]), np.array([1, 1]))
         axes.set_axis_off()
         _add_scale(figure, axes, drawn, label)
     return content.getvalue()
@@ -109,9 +96,7 @@ def draw_map(
     ----------
     rings : sequence of sequences of (K, 2) arrays
         The polygons of each cell, in degrees, as `cvtimg.sphere.cell_polygons` yields them.
-    sizes : (N,) array
-        What cells are colored by: their sizes, or values of a field.
-    suffix, image, lines, label, scale
+    sizes, image, lines, label, scale
         As in `draw_globe`.
     """
     pieces = [np.asarray(ring) for cell in rings for ring in cell]
@@ -120,7 +105,7 @@ def draw_map(
         axes = figure.subplots()
         if image is not None:
             axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", vmin=0, vmax=255, zorder=0)
-        drawn = _add_polygons(axes, pieces, sizes[of_cell], sizes, scale, over_image=image is not None)
+        drawn = _add_polygons(figure, axes, pieces, sizes[of_cell], sizes, scale, over_image=image is not None)
         for line in lines:
             for turn in (-360, 0, 360):  # lines may go on beyond the antimeridian
                 axes.plot(line[:, 0] + turn, line[:, 1], **_LINE)
@@ -147,19 +132,13 @@ def draw_surface(
 
     Parameters
     ----------
-    points : (N, 3) array
-    triangles : (T, 3) integer array
-        Indices of points, counterclockwise from outside.
-    qualities : (T,) array
-        From 0 to 1.
-    suffix : {".png", ".svg"}
-        Format of the file.
+    points, triangles, qualities
+        As in `draw_mesh`; the points are in space, and triangles counterclockwise from outside.
     center : (lon, lat)
         Direction to the viewer, in degrees; z points up.
     """
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.collections import PolyCollection
     from matplotlib.colors import Normalize
 
     turned = points @ _axes_of_view(*center).T
@@ -169,56 +148,36 @@ def draw_surface(
     order = np.argsort(places[:, :, 2].mean(axis=1))  # from the back to the front
     facing = normals * np.where(normals[:, 2:] < 0, -1, 1)  # both sides of a surface with a boundary are seen
     light = _AMBIENT + (1 - _AMBIENT) * np.clip(facing @ _LIGHT, 0, 1)
-    scale = Normalize(0.6, 1.0)
+    scale = Normalize(POOR, 1.0)
     colors = colormaps["RdYlGn"](scale(qualities))
     colors[:, :3] *= light[:, None]
     low, high = turned[:, :2].min(axis=0), turned[:, :2].max(axis=0)
-    width, height = high - low
-    with figure_file(9.0, float(np.clip(8.0 * height / width, 3.0, 12.0)), suffix) as (figure, content):
+    with figure_file(9.0, figure_height(low, high, 8.0), suffix) as (figure, content):
         axes = figure.subplots()
-        axes.add_collection(
-            PolyCollection(
-                list(places[order][:, :, :2]),
-                facecolors=colors[order],
-                edgecolors=(0, 0, 0, 0.6),
-                linewidths=min(_EDGE / len(triangles) ** 0.5, 0.6),
-                rasterized=len(triangles) > _MANY,
-            )
-        )
-        axes.set_xlim(low[0] - 0.02 * width, high[0] + 0.02 * width)
-        axes.set_ylim(low[1] - 0.02 * height, high[1] + 0.02 * height)
-        axes.set_aspect("equal")
+        add_polygons(figure, axes, list(places[order][:, :, :2]), facecolors=colors[order], edgecolors=(0, 0, 0, 0.6))
+        show_box(axes, low, high)
         axes.set_axis_off()
         figure.colorbar(ScalarMappable(scale, "RdYlGn"), ax=axes, label="quality 2 r / R", shrink=0.6)
     return content.getvalue()
 
 
 def _add_polygons(
-    axes: Axes, outlines: list[Any], values: Values, all_values: Values, scale: str, *, over_image: bool
+    figure: Figure, axes: Axes, outlines: list[Any], values: Values, every: Values, scale: str, *, over_image: bool
 ) -> PolyCollection:
     """Add polygons with colors on a scale of all values."""
-    from matplotlib.collections import PolyCollection
     from matplotlib.colors import LogNorm, Normalize
 
-    low, high = float(all_values.min()), float(all_values.max())
+    low, high = float(every.min()), float(every.max())
     norm = Normalize(low, high)
     if scale == "log":
         middle = (low * high) ** 0.5
         # Cells that are all alike get one color, not a scale of their rounding.
         norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
-    thickness = min(_EDGE / max(len(outlines), 1) ** 0.5, 0.8)
-    drawn = PolyCollection(
-        outlines,
-        array=values,
-        cmap="viridis",
-        norm=norm,
-        edgecolors=(1, 1, 1, 0.7) if over_image else "0.1",
-        linewidths=thickness * np.clip(values / np.median(all_values), 0.25, 1) if scale == "log" else thickness,
-        alpha=0.35 if over_image else 1.0,
-        rasterized=len(outlines) > _MANY,
+    shares = np.clip(values / np.median(every), 0.25, 1) if scale == "log" else 1.0
+    look = {"edgecolors": (1, 1, 1, 0.7), "alpha": 0.35} if over_image else {"edgecolors": "0.1"}
+    return add_polygons(
+        figure, axes, outlines, thickest=0.8, shares=shares, array=values, cmap="viridis", norm=norm, **look
     )
-    axes.add_collection(drawn)
-    return drawn
 
 
 def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) -> None:
@@ -254,9 +213,9 @@ def _axes_of_view(longitude: float, latitude: float) -> Values:
     )
 
 
-def _on_globe(image: NDArray[np.uint8], center: tuple[float, float]) -> NDArray[np.uint8]:
-    """Draw a map of the world on a globe, with transparent corners around."""
-    across = (np.arange(_ACROSS) + 0.5) / _ACROSS * 2 - 1
+def _on_globe(image: NDArray[np.uint8], center: tuple[float, float], n_across: int = 1000) -> NDArray[np.uint8]:
+    """Draw a map of the world on a globe of so many pixels, with transparent corners around."""
+    across = (np.arange(n_across) + 0.5) / n_across * 2 - 1
     x, y = np.meshgrid(across, -across)
     inside = x**2 + y**2 < 1
     z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.plotting.charts import chart, figure_file
+from cvtimg.plotting.charts import add_polygons, chart, figure_file, figure_height, show_box
 
-#: Width of the figure in inches, the part of it beside the mesh, and its least and greatest height.
-_WIDTH, _BESIDE, _LEAST, _GREATEST = 9.0, 1.4, 3.0, 12.0
-#: Qualities from the ends of the color map; few triangles are worse.
-_POOR, _BEST = 0.6, 1.0
-#: Thickness of edges in points, by the number of triangles.
-_EDGE = 40.0
+#: The quality from which the color map begins; few triangles are worse.
+POOR = 0.6
 
 
 @chart
@@ -34,39 +32,22 @@ def draw_mesh(
         As in `cvtimg.meshes.Mesh`.
     qualities : (T,) array
         Of the triangles, from 0 to 1.
-    suffix : {".png", ".svg"}
-        Format of the file.
     image : (H, W) or (H, W, 3) uint8 array, optional
         Shown below the mesh, which then is transparent; coordinates are in its pixels.
     y_down : bool
         Whether y points down, as in images.
     """
-    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.collections import LineCollection
 
     low, high = points.min(axis=0), points.max(axis=0)
-    width, height = high - low
-    inside = _WIDTH - _BESIDE
-    with figure_file(_WIDTH, float(np.clip(inside * height / width, _LEAST, _GREATEST)), suffix) as (figure, content):
+    with figure_file(9.0, figure_height(low, high, 7.6), suffix) as (figure, content):
         axes = figure.subplots()
-        thickness = min(_EDGE / len(triangles) ** 0.5, 0.6)
         if image is not None:
             axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0), cmap="gray", vmin=0, vmax=255)
-        drawn = PolyCollection(
-            list(points[triangles]),
-            array=qualities,
-            cmap="viridis",
-            clim=(_POOR, _BEST),
-            edgecolors="0.15",
-            linewidths=thickness,
-            alpha=0.45 if image is not None else 1.0,
-            rasterized=len(triangles) > 20_000,
-        )
-        axes.add_collection(drawn)
-        axes.add_collection(LineCollection(list(points[edges]), colors="black", linewidths=max(3 * thickness, 0.6)))
-        axes.set_aspect("equal")
-        margin = 0.01 * max(width, height)
-        axes.set_xlim(low[0] - margin, high[0] + margin)
-        ends = (low[1] - margin, high[1] + margin)
-        axes.set_ylim(*(ends[::-1] if y_down else ends))
+        alpha = 0.45 if image is not None else 1.0
+        look: Any = {"array": qualities, "cmap": "viridis", "clim": (POOR, 1.0), "edgecolors": "0.15", "alpha": alpha}
+        drawn = add_polygons(figure, axes, list(points[triangles]), **look)
+        axes.add_collection(LineCollection(list(points[edges]), colors="black", linewidths=1.2))
+        show_box(axes, low, high, y_down=y_down)
         figure.colorbar(drawn, ax=axes, label="quality 2 r / R", shrink=0.6)
     return content.getvalue()

@@ -22,29 +22,31 @@ from cvtimg.labels.figures import region_means
 from cvtimg.labels.formats import Drawing
 from cvtimg.pictures.showing import limits_to_show, shown
 
-BACKGROUND = (255, 255, 255)
-MAT = (240, 240, 240)
-INK = (24, 24, 24)
-PALE_INK = (92, 92, 92)
-YELLOW = (255, 255, 0)
-CHECKERS = (200, 232)
-CHECKER_SIDE = 8
 
-MARGIN = 20
-GAP = 15
-ROW_GAP = 26
-STRIP_GAP = 5
-STRIP_HEIGHT = 24
-CAPTION_GAP = 7
-LINE_HEIGHT = 19
-CAPTION_SIZE = 14
-TITLE_SIZE = 22
-TITLE_HEIGHT = 28
+@dataclass(frozen=True, slots=True)
+class Style:
+    """How sheets look: colors, and lengths in pixels."""
 
-#: An image in a sheet is at most this many times as high as the panels are wide: an upright 2:3 photograph fits.
-TALLEST = 1.5
-#: Sides of a sheet and a strip are at most this long, so that a slip of the pen does not fill the memory.
-LONGEST = 1 << 15
+    background: tuple[int, int, int] = (255, 255, 255)
+    mat: tuple[int, int, int] = (240, 240, 240)  # beside images that are narrower than their panel
+    ink: tuple[int, int, int] = (24, 24, 24)
+    pale_ink: tuple[int, int, int] = (92, 92, 92)  # lines of a caption after the first
+    checkers: tuple[int, int] = (200, 232)  # seen through what is transparent
+    checker_side: int = 8
+    text: int = 14
+    line: int = 19
+    title: int = 22
+    above_caption: int = 7
+    above_strip: int = 5
+    gap: int = 15  # between panels
+    between_rows: int = 26
+    margin: int = 20
+    strip: int = 24  # height of a palette
+    tallest: float = 1.5  # height of images by the width of panels: an upright 2:3 photograph fits
+    longest: int = 1 << 15  # sides of sheets and strips, so that a slip of the pen does not fill the memory
+
+
+STYLE = Style()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,12 +64,6 @@ class Panel:
         Colors to draw as a strip, of the type of the image.
     shares : (K,) array, optional
         See `palette_strip`.
-
-    Examples
-    --------
-    >>> panel = Panel(np.zeros((2, 3), np.uint8), ("black", "energy 0 per pixel"))
-    >>> panel.palette is None
-    True
     """
 
     image: Any
@@ -77,7 +73,12 @@ class Panel:
 
 
 def palette_strip(
-    palette: ArrayLike, *, width: int = 300, height: int = STRIP_HEIGHT, shares: ArrayLike | None = None
+    palette: ArrayLike,
+    *,
+    width: int = 300,
+    height: int = STYLE.strip,
+    shares: ArrayLike | None = None,
+    limits: tuple[float, float] | None = None,
 ) -> NDArray[np.uint8]:
     """Draw the colors of a palette side by side.
 
@@ -92,20 +93,13 @@ def palette_strip(
         Draw bands in proportion to these weights, such as the masses of the cells, each at least one pixel wide. By
         default all colors get equal room, because rare colors can matter too; many colors are stacked two or more to
         a column, so that their fields remain large enough to see.
+    limits : (float, float), optional
+        Values to show as black and white, in types other than uint8.
 
     Returns
     -------
     (height, width, 3) uint8 array
         The colors in order, column by column from left to right, and down each column.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid, or the strip has fewer pixels than colors.
-
-    See Also
-    --------
-    contact_sheet
 
     Examples
     --------
@@ -115,10 +109,18 @@ def palette_strip(
     >>> palette_strip(red_blue, width=4, height=1, shares=[3, 1])[0, :, 0].tolist()
     [255, 255, 255, 0]
     """
-    check_count("width", width, LONGEST, "the longest side")
-    check_count("height", height, LONGEST, "the longest side")
-    rows = check_rows("palette", palette)
-    return np.array(_strip(rows, limits_to_show([rows]), width, height, shares))
+    check_count("width", width, STYLE.longest, "the longest side")
+    check_count("height", height, STYLE.longest, "the longest side")
+    colors = check_rows("palette", palette)
+    n_colors = len(colors)
+    if shares is None:
+        check_count("number of colors", n_colors, width * height, "the pixels of the strip")
+        layout = _fields(n_colors, width, height)
+    else:
+        check_count("number of colors", n_colors, width, "the width of the strip")
+        layout = np.tile(_bands(check_density(shares, n_colors), width), (height, 1))
+    seen = shown(colors, limits_to_show([colors]) if limits is None else limits)
+    return np.array(_over_checkers(Image.fromarray(seen[layout])))
 
 
 def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_width: int = 300) -> NDArray[np.uint8]:
@@ -140,15 +142,6 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     -------
     (H, W, 3) uint8 array
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an image or palette has another shape or type, or a palette has more colors than fit in a strip.
-
-    See Also
-    --------
-    palette_strip, draw_edges
-
     Notes
     -----
     Images that are not 8-bit are stretched from black to white between the values that all but 0.1% of the samples of
@@ -161,24 +154,30 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     >>> sheet.shape
     (195, 140, 3)
     """
-    check_count("panel_width", panel_width, LONGEST, "the longest side")
+    check_count("panel_width", panel_width, STYLE.longest, "the longest side")
     grid = [list(row) for row in rows]
     n_columns = max(map(len, grid), default=0)
-    width = max(n_columns * (panel_width + GAP) - GAP, 0)
+    width = max(n_columns * (panel_width + STYLE.gap) - STYLE.gap, 0)
     blocks = [_draw_row(panels, panel_width) for panels in grid if panels]
     if title:
-        blocks.insert(0, _draw_title(title, width))
-    height = sum(block.height for block in blocks) + ROW_GAP * max(len(blocks) - 1, 0)
-    sheet = Image.new("RGB", (width + 2 * MARGIN, height + 2 * MARGIN), BACKGROUND)
-    top = MARGIN
+        blocks.insert(0, Image.new("RGB", (width, 2 * STYLE.text), STYLE.background))
+        _write(blocks[0], (0, 0), title, width, STYLE.title, STYLE.ink)
+    height = sum(block.height for block in blocks) + STYLE.between_rows * max(len(blocks) - 1, 0)
+    sheet = Image.new("RGB", (width + 2 * STYLE.margin, height + 2 * STYLE.margin), STYLE.background)
+    top = STYLE.margin
     for block in blocks:
-        sheet.paste(block, (MARGIN, top))
-        top += block.height + ROW_GAP
+        sheet.paste(block, (STYLE.margin, top))
+        top += block.height + STYLE.between_rows
     return np.array(sheet)
 
 
 def draw_edges(
-    image: Any, labels: ArrayLike, *, color: Sequence[int] = YELLOW, thickness: int = 1, ignore: int | None = None
+    image: Any,
+    labels: ArrayLike,
+    *,
+    color: Sequence[int] = (255, 255, 0),
+    thickness: int = 1,
+    ignore: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draw the edges of segments over the segmented image.
 
@@ -201,11 +200,6 @@ def draw_edges(
         An image that is not 8-bit is stretched from black to white over the range of all but 0.1% of its values outside
         `ignore`.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it.
-
     Examples
     --------
     >>> drawn = draw_edges(np.zeros((1, 4), np.uint8), np.array([[1, 1, 2, 2]]), color=(255, 0, 0))
@@ -215,7 +209,7 @@ def draw_edges(
     from skimage.morphology import isotropic_dilation
 
     segments = check_labels("labels", labels)
-    check_count("thickness", thickness, LONGEST, "the longest side")
+    check_count("thickness", thickness, STYLE.longest, "the longest side")
     values = check_labeled_image("image", image, segments)
     drawn = np.array(_over_checkers(Image.fromarray(shown(values, limits_to_show([values[segments != ignore]])))))
     edges = find_edges(segments, mode="inner" if thickness % 2 else "thick", ignore=ignore)
@@ -243,10 +237,8 @@ def contour_drawing(contours: Contours, labels: ArrayLike, image: Any) -> Drawin
     ----------
     contours : Contours
         From `cvtimg.find_contours`.
-    labels : (H, W) integer array
-        The segments; 0 is left out.
-    image : (H, W) or (H, W, C) array
-        The segmented image.
+    labels, image
+        The segments, 0 left out, and the segmented image, as in `draw_edges`.
 
     Returns
     -------
@@ -271,41 +263,32 @@ def contour_drawing(contours: Contours, labels: ArrayLike, image: Any) -> Drawin
         polygons=contours.polygons,
         size=(segments.shape[0], segments.shape[1]),
         colors=shown_colors(means[:, :3], seen, segments, ignore=0),
-        properties={
-            label: {"area": area, "mean": mean}
-            for label, (area, mean) in enumerate(zip(areas, means.tolist(), strict=True))
-        },
+        properties={label: {"area": areas[label], "mean": mean} for label, mean in enumerate(means.tolist())},
     )
-
-
-def _draw_title(title: str, width: int) -> Image.Image:
-    block = Image.new("RGB", (width, TITLE_HEIGHT), BACKGROUND)
-    _write(block, (0, 0), title, width, TITLE_SIZE, INK)
-    return block
 
 
 def _draw_row(panels: list[Panel], width: int) -> Image.Image:
     """Draw the panels of a row side by side, with their parts aligned."""
-    images = [_as_array(panel.image) for panel in panels]
+    arrays = [check_image("image", panel.image) for panel in panels]
+    images = [array.reshape(*array.shape[:2], -1) for array in arrays]
     limits = limits_to_show(images)
     pictures = [_fit(shown(image, limits), width) for image in images]
     mat_height = max(picture.height for picture in pictures)
-    strip_top = mat_height + STRIP_GAP
-    caption_top = mat_height + CAPTION_GAP
+    caption_top = mat_height + STYLE.above_caption
     if any(panel.palette is not None for panel in panels):
-        caption_top += STRIP_GAP + STRIP_HEIGHT
-    height = caption_top + LINE_HEIGHT * max(len(panel.caption) for panel in panels)
-    block = Image.new("RGB", (len(panels) * (width + GAP) - GAP, height), BACKGROUND)
+        caption_top += STYLE.above_strip + STYLE.strip
+    height = caption_top + STYLE.line * max(len(panel.caption) for panel in panels)
+    block = Image.new("RGB", (len(panels) * (width + STYLE.gap) - STYLE.gap, height), STYLE.background)
     for column, (panel, picture) in enumerate(zip(panels, pictures, strict=True)):
-        left = column * (width + GAP)
-        block.paste(MAT, (left, 0, left + width, mat_height))
+        left = column * (width + STYLE.gap)
+        block.paste(STYLE.mat, (left, 0, left + width, mat_height))
         block.paste(picture, (left + (width - picture.width) // 2, (mat_height - picture.height) // 2))
         if panel.palette is not None:
-            colors = check_rows("palette", panel.palette)
-            block.paste(_strip(colors, limits, width, STRIP_HEIGHT, panel.shares), (left, strip_top))
+            strip = palette_strip(panel.palette, width=width, shares=panel.shares, limits=limits)
+            block.paste(Image.fromarray(strip), (left, mat_height + STYLE.above_strip))
         for number, line in enumerate(panel.caption):
-            place = (left, caption_top + number * LINE_HEIGHT)
-            _write(block, place, line, width, CAPTION_SIZE, PALE_INK if number else INK)
+            place = (left, caption_top + number * STYLE.line)
+            _write(block, place, line, width, STYLE.text, STYLE.pale_ink if number else STYLE.ink)
     return block
 
 
@@ -327,16 +310,10 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size)
 
 
-def _as_array(image: Any) -> NDArray[Any]:
-    """(H, W, C) array of the types that are drawn."""
-    picture = check_image("image", image)
-    return picture.reshape(*picture.shape[:2], -1)
-
-
 def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:
     """Resize an image to fit a panel."""
     picture = Image.fromarray(pixels)
-    room = min(width / picture.width, int(TALLEST * width) / picture.height)
+    room = min(width / picture.width, int(STYLE.tallest * width) / picture.height)
     scale = int(room) if room >= 1 else room
     if scale != 1:
         size = (max(round(picture.width * scale), 1), max(round(picture.height * scale), 1))
@@ -350,22 +327,9 @@ def _over_checkers(picture: Image.Image) -> Image.Image:
     if picture.mode != "RGBA":
         return picture
     row, column = np.ogrid[: picture.height, : picture.width]
-    odd = (row // CHECKER_SIDE + column // CHECKER_SIDE) % 2
-    board = Image.fromarray(np.array(CHECKERS, np.uint8)[odd]).convert("RGBA")
+    odd = (row // STYLE.checker_side + column // STYLE.checker_side) % 2
+    board = Image.fromarray(np.array(STYLE.checkers, np.uint8)[odd]).convert("RGBA")
     return Image.alpha_composite(board, picture).convert("RGB")
-
-
-def _strip(
-    colors: NDArray[Any], limits: tuple[float, float], width: int, height: int, shares: ArrayLike | None
-) -> Image.Image:
-    n_colors = len(colors)
-    if shares is None:
-        check_count("number of colors", n_colors, width * height, "the pixels of the strip")
-        layout = _fields(n_colors, width, height)
-    else:
-        check_count("number of colors", n_colors, width, "the width of the strip")
-        layout = np.tile(_bands(check_density(shares, n_colors), width), (height, 1))
-    return _over_checkers(Image.fromarray(shown(colors, limits)[layout]))
 
 
 def _fields(n_colors: int, width: int, height: int) -> NDArray[np.intp]:

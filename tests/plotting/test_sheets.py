@@ -11,23 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg.plotting.sheets import (
-    BACKGROUND,
-    CAPTION_GAP,
-    CHECKER_SIDE,
-    CHECKERS,
-    GAP,
-    LINE_HEIGHT,
-    MARGIN,
-    MAT,
-    STRIP_GAP,
-    STRIP_HEIGHT,
-    Panel,
-    contact_sheet,
-    draw_edges,
-    palette_strip,
-    shown_colors,
-)
+from cvtimg.plotting.sheets import STYLE, Panel, contact_sheet, draw_edges, palette_strip, shown_colors
 
 Bytes = NDArray[np.uint8]
 
@@ -45,7 +29,7 @@ def noise(height: int, width: int, *channels: int) -> Bytes:
 def single(image: Any, width: int, **options: Any) -> Bytes:
     """Draw a sheet of one panel, without its margins."""
     sheet = contact_sheet([[Panel(image, **options)]], panel_width=width)
-    return sheet[MARGIN:-MARGIN, MARGIN:-MARGIN]
+    return sheet[STYLE.margin : -STYLE.margin, STYLE.margin : -STYLE.margin]
 
 
 def mat_around(sheet: Bytes, picture: Bytes) -> Bytes:
@@ -53,8 +37,8 @@ def mat_around(sheet: Bytes, picture: Bytes) -> Bytes:
     height, width = picture.shape[:2]
     left = (sheet.shape[1] - width) // 2
     np.testing.assert_array_equal(sheet[:height, left : left + width], picture)
-    assert (sheet[:height, :left] == MAT).all()
-    assert (sheet[:height, left + width :] == MAT).all()
+    assert (sheet[:height, :left] == STYLE.mat).all()
+    assert (sheet[:height, left + width :] == STYLE.mat).all()
     return sheet[height:]
 
 
@@ -111,14 +95,14 @@ def test_deep_and_grey_palettes_are_shown_as_grey_from_black_to_white() -> None:
 def test_a_clear_color_shows_the_checkerboard() -> None:
     colors = np.array([[255, 0, 0, 0], [255, 0, 0, 255]], np.uint8)
     strip = palette_strip(colors, width=64, height=16)
-    assert set(np.unique(strip[:, :32])) == set(CHECKERS)
+    assert set(np.unique(strip[:, :32])) == set(STYLE.checkers)
     assert (strip[:, 32:] == (255, 0, 0)).all()
 
 
 @pytest.mark.parametrize("image", [noise(30, 60, 3), noise(40, 50, 3), noise(70, 40, 3)])
 def test_pixels_of_a_picture_that_fits_are_unaltered(image: Bytes) -> None:
     rest = mat_around(single(image, 60), image)
-    assert (rest == BACKGROUND).all()
+    assert (rest == STYLE.background).all()
 
 
 def test_small_pictures_are_enlarged_by_whole_factors() -> None:
@@ -134,7 +118,7 @@ def test_small_pictures_are_enlarged_by_whole_factors() -> None:
 def test_large_pictures_are_reduced_and_a_flat_one_stays_flat(shape: tuple[int, int], height: int) -> None:
     image = np.full((*shape, 3), (10, 130, 250), np.uint8)
     sheet = single(image, 60)
-    assert sheet.shape[:2] == (height + CAPTION_GAP, 60)
+    assert sheet.shape[:2] == (height + STYLE.above_caption, 60)
     assert (sheet[height // 2, 29] == (10, 130, 250)).all()
 
 
@@ -163,10 +147,10 @@ def test_a_flat_deep_picture_is_black() -> None:
 def test_deep_pictures_of_a_row_and_their_palettes_share_one_range() -> None:
     wide, narrow = np.array([[0, 1000]], np.uint16), np.array([[500, 500]], np.uint16)
     sheet = contact_sheet([[Panel(wide), Panel(narrow, palette=[[250.0], [1250.0]])]], panel_width=2)
-    picture = sheet[MARGIN, MARGIN:, 0]
+    picture = sheet[STYLE.margin, STYLE.margin :, 0]
     assert picture[:2].tolist() == [0, 255]
-    assert picture[2 + GAP : 4 + GAP].tolist() == [128, 128]
-    strip = sheet[MARGIN + 1 + STRIP_GAP :, MARGIN + 2 + GAP, 0][:STRIP_HEIGHT]
+    assert picture[2 + STYLE.gap : 4 + STYLE.gap].tolist() == [128, 128]
+    strip = sheet[STYLE.margin + 1 + STYLE.above_strip :, STYLE.margin + 2 + STYLE.gap, 0][: STYLE.strip]
     assert sorted(set(strip.tolist())) == [64, 255]
 
 
@@ -178,14 +162,14 @@ def test_of_many_bands_the_first_are_shown() -> None:
 
 @pytest.mark.parametrize(("dtype", "opaque"), [(np.uint8, 255), (np.uint16, 65535), (np.float32, 1)])
 def test_transparency_is_shown_over_a_checkerboard(dtype: type, opaque: int) -> None:
-    side = 2 * CHECKER_SIDE
+    side = 2 * STYLE.checker_side
     image: NDArray[Any] = np.zeros((side, side, 4), dtype)
     image[0, 0] = (opaque, 0, 0, opaque)
     shown = single(image, side)[:side]
     assert shown[0, 0].tolist() == [255, 0, 0]
-    assert shown[0, 1].tolist() == [CHECKERS[0]] * 3
-    assert shown[0, -1].tolist() == [CHECKERS[1]] * 3
-    assert shown[-1, -1].tolist() == [CHECKERS[0]] * 3
+    assert shown[0, 1].tolist() == [STYLE.checkers[0]] * 3
+    assert shown[0, -1].tolist() == [STYLE.checkers[1]] * 3
+    assert shown[-1, -1].tolist() == [STYLE.checkers[0]] * 3
 
 
 def test_color_under_full_transparency_does_not_leak_when_a_picture_is_reduced() -> None:
@@ -202,15 +186,19 @@ def test_parts_of_a_row_stand_level_whatever_the_heights() -> None:
     colors = distinct_colors(4)
     low, high = noise(20, 60, 3), noise(80, 60, 3)
     panels = [Panel(low, ("one",), colors), Panel(high, ("one", "two"), colors), Panel(low)]
-    sheet = contact_sheet([panels], panel_width=60)[MARGIN:-MARGIN, MARGIN:-MARGIN]
-    assert sheet.shape == (80 + STRIP_GAP + STRIP_HEIGHT + CAPTION_GAP + 2 * LINE_HEIGHT, 3 * 60 + 2 * GAP, 3)
-    columns = [sheet[:, left : left + 60] for left in (0, 60 + GAP, 120 + 2 * GAP)]
+    sheet = contact_sheet([panels], panel_width=60)[STYLE.margin : -STYLE.margin, STYLE.margin : -STYLE.margin]
+    assert sheet.shape == (
+        80 + STYLE.above_strip + STYLE.strip + STYLE.above_caption + 2 * STYLE.line,
+        3 * 60 + 2 * STYLE.gap,
+        3,
+    )
+    columns = [sheet[:, left : left + 60] for left in (0, 60 + STYLE.gap, 120 + 2 * STYLE.gap)]
     np.testing.assert_array_equal(columns[0][30:50], low)
     np.testing.assert_array_equal(columns[1][:80], high)
     strip = palette_strip(colors, width=60)
     for column in columns[:2]:
-        np.testing.assert_array_equal(column[80 + STRIP_GAP :][:STRIP_HEIGHT], strip)
-    assert (columns[2][80:] == BACKGROUND).all()
+        np.testing.assert_array_equal(column[80 + STYLE.above_strip :][: STYLE.strip], strip)
+    assert (columns[2][80:] == STYLE.background).all()
 
 
 def test_captions_touch_neither_picture_nor_strip_nor_neighbour() -> None:
@@ -222,11 +210,11 @@ def test_captions_touch_neither_picture_nor_strip_nor_neighbour() -> None:
     ]
     assert sheets[0].shape == sheets[1].shape
     rows, columns = np.nonzero((sheets[0] != sheets[1]).any(axis=2))
-    top = MARGIN + 40 + STRIP_GAP + STRIP_HEIGHT
+    top = STYLE.margin + 40 + STYLE.above_strip + STYLE.strip
     assert top < rows.min()
-    assert set((rows - top - CAPTION_GAP) // LINE_HEIGHT) == {0, 1, 2}
-    assert columns.min() >= MARGIN - 1
-    assert columns.max() < MARGIN + 60
+    assert set((rows - top - STYLE.above_caption) // STYLE.line) == {0, 1, 2}
+    assert columns.min() >= STYLE.margin - 1
+    assert columns.max() < STYLE.margin + 60
 
 
 def test_a_title_stands_above_and_changes_nothing_below() -> None:
@@ -234,18 +222,18 @@ def test_a_title_stands_above_and_changes_nothing_below() -> None:
     plain, titled = contact_sheet(rows, panel_width=60), contact_sheet(rows, panel_width=60, title="T" * 99)
     added = len(titled) - len(plain)
     assert added > 0
-    np.testing.assert_array_equal(titled[MARGIN + added :], plain[MARGIN:])
-    assert (titled[MARGIN : MARGIN + added] != BACKGROUND).any()
-    assert (titled[:, -MARGIN:] == BACKGROUND).all()
+    np.testing.assert_array_equal(titled[STYLE.margin + added :], plain[STYLE.margin :])
+    assert (titled[STYLE.margin : STYLE.margin + added] != STYLE.background).any()
+    assert (titled[:, -STYLE.margin :] == STYLE.background).all()
 
 
 def test_rows_may_differ_in_length_and_be_empty() -> None:
     image = noise(4, 30, 3)
     sheet = contact_sheet([[Panel(image)], [], [Panel(image), Panel(image)]], panel_width=30)
-    assert sheet.shape[1] == 2 * MARGIN + 2 * 30 + GAP
-    assert (sheet[MARGIN : MARGIN + 4, MARGIN + 30 :] == BACKGROUND).all()
-    assert contact_sheet([]).shape == (2 * MARGIN, 2 * MARGIN, 3)
-    assert contact_sheet([], title="nothing").shape[1] == 2 * MARGIN
+    assert sheet.shape[1] == 2 * STYLE.margin + 2 * 30 + STYLE.gap
+    assert (sheet[STYLE.margin : STYLE.margin + 4, STYLE.margin + 30 :] == STYLE.background).all()
+    assert contact_sheet([]).shape == (2 * STYLE.margin, 2 * STYLE.margin, 3)
+    assert contact_sheet([], title="nothing").shape[1] == 2 * STYLE.margin
 
 
 def test_five_panels_make_a_sheet_of_1600_pixels() -> None:
@@ -300,7 +288,7 @@ def test_edges_are_drawn_over_grey_deep_transparent_and_many_bands() -> None:
     assert drawn[1, 0].tolist() == [0] * 3
     assert drawn[1, -1].tolist() == [255] * 3
     assert draw_edges(noise(5, 12, 7), HALVES)[0, 0].tolist() == noise(5, 12, 7)[0, 0, :3].tolist()
-    assert (draw_edges(np.zeros((5, 12, 4), np.uint8), HALVES)[0, 0] == CHECKERS[0]).all()
+    assert (draw_edges(np.zeros((5, 12, 4), np.uint8), HALVES)[0, 0] == STYLE.checkers[0]).all()
 
 
 def test_colors_of_segments_are_shown_as_the_picture_is() -> None:
