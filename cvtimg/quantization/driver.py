@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import operator
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Generic, Literal, Protocol, TypeVar, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,14 +25,14 @@ from cvtimg._shared.checks import (
     check_one_of,
     refuse,
 )
-from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
-from cvtimg._shared.progress import part
+from cvtimg._shared.choices import DitherName, GoalName, SpaceName
+from cvtimg._shared.progress import first_few, part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
 from cvtimg.looks.rate import USUAL, Rate
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.looks import DEAREST, MATCHES, MAX_ENTRIES, PRICES
+from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
 from cvtimg.quantization.palette_search import (
     EngineOptions,
     Palette,
@@ -42,34 +43,30 @@ from cvtimg.quantization.palette_search import (
     ramp_of,
 )
 from cvtimg.quantization.remapping import MAX_COLORS
-
-#: First number of colors in the search for a target, and the minimum gain in dB from doubling it.
-_FIRST_TRIAL = 32
-#: Parts of the time until palettes are found, without dithering and with it.
-_FOUND = (0.7, 0.2)
-#: What is left of a search after each trial, as a guess: how many there will be is not known.
-_LEFT = 0.75
-_DECIBEL = 2.0
-#: Halvings of the range of prices of bits, or of colors; the last saves a few percent of the file.
-_HALVINGS = 5
-#: The search for a quality ends this little above it, in points of `visual_quality`, or after so many trials.
-_CLOSE, _TRIALS = 0.5, 5
-#: Where it begins, in prices of bits, and how quality changes with them and with each doubling of the colors: first
-#: guesses, which two trials replace.
-_FIRST_PRICE, _POINTS_BY_PRICE, _POINTS_BY_DOUBLING = 0.7, -10.0, 6.0
-#: By so much a file grows, roughly, when the number of colors doubles.
-_BYTES_A_PIXEL = 0.05
+from cvtimg.quantization.targets import Ladder
 
 
-class _HasPsnr(Protocol):
-    @property
-    def psnr(self) -> float: ...
+@dataclass(frozen=True, slots=True)
+class _Aiming:
+    """Where searches begin and end, and first guesses of how figures grow."""
+
+    number: int = 32
+    decibels: float = 2.0  # for twice the colors
+    bytes_per_pixel: float = 0.05  # likewise, or for half the price of a bit
+    points: float = 6.0  # of visual quality for twice the colors,
+    points_by_price: float = 10.0  # and for a bit that is cheaper by 1
+    # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
+    # and lose gentle texture, which the measure does not see.
+    price: float = 0.7
+    prices: Sequence[float] = tuple(np.linspace(1.2, 0.02, 237).tolist())
+    # For files that must be small: streaks look better than few colors.
+    all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
+    # A search for a quality ends with a result that is by so much better, or after so many trials.
+    close: float = 0.5
+    n_trials: int = 5
 
 
-R_co = TypeVar("R_co", bound=_HasPsnr, covariant=True)
-R = TypeVar("R", bound=_HasPsnr)
-#: An image, or frames: dataclasses that hold their quality.
-S = TypeVar("S", bound=Any)
+_AIMING = _Aiming()
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +172,7 @@ class QuantizeOptions:
         return STRENGTH if self.palette is None else 1.0
 
 
-class Source(Protocol[R_co]):
+class Source(Protocol):
     """Pixels that are counted, and mapped once there is a palette."""
 
     @property
@@ -183,21 +180,21 @@ class Source(Protocol[R_co]):
         """The densities that palettes are found for: one for all pixels, or one for each frame."""
         ...
 
-    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> R_co:
-        """Map the pixels to the palettes, one for each of `counted`."""
+    def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Any:
+        """Map the pixels to the palettes, one for each of `counted`: an image, or frames."""
         ...
 
 
-class MeasuredSource(Source[S], Protocol[S]):
+class MeasuredSource(Source, Protocol):
     """Pixels in memory, whose looks and bytes can be measured."""
 
     n_pixels: int
 
-    def quality(self, result: S) -> float:
+    def quality(self, result: Any) -> float:
         """Return the visual quality of a result."""
         ...
 
-    def size(self, result: S) -> int:
+    def size(self, result: Any) -> int:
         """Return the bytes of its file."""
         ...
 
@@ -212,30 +209,15 @@ def quantized(source: Any, how: QuantizeOptions) -> Any:
         at_elbow, curve = source.elbow(how)
         return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
     if how.max_bytes is not None:
-        return _within_bytes(source, replace(how, n_colors=how.n_colors or MAX_ENTRIES), how.max_bytes)
+        result = _within_bytes(source, replace(how, n_colors=how.n_colors or MAX_ENTRIES), how.max_bytes)
+        return _seen(source, result) if how.goal == "eyes" else result
     if how.goal == "eyes":
         return _for_eyes(source, how)
     if how.psnr is not None and how.palette is None:
         return _reaching(source, how, how.psnr)
-    with part(0, _FOUND[how.dither is not None]):
+    with part(0, 0.2 if how.dither else 0.7):
         palettes = [*map(finder(how), source.counted)]
     return source.mapped(palettes, how)
-
-
-def _with(source: Source[R], how: QuantizeOptions, n_colors: int) -> R:
-    """Quantize pixels to a number of colors, whatever the aim."""
-    found: R = quantized(source, replace(how, n_colors=n_colors, goal="error", psnr=None, max_bytes=None))
-    return found
-
-
-def _reaching(source: Source[R], how: QuantizeOptions, psnr: float) -> R:
-    """Quantize pixels to the fewest colors of a quality in dB."""
-    results = Search(source, how, lambda result: result.psnr, _DECIBEL).reach(psnr, how.n_colors or MAX_COLORS)
-    if True not in results:
-        best = results[False]
-        n_colors = max(len(colors) for colors in palettes_of(best))
-        refuse("psnr", psnr, f"at most {best.psnr:.2f} dB, which {n_colors} colors reach")
-    return results[True]
 
 
 def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
@@ -253,40 +235,63 @@ def finder(how: QuantizeOptions) -> Callable[[ColorSamples], Palette]:
     return lambda samples: given
 
 
-def _within_bytes(source: MeasuredSource[S], how: QuantizeOptions, max_bytes: int) -> S:
+def _by_number(
+    source: Source, how: QuantizeOptions, figure: Callable[[Any], float], target: float, growth: float
+) -> Any:
+    """Return the results of neighboring numbers of colors, whose figure is below a target and reaches it."""
+    least = max(fixed_colors(one, how.locked)[2] for one in source.counted)
+    most: Any = how.n_colors or MAX_COLORS
+    check_room(most, least)
+    plain, first = replace(how, goal="error", psnr=None, max_bytes=None), _AIMING.number
+    # A first pass with low effort shows where to look. Each number is searched for by itself: starting from another one
+    # would end at a higher energy.
+    for effort in first_few(dict.fromkeys(("fast", how.engine.get("effort", "balanced"))), left=0.7):
+
+        def result(n: Any, engine: Any = {**how.engine, "effort": effort}) -> Any:  # noqa: B006
+            return quantized(source, replace(plain, n_colors=n, engine=engine))
+
+        ends = Ladder(range(least, most + 1), result, figure, growth).climb(target, first)
+        first = next(int(end[0]) for end in ends[::-1] if end)
+    return [end and end[1] for end in ends]
+
+
+def _reaching(source: Source, how: QuantizeOptions, psnr: float) -> Any:
+    """Quantize pixels to the fewest colors of a quality in dB."""
+    below, found = _by_number(source, how, lambda result: result.psnr, psnr, _AIMING.decibels)
+    if found is None:
+        refuse("psnr", psnr, f"at most {below.psnr:.2f} dB, which {_most_colors(below)} colors reach")
+    return found
+
+
+def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) -> Any:
     """Find the most colors whose file is small enough; for eyes the best image that fits."""
+    growth = _AIMING.bytes_per_pixel * source.n_pixels
     if how.quality is not None:
         result = _nearest_quality(source, how)
         if source.size(result) <= max_bytes:
             return result
     if how.dither == "compact":
-        dearest = replace(how, price=DEAREST)
-        fitting, _ = _toward(source, dearest, DEAREST, PRICES[0], lambda result: source.size(result) <= max_bytes)
-        if source.size(fitting) <= max_bytes:
-            return _seen(source, fitting) if how.goal == "eyes" else fitting
-        how = dearest
-    results = Search(source, how, source.size, _BYTES_A_PIXEL * source.n_pixels).reach(max_bytes + 1, how.n_colors)
-    if False not in results:
-        fewest = results[True]
-        n_colors = max(len(colors) for colors in palettes_of(fewest))
-        refuse("max_bytes", max_bytes, f"at least {source.size(fewest)}, for the fewest colors, {n_colors}")
-    found = results[False]
-    if found.n_distinct > 1 and all(len(colors) == 1 for colors in palettes_of(found)):
+        prices = _AIMING.all_prices
+        ladder = Ladder(prices, _by_price(source, how), source.size, growth, lambda price: -math.log2(price))
+        fitting, _ = ladder.climb(max_bytes + 1, first=prices[0])
+        if fitting is not None:
+            return fitting[1]
+        how = replace(how, price=prices[0])
+    found, fewest = _by_number(source, how, source.size, max_bytes + 1, growth)
+    if found is None:
+        least = f"at least {source.size(fewest)}, for the fewest colors, {_most_colors(fewest)}"
+        refuse("max_bytes", max_bytes, least)
+    if found.n_distinct > 1 and _most_colors(found) == 1:
         warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=4)
-    return _seen(source, found) if how.goal == "eyes" else found
+    return found
 
 
-def _seen(source: MeasuredSource[S], result: S) -> S:
-    """Return a result that knows its visual quality."""
-    return replace(result, quality=source.quality(result))
-
-
-def _for_eyes(source: MeasuredSource[S], how: QuantizeOptions) -> S:
+def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
     """Let bits cost as much as the quality allows, and say what was reached; see `quantize`."""
     result = _nearest_quality(source, how)
     least, wanted = how.quality_range
     if how.quality is not None and result.quality < wanted:
-        colors = f"{max(len(colors) for colors in palettes_of(result))} colors"
+        colors = f"{_most_colors(result)} colors"
         if result.quality < least:
             refuse("quality", how.quality, f"at most {result.quality:.1f} at its lower end, which {colors} reach")
         text = f"quality={wanted:g} is out of reach of {colors}: {result.quality:.1f}"
@@ -294,157 +299,48 @@ def _for_eyes(source: MeasuredSource[S], how: QuantizeOptions) -> S:
     return result
 
 
-def _nearest_quality(source: MeasuredSource[S], how: QuantizeOptions) -> S:
+def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     """Return the smallest result of a quality, if one is wanted and can be had, or else the best."""
     if how.quality is None:
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    _, wanted = how.quality_range
-    palettes = [*map(finder(how), source.counted)]
+    wanted, most_trials, prices = how.quality_range[1], _AIMING.n_trials, _AIMING.prices
+    mapped = _by_price(source, how)
 
-    def priced(price: float) -> S:
-        return _seen(source, source.mapped(palettes, replace(how, price=price)))
+    def climbed(ladder: Ladder[Any], first: float) -> Any:
+        below, reached = ladder.climb(wanted, first, _AIMING.close, most_trials)
+        return reached or below
 
-    result, price = _just_reaching(priced, wanted, _FIRST_PRICE, PRICES, _POINTS_BY_PRICE)
-    if price < PRICES[1] or how.palette is not None or not result.energy:  # images of few colors stay exact
+    def quality(result: Any) -> float:
+        return result.quality
+
+    ladder = Ladder(prices, lambda price: _seen(source, mapped(price)), quality, _AIMING.points_by_price, operator.neg)
+    price, result = climbed(ladder, _AIMING.price)
+    if price < prices[0] or how.palette is not None or not result.energy:  # images of few colors stay exact
         return result
-    few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), len(palettes_of(result)[0])
-    if result.quality <= wanted + _CLOSE or many <= max(few, 1):
+    few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), _most_colors(result)
+    if result.quality < wanted + _AIMING.close or many <= few:
         return result
 
-    known = {many: result}
+    def reduced(n: Any) -> Any:
+        plain = replace(how, goal="error", max_bytes=None, price=price)
+        return _seen(source, quantized(source, replace(plain, n_colors=n)))
 
-    def reduced(halvings: float) -> S:
-        n_colors = min(max(round(many / 2**halvings), few, 1), many)
-        if n_colors not in known:
-            known[n_colors] = _seen(source, _with(source, replace(how, price=price), n_colors))
-        return known[n_colors]
-
-    first = (result.quality - wanted) / _POINTS_BY_DOUBLING
-    ends = 0.0, math.log2(many / max(few, 1))
-    fewer, _ = _just_reaching(reduced, wanted, min(first, ends[1]), ends, -_POINTS_BY_DOUBLING)
+    first = many / 2 ** ((result.quality - wanted) / _AIMING.points)
+    _, fewer = climbed(Ladder(range(few, many), reduced, quality, _AIMING.points), first)
     return fewer if fewer.quality >= wanted else result
 
 
-def _just_reaching(
-    trial: Callable[[float], S], wanted: float, first: float, ends: tuple[float, float], slope: float
-) -> tuple[S, float]:
-    """Return the result of a quality at the greatest saving, and that saving; the least one where none reaches it."""
-    # The quality falls nearly in a line with the saving, from the first to the second of `ends`.
-    trials: list[tuple[float, S]] = []
-    reaching: tuple[float, S] | None = None
-    below: tuple[float, S] | None = None
-    saving = first
-    while True:
-        result = trial(saving)
-        trials.append((saving, result))
-        if result.quality >= wanted:
-            reaching = trials[-1]
-        else:
-            below = trials[-1]
-        close = wanted <= result.quality <= wanted + _CLOSE
-        if close or len(trials) == _TRIALS or saving == ends[int(result.quality >= wanted)]:
-            break
-        if len(trials) > 1 and (before := trials[-2])[0] != saving:
-            slope = min((result.quality - before[1].quality) / (saving - before[0]), slope / 8)
-        low, high = reaching[0] if reaching else ends[0], below[0] if below else ends[1]
-        guess = saving + (wanted + _CLOSE / 2 - result.quality) / slope
-        saving = min(max(guess, low), high)
-        if reaching and below and not low < saving < high:
-            saving = (low + high) / 2
-        if len(trials) == _TRIALS - 1 and not reaching:
-            saving = ends[0]
-    found = reaching or below
-    assert found is not None
-    return found[1], found[0]
-
-
-def _toward(
-    source: Source[R], how: QuantizeOptions, start: float, end: float, good: Callable[[R], bool]
-) -> tuple[R, float]:
-    """Return the good result whose price of bits is nearest to `end`, or else the one at `start`; and its price."""
+def _by_price(source: Source, how: QuantizeOptions) -> Callable[[float], Any]:
+    """Return what maps the pixels at a price of bits."""
     palettes = [*map(finder(how), source.counted)]
-    best = source.mapped(palettes, replace(how, price=start))
-    if not good(best):
-        return best, start
-    last = source.mapped(palettes, replace(how, price=end))
-    if good(last):
-        return last, end
-    for _ in range(_HALVINGS):
-        price = math.sqrt(start * end)
-        result = source.mapped(palettes, replace(how, price=price))
-        if good(result):
-            start, best = price, result
-        else:
-            end = price
-    return best, start
+    return lambda price: source.mapped(palettes, replace(how, price=price))
 
 
-def palettes_of(result: Any) -> list[Any]:
-    """Return the palettes of the results of all frames, or of a single one."""
-    return [one.palette for one in getattr(result, "results", (result,))]
+def _seen(source: MeasuredSource, result: Any) -> Any:
+    """Return a result that knows its visual quality."""
+    return replace(result, quality=source.quality(result))
 
 
-@dataclass(frozen=True, slots=True)
-class Search(Generic[R]):
-    """The search for the number of colors at which a figure of the result reaches a target."""
-
-    source: Source[R]
-    how: QuantizeOptions
-    value: Callable[[R], float]
-    #: Approximate growth of the value from n to 2 n colors.
-    per_octave: float
-
-    def reach(self, target: float, most: int | Any) -> dict[bool, R]:
-        """Return the result with the fewest colors whose value reaches the target, under True."""
-        # Under False is the result with one color less; either can be missing.
-        # A first pass with low effort shows where to look. Each trial is a search of its own, so that its result is
-        # what `quantize` returns for its size: starting from another trial would end at a higher energy.
-        least = max(fixed_colors(one, self.how.locked)[2] for one in self.source.counted)
-        check_room(most, least)
-        n, left = _FIRST_TRIAL, 1.0
-        for effort in dict.fromkeys(["fast", self.how.engine.get("effort", "balanced")]):
-            results: dict[bool, R] = {}
-
-            def measure(n: int, effort: EffortName = effort, results: dict[bool, R] = results) -> float:
-                nonlocal left
-                engine = EngineOptions(**{**self.how.engine, "effort": effort})
-                with part(1 - left, 1 - _LEFT * left):
-                    result = _with(self.source, replace(self.how, engine=engine), n)
-                left *= _LEFT
-                reached = self.value(result)
-                results[reached >= target] = result
-                return reached
-
-            n = first_reaching(measure, target, least, most, first=n, per_octave=self.per_octave)
-        return results
-
-
-def first_reaching(
-    measure: Callable[[int], float], target: float, least: int, most: int, *, first: int, per_octave: float
-) -> int:
-    """Return an n in least..most with measure(n) >= target where measure(n - 1) is below it; most + 1 if none is."""
-    # `measure` grows with n, more or less, from n to 2 n by about `per_octave`; each trial is expensive.
-    below, reaching = least - 1, most + 1
-    n = min(max(first, least), most)
-    trials: list[tuple[int, float]] = []
-    while reaching - below > 1:
-        trials.append((n, measure(n)))
-        if trials[-1][1] >= target:
-            reaching = n
-        else:
-            below = n
-        n = min(max(_next(trials, target, below, reaching, per_octave), below + 1), reaching - 1)
-    return reaching
-
-
-def _next(trials: list[tuple[int, float]], target: float, below: int, reaching: int, per_octave: float) -> int:
-    """Follow the line through the last two trials; every sixth time bisect, in case the values are far from a line."""
-    (n, value), tried = trials[-1], {trial[0] for trial in trials}
-    if not math.isfinite(value) or (len(trials) % 6 == 0 and reaching in tried):
-        return round(math.sqrt(max(below, 1) * reaching))
-    slope = per_octave
-    if len(trials) > 1 and (other := trials[-2])[1] != value and math.isfinite(other[1]):
-        slope = max((value - other[1]) / math.log2(n / other[0]), per_octave / 8)
-    octaves = min(max((target - value) / slope, -4), 4)
-    guess = n * 2**octaves
-    return math.ceil(guess) if value < target else math.floor(guess)
+def _most_colors(result: Any) -> int:
+    """Return the size of the largest palette of the results of all frames, or of a single one."""
+    return max(len(one.palette) for one in getattr(result, "results", (result,)))

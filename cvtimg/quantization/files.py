@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,14 +16,11 @@ from cvtimg.files.whole import StrPath
 from cvtimg.palettes.files import read_palette, write_palette
 from cvtimg.pictures.files import Metadata, read_metadata
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
-from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.pages import PAGE_SUFFIXES
 from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
 from cvtimg.quantization.driver import QuantizeOptions, quantized
 from cvtimg.quantization.images import PictureSource
-from cvtimg.quantization.looks import MAX_ENTRIES
-from cvtimg.quantization.remapping import Quantized
 from cvtimg.quantization.series import QuantizedSeries, SeriesSource
 from cvtimg.quantization.tiled import TiledSource
 
@@ -151,10 +147,6 @@ def quantize_file(
     OSError
         If a file cannot be read or written.
 
-    See Also
-    --------
-    quantize : An image in memory.
-
     Examples
     --------
     >>> import tempfile
@@ -188,15 +180,26 @@ def quantize_file(
         _write_palette(writing, result)
         lap("all")
         return result
-    metadata = _metadata(source, target, stack, reading, writing, keep_profile)
-    own = read_palette(source) if _is_indexed(stack) and how.palette is None and how.locked is None else None
-    work: Any = (_Picture if stack.kind == "image" else _Series)(stack, how, reading, metadata)
+    masks, metadata, kept = stack.masks, _metadata(source, target, stack, reading, writing, keep_profile), None
+    work: Any
+    if stack.kind == "image":
+        image = to_depth(stack.content, np.dtype(f"uint{reading.depth}")) if reading.depth else stack.content
+        how, mask = _at_depth(how, image.dtype), masks and masks[0]
+        work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata)
+        if stack.header and stack.header.mode == "P" and how.palette is None:
+            kept = work.kept(read_palette(source), how)
+    else:
+        keeps_nodata, how = (
+            reading.nodata is None and stack.nodata is not None,
+            _at_depth(how, stack.content.images[0].dtype),
+        )
+        work = SeriesSource(stack.content, how, None, masks, metadata, keeps_nodata=keeps_nodata)
+        how = work.how
     lap("read")
-    kept = None if own is None else work.kept(own, work.how)
-    found = quantized(work, work.how) if kept is None else kept
-    result = found if isinstance(found, QuantizedSeries) else QuantizedSeries.of(found, "image")
+    found = kept or quantized(work, how)
     lap("cluster")
-    stack.write(target, **work.stored(result), optimize=writing.optimize, overwrite=writing.overwrite)
+    stack.write(target, **work.stored(found), optimize=writing.optimize, overwrite=writing.overwrite)
+    result = found if isinstance(found, QuantizedSeries) else QuantizedSeries.of(found, "image")
     _write_palette(writing, result)
     lap("write")
     return result
@@ -225,10 +228,6 @@ def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Readin
         check_choice(f"{target}: suffix", how.suffix, TILED_SUFFIXES)
     if stack.kind == "pages" and how.suffix not in PAGE_SUFFIXES:
         raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {target.name}")
-
-
-def _is_indexed(stack: Stack) -> bool:
-    return stack.kind == "image" and stack.header is not None and stack.header.mode == "P"
 
 
 def _at_depth(how: QuantizeOptions, dtype: np.dtype[Any]) -> QuantizeOptions:
@@ -263,69 +262,3 @@ def _metadata(
         return None
     found = read_metadata(source)
     return Metadata(geo=found.geo, nodata=nodata, dpi=found.dpi if found.scale else None, scale=found.scale)
-
-
-class _Picture(PictureSource):
-    """The way of a single image to a file."""
-
-    def __init__(self, stack: Stack, how: QuantizeOptions, reading: Reading, metadata: Metadata | None) -> None:
-        image, masks = stack.content, stack.masks
-        if reading.depth:
-            image = to_depth(image, np.dtype(f"uint{reading.depth}"))
-        super().__init__(image, None, None if masks is None else masks[0], reading.weights, how.suffix)
-        self.how, self._metadata = _at_depth(how, image.dtype), metadata
-
-    def size(self, result: Quantized) -> int:
-        """Return the bytes of its file."""
-        stored = _content(result, self._metadata)
-        pixels = as_stored(stored.pop("images")[0], self._suffix)[0]
-        return len(encode_image(self._suffix, pixels, **stored))
-
-    def stored(self, result: QuantizedSeries) -> dict[str, Any]:
-        """Return what is written."""
-        one = result.results[0]
-        n_colors = len(one.palette) + (one.inside is not None)
-        if self._suffix == ".gif" and n_colors > MAX_ENTRIES:
-            raise ValueError(f".gif holds images of at most {MAX_ENTRIES} colors, and this one has {n_colors}")
-        found = _content(one, self._metadata)
-        pixels, notes = as_stored(found["images"][0], self._suffix)
-        for note in notes:
-            warnings.warn(note, UserWarning, stacklevel=3)
-        return {**found, "images": [pixels]}
-
-
-def _content(result: Quantized, metadata: Metadata | None) -> dict[str, Any]:
-    """Return what is written of an image; where nodata is kept, it is not indexed."""
-    pixels, palette = result.content
-    if metadata and metadata.nodata is not None:
-        if (result.palette == metadata.nodata).all(axis=1).any():  # a color would become nodata
-            metadata = replace(metadata, nodata=None)
-        else:
-            pixels, palette = result.image, None
-            pixels = pixels[..., 0] if pixels.ndim == 3 and result.palette.shape[1] == 1 else pixels
-    alpha = result.alpha if palette is None and pixels.ndim == 3 else None
-    return {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
-
-
-class _Series(SeriesSource):
-    """The way of an animation, or of pages, to a file."""
-
-    def __init__(self, stack: Stack, how: QuantizeOptions, reading: Reading, metadata: Metadata | None) -> None:
-        how, masks = _at_depth(how, stack.content.images[0].dtype), stack.masks
-        if how.palette is None and (how.psnr is not None or how.max_bytes is not None):
-            how = replace(how, n_colors=how.n_colors or MAX_ENTRIES)
-        if stack.kind == "frames" and isinstance(how.n_colors, int) and how.palette is None:
-            # One more is transparent: pixels that are left out, or that stay as they were.
-            needs_clear = masks is not None or how.goal == "eyes"
-            how = replace(how, n_colors=min(how.n_colors, MAX_ENTRIES - 1)) if needs_clear else how
-        super().__init__(stack.content, how, None, masks, metadata)
-        self.how, self._pages = how, stack.content if stack.kind == "pages" else None
-        self._keeps_nodata = reading.nodata is None and stack.nodata is not None
-
-    def stored(self, result: QuantizedSeries) -> dict[str, Any]:
-        """Return what is written."""
-        if self._pages is not None:
-            images, palette, alpha = result.stored(self._pages, keeps_nodata=self._keeps_nodata)
-            return {"images": images, "palette": palette, "alpha": alpha}
-        frames, palettes = result.content
-        return {"images": frames.images, "palette": palettes, "metadata": self._metadata}

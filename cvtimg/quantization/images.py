@@ -18,7 +18,9 @@ from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.looks.similarity import VisualQuality
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
+from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.quantization.driver import QuantizeOptions, quantized
+from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
@@ -118,11 +120,6 @@ def quantize(
     ValueError
         Also if `psnr`, `max_bytes` or the lower end of `quality` cannot be reached.
 
-    See Also
-    --------
-    find_palette, map_to_palette : Its two steps.
-    quantize_file, quantize_frames : Files of any kind, and animations.
-
     Notes
     -----
     The quality follows from the price of bits in "compact", and once that would show as streaks, which the measure does
@@ -150,10 +147,16 @@ def quantize(
 
 
 class PictureSource:
-    """An image in memory: the `Source` of `quantize`."""
+    """An image in memory: the `Source` of `quantize`; of a file, also what to keep of that."""
 
     def __init__(
-        self, image: Any, alpha: bool | None, mask: ArrayLike | None, weights: ArrayLike | None, suffix: str = ""
+        self,
+        image: Any,
+        alpha: bool | None,
+        mask: ArrayLike | None,
+        weights: ArrayLike | None,
+        suffix: str = "",
+        metadata: Metadata | None = None,
     ) -> None:
         array = array_of(image)
         n_channels = array.shape[2] if array.ndim == 3 else 1
@@ -174,7 +177,7 @@ class PictureSource:
         self.n_pixels = self._samples.inverse.size
         self._measure: VisualQuality | None = None
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
-        self._suffix = suffix or (".png" if in_png else ".npy")
+        self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
 
     def quality(self, result: Quantized) -> float:
         """Return the visual quality of a result."""
@@ -183,8 +186,32 @@ class PictureSource:
 
     def size(self, result: Quantized) -> int:
         """Return the bytes of its file."""
-        pixels, palette = result.content
-        return len(encode_image(self._suffix, as_stored(pixels, self._suffix)[0], palette=palette))
+        stored = self._content(result)
+        pixels = as_stored(stored.pop("images")[0], self._suffix)[0]
+        return len(encode_image(self._suffix, pixels, **stored))
+
+    def stored(self, result: Quantized) -> dict[str, Any]:
+        """Return what a file of it holds."""
+        n_colors = len(result.palette) + (result.inside is not None)
+        if self._suffix == ".gif" and n_colors > MAX_ENTRIES:
+            raise ValueError(f".gif holds images of at most {MAX_ENTRIES} colors, and this one has {n_colors}")
+        found = self._content(result)
+        pixels, notes = as_stored(found["images"][0], self._suffix)
+        for note in notes:
+            warnings.warn(note, UserWarning, stacklevel=3)
+        return {**found, "images": [pixels]}
+
+    def _content(self, result: Quantized) -> dict[str, Any]:
+        """Return what is written; where nodata is kept, it is not indexed."""
+        (pixels, palette), metadata = result.content, self._metadata
+        if metadata and metadata.nodata is not None:
+            if (result.palette == metadata.nodata).all(axis=1).any():  # a color would become nodata
+                metadata = replace(metadata, nodata=None)
+            else:
+                pixels, palette = result.image, None
+                pixels = pixels[..., 0] if pixels.ndim == 3 and result.palette.shape[1] == 1 else pixels
+        alpha = result.alpha if palette is None and pixels.ndim == 3 else None
+        return {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""
@@ -198,12 +225,8 @@ class PictureSource:
         """Return the image in its own palette, if that is small enough and has all its colors."""
         if not isinstance(how.n_colors, int) or how.locked is not None or how.color_bits is not None:
             return None
-        n_channels = self._shape[2] if len(self._shape) == 3 else 1
-        if (
-            len(palette) > how.n_colors
-            or palette.dtype != self._samples.colors.dtype
-            or palette.shape[1:] != (n_channels,)
-        ):
+        own = self._samples.colors
+        if len(palette) > how.n_colors or palette.dtype != own.dtype or palette.shape[1:] != (*self._shape, 1)[2:3]:
             return None
         result = self.mapped([Palette(palette, None)], how)
         if result.energy or len(result.palette) > len(palette):

@@ -22,11 +22,6 @@ _LIGHTNESS, _HUE = 255.0, 127.5
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
 MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}
-#: Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
-#: and lose gentle texture, which the measure does not see.
-PRICES = 0.02, 1.2
-#: Highest price for files that must be small: streaks look better than a palette of few colors.
-DEAREST = 16.0
 
 
 class Below(NamedTuple):

@@ -201,17 +201,12 @@ def quantize_frames(
     space, palette, ramp, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
     goal, quality
-        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames. With at most 255 colors, the
-        default, one more can stand for what stays from the frame before.
+        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames. An animation then has at most
+        255 colors; one more can stand for what stays from the frame before.
 
     Returns
     -------
     QuantizedSeries
-
-    See Also
-    --------
-    quantize : A single image.
-    cvtimg.pictures.read_frames, cvtimg.pictures.read_pages : Where frames come from.
 
     Examples
     --------
@@ -224,20 +219,18 @@ def quantize_frames(
     [11, 11, 200]
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
-    seen = goal == "eyes" or quality is not None
-    if n_colors is None and palette is None and (seen or psnr is not None):
-        n_colors = MAX_ENTRIES - seen
     how = QuantizeOptions(
         n_colors, psnr, max_bytes, palette, locked, color_bits, ramp, space, dither, dither_strength, goal, quality,
         per_frame, engine, ".gif",
     ).aimed()  # fmt: skip
     how.check()
-    found: QuantizedSeries = quantized(SeriesSource(frames, how, alpha, masks), how)
+    source = SeriesSource(frames, how, alpha, masks)
+    found: QuantizedSeries = quantized(source, source.how)
     return found
 
 
 class SeriesSource:
-    """The frames of an animation, or pages: a `Source` of their palettes."""
+    """The frames of an animation, or pages: a `Source` of their palettes; of a file, also what to keep of that."""
 
     def __init__(
         self,
@@ -246,7 +239,15 @@ class SeriesSource:
         alpha: bool | None = None,
         masks: Sequence[ArrayLike | None] | None = None,
         metadata: Metadata | None = None,
+        *,
+        keeps_nodata: bool = False,
     ) -> None:
+        if how.palette is None:
+            # One is transparent: pixels that are left out, or that stay as they were.
+            has_clear = isinstance(frames, Frames) and (masks is not None or how.goal == "eyes")
+            n_colors: Any = how.n_colors or MAX_ENTRIES
+            how = replace(how, n_colors=min(n_colors, MAX_ENTRIES - 1) if has_clear else n_colors)
+        self.how, self._keeps_nodata = how, keeps_nodata
         n_frames = len(frames.images)
         masks = [None] * n_frames if masks is None else list(masks)
         if len(masks) != n_frames:
@@ -268,6 +269,14 @@ class SeriesSource:
         """Return the bytes of its animation."""
         frames, palettes = result.content
         return len(encode_frames(self._suffix, frames, palettes, self._metadata))
+
+    def stored(self, result: QuantizedSeries) -> dict[str, Any]:
+        """Return what a file of them holds."""
+        if isinstance(self._frames, Pages):
+            images, palette, alpha = result.stored(self._frames, keeps_nodata=self._keeps_nodata)
+            return {"images": images, "palette": palette, "alpha": alpha}
+        frames, palettes = result.content
+        return {"images": frames.images, "palette": palettes, "metadata": self._metadata}
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> QuantizedSeries:
         """Map each frame to its palette, or to the one of all."""

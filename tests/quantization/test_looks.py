@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from cvtimg.quantization import (
     quantize_file,
     quantize_frames,
 )
-from cvtimg.quantization.driver import _just_reaching
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -67,24 +65,6 @@ def test_of_a_range_of_qualities_the_upper_end_is_wanted_and_less_than_the_lower
     for wrong in (101, (80, 60), (-1, 50)):
         with pytest.raises(ValueError, match=r"quality=.* must be in 0\.\.100, or two such, rising"):
             cvtimg.quantize(PART, quality=wrong, **FAST)
-
-
-@pytest.mark.parametrize("slope", [-2.0, -10.0, -40.0])
-@pytest.mark.parametrize("wanted", [55.0, 70.0, 80.0, 87.5, 95.0])
-def test_a_quality_is_found_in_few_trials_however_it_falls(slope: float, wanted: float) -> None:
-    seen = []
-
-    def trial(saving: float) -> SimpleNamespace:
-        seen.append(saving)
-        return SimpleNamespace(quality=90 + slope * saving - 3 * np.sqrt(saving))
-
-    found, saving = _just_reaching(trial, wanted, 0.7, (0.0, 1.2), -10.0)
-    assert len(seen) <= 5
-    highest, lowest = trial(0.0).quality, trial(1.2).quality
-    if wanted > highest:
-        assert saving == 0.0
-    else:
-        assert wanted <= found.quality <= max(wanted + 1, lowest)
 
 
 @pytest.mark.parametrize("options", [{"goal": "eyes"}, {"quality": 90}])

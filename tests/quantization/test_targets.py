@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from cvtimg import quantize
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import Quantized
-from cvtimg.quantization.driver import first_reaching
+from cvtimg.quantization.targets import Ladder
 
 
 @given(st.lists(st.floats(-5, 60), min_size=1, max_size=300), st.floats(-5, 60), st.integers(1, 300), st.booleans())
@@ -23,27 +25,49 @@ def test_what_is_found_reaches_the_target_and_one_less_does_not(
     table = sorted(values) if rising else values
     tried: set[int] = set()
 
-    def measure(n: int) -> float:
+    def result(n: Any) -> float:
         assert n not in tried
         tried.add(n)
         return table[n - 1]
 
-    found = first_reaching(measure, target, 1, len(table), first=first, per_octave=2.0)
-    assert found == len(table) + 1 or table[found - 1] >= target
-    assert found == 1 or table[found - 2] < target
+    below, reached = Ladder(range(1, len(table) + 1), result, float, 2.0).climb(target, first)
+    assert below is None or below[1] == table[int(below[0]) - 1] < target
+    assert reached is None or reached[1] == table[int(reached[0]) - 1] >= target
+    assert (reached[0] if reached else len(table) + 1) == (below[0] if below else 0) + 1
     if rising:
-        assert found == 1 + sum(value < target for value in table)
+        assert (below[0] if below else 0) == sum(value < target for value in table)
 
 
 def test_few_trials_suffice_where_quality_follows_the_logarithm() -> None:
     tried: list[int] = []
 
-    def measure(n: int) -> float:
+    def result(n: Any) -> float:
         tried.append(n)
         return 20 + 2.2 * np.log2(n) + 0.05 * np.sin(n)
 
-    first_reaching(measure, 38.0, 1, 65536, first=32, per_octave=2.0)
+    Ladder(range(1, 65537), result, float, 2.0).climb(38.0, 32)
     assert len(tried) <= 10
+
+
+@pytest.mark.parametrize("slope", [-2.0, -10.0, -40.0])
+@pytest.mark.parametrize("wanted", [55.0, 70.0, 80.0, 87.5, 95.0])
+def test_a_value_near_the_target_is_found_in_few_trials_however_it_falls(slope: float, wanted: float) -> None:
+    tried: list[float] = []
+
+    def quality(price: float) -> float:
+        tried.append(price)
+        return 90 + slope * price - 3 * math.sqrt(price)
+
+    prices = np.linspace(1.2, 0, 237).tolist()
+    below, reached = Ladder(prices, quality, float, 10.0, operator.neg).climb(wanted, 0.7, close=0.5, most=5)
+    assert len(tried) <= 5
+    if wanted > quality(0.0):
+        assert reached is None
+        assert below is not None
+        assert below[0] == 0.0
+    else:
+        assert reached is not None
+        assert wanted <= reached[1] <= max(wanted + 1, quality(1.2))
 
 
 @pytest.mark.parametrize("psnr", [18, 24.5, 30])
