@@ -15,26 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg._shared.pixels import peak
+from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
 from cvtimg.palettes.formats.aseprite import read_aseprite, write_aseprite
 from cvtimg.palettes.formats.picture import read_picture, write_picture
-from cvtimg.palettes.known import known_palettes, written_palette
+from cvtimg.palettes.known import known_palette
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
 
 @dataclass(frozen=True, slots=True)
 class PaletteFormat:
-    """A palette format.
-
-    Attributes
-    ----------
-    read : callable
-        Returns the (K, 3) or (K, 4) uint8 colors of a file, given its bytes.
-    write : callable
-        Returns the bytes of a file with these swatches.
-    """
+    """A palette format: the (K, 3) or (K, 4) colors of the bytes of a file, and the bytes of a file with swatches."""
 
     read: Callable[[bytes], NDArray[np.uint8]]
     write: Callable[[Swatches], bytes]
@@ -79,10 +72,6 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
         If the file cannot be read or does not match its suffix, or if an image without a palette has more than 65536
         colors.
 
-    See Also
-    --------
-    write_palette, cvtimg.pictures.read_indices
-
     Notes
     -----
     CMYK colors in an .ase file are converted without a profile, so they only approximate the printed colors.
@@ -96,11 +85,8 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     ...     read_palette(f"{folder}/flag.hex").tolist()
     [[0, 0, 255], [255, 255, 0]]
     """
-    known, written = known_palettes(), written_palette(str(path))
-    if str(path) in known and not Path(path).exists():
-        return known[str(path)]
-    if written is not None:
-        return written
+    if (given := known_palette(str(path))) is not None and not Path(path).exists():
+        return given
     form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
     with reading(path) as file:
         return form.read(file.read())
@@ -114,9 +100,7 @@ def write_palette(
     Parameters
     ----------
     path : str or path-like
-        Ends in .gpl (GIMP, Inkscape, Krita, Aseprite), .json, .hex (Lospec), .act or .ase (Adobe), .css (custom
-        properties), .scss (variables), .svg (a drawing of swatches), .pal (JASC), .txt (paint.net), .aseprite or .png
-        (an image with one square per color). The palette is named after the file.
+        Ends as those that `read_palette` reads, or in .png, for one square per color. The palette is named after it.
     palette : (K,), (K, 1), (K, 3) or (K, 4) array
         Gray, RGB or RGBA, in sRGB. uint8 is written unchanged; other integers up to their largest value, and
         floating point in 0..1, are rounded to the 8 bits that these formats store.
@@ -127,16 +111,10 @@ def write_palette(
 
     Raises
     ------
-    TypeError, ValueError
-        If the suffix is unknown, or the palette or density is invalid.
     FileExistsError
         If the file exists and `overwrite` is false.
     OSError
         If the file cannot be written. No partial file remains, and an existing file is unchanged.
-
-    See Also
-    --------
-    read_palette
 
     Notes
     -----
@@ -157,10 +135,8 @@ def write_palette(
     target = Path(path)
     form = PALETTE_FORMATS[check_choice(f"{path}: suffix", target.suffix.lower(), PALETTE_FORMATS)]
     colors = _eight_bit(np.asarray(palette))
-    shares = None
-    if density is not None:
-        weights = check_density(density, len(colors))
-        shares = (weights / weights.sum()).tolist()
+    weights = check_density(density, len(colors))
+    shares = None if density is None else (weights / weights.sum()).tolist()
     # File names need not be valid text; invalid characters are replaced.
     name = " ".join(target.stem.encode("utf-8", "replace").decode().split())
     write_whole(path, form.write(Swatches(name, colors, shares)), overwrite=overwrite)
@@ -175,6 +151,5 @@ def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
     if rows.dtype.kind not in "iuf" or (rows.dtype.kind in "iu" and rows.dtype.itemsize == 8):
         refuse_type("palette", rows.dtype, "uint8, other integers of up to 32 bits, or floating point")
     check_within(f"palette of type {rows.dtype}", rows, 0, peak(rows.dtype), " to be written with 8 bits")
-    if rows.dtype != np.uint8:
-        rows = np.rint(rows * (255 / peak(rows.dtype)))
-    return np.ascontiguousarray(np.repeat(rows, 3, axis=1) if rows.shape[1] == 1 else rows, np.uint8)
+    rows = to_depth(rows, np.dtype(np.uint8))
+    return np.ascontiguousarray(np.repeat(rows, 3, axis=1) if rows.shape[1] == 1 else rows)

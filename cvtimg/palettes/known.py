@@ -23,10 +23,10 @@ _CODES = {
 }
 
 
-def written_palette(text: str) -> NDArray[np.uint8] | None:
-    """Return the (K, 3) or (K, 4) colors that a text writes as ``"#102030,#f0e0d0"``; None for other texts."""
+def known_palette(text: str) -> NDArray[np.uint8] | None:
+    """Return the (K, 3) or (K, 4) colors of a name, or those written as ``"#102030,#f0e0d0"``; None for other texts."""
     if not re.fullmatch(r"#(?:[0-9a-fA-F]{6}(?:,#[0-9a-fA-F]{6})*|[0-9a-fA-F]{8}(?:,#[0-9a-fA-F]{8})*)", text):
-        return None
+        return known_palettes().get(text)
     return np.array([list(bytes.fromhex(code[1:])) for code in text.split(",")], np.uint8)
 
 

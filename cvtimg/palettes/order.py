@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice
 from cvtimg.colors.spaces import to_depth, to_space
 
-#: Chroma in Oklab, of which both coordinates are doubled, below which a color is gray.
-_GRAY = 0.04
 _RULES = ("share", "lightness", "hue")
 
 
@@ -30,11 +28,6 @@ def color_order(
     density : (K,) array
         Number of pixels of each color.
 
-    Returns
-    -------
-    (K,) integer array
-        Indices of the colors in their order.
-
     Examples
     --------
     >>> import numpy as np
@@ -48,5 +41,6 @@ def color_order(
         return np.argsort(-np.asarray(density), kind="stable")
     colors = to_depth(np.asarray(palette), np.dtype(np.uint8))
     lightness, a, b = to_space(colors[:, [0, 0, 0] if colors.shape[1] < 3 else [0, 1, 2]], "oklab").T
-    hue = np.where(np.hypot(a, b) < _GRAY, -1, np.arctan2(b, a) % (2 * np.pi))
+    is_gray = np.hypot(a, b) < 0.04  # both are doubled: twice the least chroma that is seen
+    hue = np.where(is_gray, -1, np.arctan2(b, a) % (2 * np.pi))
     return np.lexsort((lightness, hue)) if by == "hue" else np.argsort(lightness, kind="stable")

@@ -47,12 +47,18 @@ def hex_color(text: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(digits))
 
 
-def css_color(text: str) -> tuple[int, ...]:
-    """Parse a CSS color: hexadecimal digits, or a name such as ``rebeccapurple``."""
+def is_css_name(text: str) -> bool:
+    """Whether a word names a color in style sheets, such as ``rebeccapurple``."""
     from PIL import ImageColor
 
-    name = text.strip().lower()
-    return ImageColor.getrgb(name) if name in ImageColor.colormap else hex_color(text)
+    return text.strip().lower() in ImageColor.colormap
+
+
+def css_color(text: str) -> tuple[int, ...]:
+    """Parse a CSS color: hexadecimal digits, or a name."""
+    from PIL import ImageColor
+
+    return ImageColor.getrgb(text.strip().lower()) if is_css_name(text) else hex_color(text)
 
 
 def lines_of(content: bytes) -> list[str]:

@@ -12,15 +12,12 @@ from cvtimg.palettes.formats.aseprite import is_sprite, read_aseprite
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
-_ENTRIES = 256
-_TABLE = 3 * _ENTRIES
-_TAIL = struct.Struct(">HH")
+_TABLE = struct.Struct(">768sHH")  # 256 colors, their number, and the transparent one
 _NONE_CLEAR = 0xFFFF
 _HEADER = struct.Struct(">4sHHI")
 _BLOCK = struct.Struct(">HI")
 _MAGIC = b"ASEF"
 _COLOR, _GROUP, _GROUP_END = 0x0001, 0xC001, 0xC002
-_NORMAL = 2  # neither global nor a spot color
 #: Bradford adaptation of XYZ colors to the white point of sRGB.
 _D50_TO_D65 = np.array(
     [[0.9555766, -0.0282895, 0.0122982], [-0.0230393, 1.0099416, -0.0204830], [0.0631636, 0.0210077, 1.3299098]]
@@ -30,30 +27,29 @@ _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 def read_act(content: bytes) -> NDArray[np.uint8]:
     """Read a color table: 256 RGB triples, then perhaps the number of colors in use and the transparent index."""
-    if len(content) not in (_TABLE, _TABLE + _TAIL.size):
+    if len(content) not in (768, 772):
         raise UnfitContentError(f"has {len(content)} bytes; a color table must have 768 or 772")
-    table = np.frombuffer(content[:_TABLE], np.uint8).reshape(-1, 3)
-    n_colors, clear = _TAIL.unpack(content[_TABLE:]) if len(content) > _TABLE else (_ENTRIES, _NONE_CLEAR)
-    n_colors = n_colors or _ENTRIES  # some programs write 0 for all
-    if n_colors > _ENTRIES:
+    table, n_colors, clear = _TABLE.unpack(content.ljust(770, b"\0").ljust(772, b"\xff"))
+    n_colors = n_colors or 256  # some programs write 0 for all
+    if n_colors > 256:
         raise UnfitContentError(f"declares {n_colors} colors; a color table has at most 256")
+    colors = np.frombuffer(table, np.uint8).reshape(-1, 3)[:n_colors]
     if clear >= n_colors:
-        return table[:n_colors].copy()
+        return colors.copy()
     alpha = np.where(np.arange(n_colors) == clear, 0, 255).astype(np.uint8)
-    return np.column_stack([table[:n_colors], alpha])
+    return np.column_stack([colors, alpha])
 
 
 def write_act(swatches: Swatches) -> bytes:
     """Write a color table of at most 256 colors, at most one fully transparent and none partially transparent."""
     colors = swatches.colors
-    if len(colors) > _ENTRIES:
+    if len(colors) > 256:
         raise ValueError(f".act holds at most 256 colors, and these are {len(colors)}")
     clear = np.flatnonzero(colors[:, 3] < 255) if colors.shape[1] == 4 else np.empty(0, int)
     if len(clear) > 1 or (len(clear) and colors[clear[0], 3]):
         raise ValueError(".act holds at most one transparent color, and no half-transparent ones")
-    table = np.zeros((_ENTRIES, 3), np.uint8)
-    table[: len(colors)] = colors[:, :3]
-    return table.tobytes() + _TAIL.pack(len(colors), clear[0] if len(clear) else _NONE_CLEAR)
+    table = np.ascontiguousarray(colors[:, :3]).tobytes()  # the rest is filled with 0
+    return _TABLE.pack(table, len(colors), clear[0] if len(clear) else _NONE_CLEAR)
 
 
 def read_ase(content: bytes) -> NDArray[np.uint8]:
@@ -109,7 +105,9 @@ def write_ase(swatches: Swatches) -> bytes:
     """Write swatches as RGB, in one group named after the palette, with alpha in their names."""
     blocks = [(_GROUP, _text(swatches.name))]
     for color, code in zip(swatches.colors[:, :3] / 255, swatches.hexes(), strict=True):
-        blocks.append((_COLOR, _text(code) + b"RGB " + struct.pack(">3fH", *color, _NORMAL)))
+        blocks.append(
+            (_COLOR, _text(code) + b"RGB " + struct.pack(">3fH", *color, 2))
+        )  # neither global nor a spot color
     blocks.append((_GROUP_END, b""))
     body = b"".join(_BLOCK.pack(kind, len(block)) + block for kind, block in blocks)
     return _HEADER.pack(_MAGIC, 1, 0, len(blocks)) + body

@@ -18,7 +18,6 @@ _FRAME = struct.Struct("<IHHH2xI")
 _CHUNK = struct.Struct("<IH")
 _MAGIC, _FRAME_MAGIC = 0xA5E0, 0xF1FA
 _OLD_PALETTE, _LAYER, _PALETTE = 0x0004, 0x2004, 0x2019
-_HAS_NAME = 1
 
 
 def is_sprite(content: bytes) -> bool:
@@ -59,9 +58,9 @@ def _entries(chunk: bytes) -> Iterator[tuple[int, ...]]:
     _, first, last = struct.unpack_from("<III", chunk)
     at = 20
     for _ in range(first, last + 1):
-        flags, *color = struct.unpack_from("<HBBBB", chunk, at)
+        has_name, *color = struct.unpack_from("<HBBBB", chunk, at)
         at += 6
-        if flags & _HAS_NAME:
+        if has_name & 1:
             at += 2 + int.from_bytes(chunk[at : at + 2], "little")
         yield tuple(color)
 

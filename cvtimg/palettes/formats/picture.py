@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from cvtimg.colors.samples import color_samples
+from cvtimg.colors.spaces import to_depth
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture
-
-#: Maximum number of colors of an image without a palette.
-MAX_COLORS = 1 << 16
 
 
 def read_picture(content: bytes) -> NDArray[np.uint8]:
@@ -43,14 +41,13 @@ def _entries(image: Image.Image) -> NDArray[np.uint8]:
     return np.asarray(to_srgb(strip))[0]
 
 
-def _distinct(image: NDArray[Any]) -> NDArray[np.uint8]:
+def _distinct(image: NDArray[Any], most: int = 1 << 16) -> NDArray[np.uint8]:
+    """Return the colors of an image without a palette, as many as that may have."""
     if image.dtype.kind == "f" or (image.ndim == 3 and image.shape[2] not in (3, 4)):
         raise UnfitContentError("has floating point samples or bands that are not colors")
-    if image.dtype == np.uint16:
-        image = np.rint(image / 257).astype(np.uint8)
-    samples = color_samples(image)
-    if samples.n_colors > MAX_COLORS:
-        raise UnfitContentError(f"has {samples.n_colors} colors, over the limit of {MAX_COLORS}; quantize it first")
+    samples = color_samples(to_depth(image, np.dtype(np.uint8)))
+    if samples.n_colors > most:
+        raise UnfitContentError(f"has {samples.n_colors} colors, over the limit of {most}; quantize it first")
     first = np.empty(samples.n_colors, np.intp)
     first[samples.inverse.ravel()[::-1]] = np.arange(samples.inverse.size)[::-1]  # set the first occurrence last
     ordered = samples.colors[np.argsort(first)]

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import re
+import struct
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.palettes.swatches import Swatches, as_palette, css_color, hex_color, lines_of, with_named_alpha
+from cvtimg.palettes.swatches import Swatches, as_palette, css_color, hex_color, is_css_name, lines_of, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
 _VARIABLE = re.compile(r"\$[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;!]|$)")
 _FILL = re.compile(r"fill\s*[=:]\s*[\"']?(#[0-9a-fA-F]+|[a-zA-Z]+)")
-#: RIFF, size, "PAL data", size, version, number of colors.
-_RIFF_HEADER = 24
+
+
+def _lines(*lines: str, end: str = "\n") -> bytes:
+    return "".join(line + end for line in lines).encode("utf-8", "replace")
 
 
 def read_gpl(content: bytes) -> NDArray[np.uint8]:
@@ -45,16 +48,14 @@ def write_gpl(swatches: Swatches) -> bytes:
         f"{red:3} {green:3} {blue:3}\t{code}"
         for (red, green, blue), code in zip(swatches.colors[:, :3].tolist(), swatches.hexes(), strict=True)
     )
-    return "\n".join(["GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows, ""]).encode(
-        "utf-8", "replace"
-    )
+    return _lines("GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows)
 
 
 def read_jasc(content: bytes) -> NDArray[np.uint8]:
     """Read a JASC palette (.pal): ``red green blue`` or ``red green blue alpha`` in each line; or a RIFF palette."""
     if content[:4] == b"RIFF" and content[8:16] == b"PAL data":
-        n_colors = int.from_bytes(content[22:24], "little")
-        entries = np.frombuffer(content, np.uint8, 4 * n_colors, _RIFF_HEADER).reshape(-1, 4)
+        *_, n_colors = struct.unpack_from("<4sI8sIHH", content)  # RIFF, size, PAL data, size, version
+        entries = np.frombuffer(content, np.uint8, 4 * n_colors, 24).reshape(-1, 4)
         return as_palette(entries[:, :3].tolist())
     lines = lines_of(content)
     if not lines or lines[0].strip() != "JASC-PAL":
@@ -70,7 +71,7 @@ def read_jasc(content: bytes) -> NDArray[np.uint8]:
 def write_jasc(swatches: Swatches) -> bytes:
     """Write the colors, with alpha as a fourth number if the palette has transparency, as Aseprite does."""
     rows = (" ".join(map(str, color)) for color in swatches.colors.tolist())
-    return "\r\n".join(["JASC-PAL", "0100", str(len(swatches.colors)), *rows, ""]).encode()
+    return _lines("JASC-PAL", "0100", str(len(swatches.colors)), *rows, end="\r\n")
 
 
 def read_paintnet(content: bytes) -> NDArray[np.uint8]:
@@ -84,9 +85,7 @@ def read_paintnet(content: bytes) -> NDArray[np.uint8]:
 def write_paintnet(swatches: Swatches) -> bytes:
     """Write the colors. paint.net reads only the first 96."""
     rows = (f"{code[7:] or 'ff'}{code[1:7]}".upper() for code in swatches.hexes())
-    return "\r\n".join(["; paint.net Palette File", f"; Palette Name: {swatches.name}", *rows, ""]).encode(
-        "utf-8", "replace"
-    )
+    return _lines("; paint.net Palette File", f"; Palette Name: {swatches.name}", *rows, end="\r\n")
 
 
 def read_hex(content: bytes) -> NDArray[np.uint8]:
@@ -96,51 +95,43 @@ def read_hex(content: bytes) -> NDArray[np.uint8]:
 
 def write_hex(swatches: Swatches) -> bytes:
     """Write the colors."""
-    return "".join(f"{code[1:]}\n" for code in swatches.hexes()).encode()
+    return _lines(*(code[1:] for code in swatches.hexes()))
+
+
+def _found(pattern: re.Pattern[str], content: bytes) -> list[tuple[int, ...]]:
+    """Return the colors that a pattern finds, as ``#rrggbb`` or by name; not other keywords, such as ``auto``."""
+    codes = pattern.findall(_COMMENT.sub("", content.decode("utf-8-sig", "replace")))
+    return [css_color(code) for code in codes if code.startswith("#") or is_css_name(code)]
+
+
+def _named(swatches: Swatches, mark: str) -> str:
+    name = re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
+    return "".join(f"{mark}{name}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
 
 
 def read_css(content: bytes) -> NDArray[np.uint8]:
-    """Read CSS custom properties of any rule that are colors, as ``#rrggbb`` or by name."""
-    text = _COMMENT.sub("", content.decode("utf-8-sig", "replace"))
-    return as_palette(color for code in _PROPERTY.findall(text) if (color := _css_property(code)))
-
-
-def _css_property(code: str) -> tuple[int, ...] | None:
-    """Parse a color; None for other keywords, such as ``auto``."""
-    try:
-        return css_color(code)
-    except UnfitContentError:
-        if code.startswith("#"):
-            raise
-        return None
-
-
-def _css_name(swatches: Swatches) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", swatches.name.lower()).strip("-") or "color"
+    """Read CSS custom properties of any rule that are colors."""
+    return as_palette(_found(_PROPERTY, content))
 
 
 def write_css(swatches: Swatches) -> bytes:
     """Write CSS custom properties ``--name-1: #rrggbb;`` in one ``:root`` rule."""
-    rows = (f"  --{_css_name(swatches)}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
-    return f":root {{\n{''.join(rows)}}}\n".encode()
+    return f":root {{\n{_named(swatches, '  --')}}}\n".encode()
 
 
 def read_scss(content: bytes) -> NDArray[np.uint8]:
     """Read variables of SCSS that are colors."""
-    text = _COMMENT.sub("", content.decode("utf-8-sig", "replace"))
-    return as_palette(color for code in _VARIABLE.findall(text) if (color := _css_property(code)))
+    return as_palette(_found(_VARIABLE, content))
 
 
 def write_scss(swatches: Swatches) -> bytes:
     """Write SCSS variables ``$name-1: #rrggbb;``."""
-    rows = (f"${_css_name(swatches)}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
-    return "".join(rows).encode()
+    return _named(swatches, "$").encode()
 
 
 def read_svg(content: bytes) -> NDArray[np.uint8]:
     """Read the distinct colors that shapes of an SVG drawing are filled with, in the order of the file."""
-    found = _FILL.findall(content.decode("utf-8-sig", "replace"))
-    return as_palette(dict.fromkeys(color for code in found if (color := _css_property(code))))
+    return as_palette(dict.fromkeys(_found(_FILL, content)))
 
 
 def write_svg(swatches: Swatches) -> bytes:
