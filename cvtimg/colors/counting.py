@@ -119,8 +119,7 @@ def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
         pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
     n_colors = [one.colors.shape[1] - one.alpha for one in pair]
     if len(channels) > 1 and set(n_colors) <= {1, 3}:
-        alpha = any(one.alpha for one in pair)
-        pair = [widen_samples(one, max(n_colors), alpha) for one in pair]
+        pair = [widen_samples(one, max(n_colors), first.alpha or second.alpha) for one in pair]
     return pair
 
 

@@ -92,7 +92,6 @@ def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
 
 # --- colors of images
 
-_FIRST_CAPACITY = 1 << 16
 #: The `inverse` of colors without their pixels.
 NO_PIXELS = np.empty((0, 0), np.int32)
 
@@ -163,15 +162,6 @@ def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | No
     ColorSamples
         With D = C, or D = 1 for an image without a channel axis.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the image has another shape or type, or no pixel that counts.
-
-    See Also
-    --------
-    merge_samples : Adds those of several images.
-
     Examples
     --------
     >>> import numpy as np
@@ -211,18 +201,13 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     Parameters
     ----------
     several : sequence of ColorSamples
-        At least one; all of the same type and number of channels.
+        At least one; all of the same type and number of channels, or ValueError.
 
     Returns
     -------
     ColorSamples
         The colors of all images. Its `inverse`, (1, N), holds the index of each of the N given colors in turn, not of
         pixels.
-
-    Raises
-    ------
-    ValueError
-        If there are none, or they differ in type or number of channels.
 
     Examples
     --------
@@ -245,10 +230,10 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
 _Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
 
 
-def _count_in_hash_table(pixels: NDArray[np.uint8]) -> _Counted:
+def _count_in_hash_table(pixels: NDArray[np.uint8], capacity: int = 1 << 16) -> _Counted:
     """Count pixels of any size, in a hash table that grows with the number of colors."""
     n_pixels = len(pixels)
-    capacity = min(_FIRST_CAPACITY, n_pixels)
+    capacity = min(capacity, n_pixels)
     firsts, density = np.empty(capacity, np.int64), np.empty(capacity)
     inverse = np.empty(n_pixels, np.int32)
     n_done = n_colors = 0

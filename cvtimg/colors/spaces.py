@@ -130,11 +130,6 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
         point, but for "rgb": light in 0..1, Lab in its own units (lightness in 0..100), Oklab with lightness in 0..1
         and twice its opponent channels.
 
-    Raises
-    ------
-    ValueError
-        If there is no such space, or C does not suit it, or floating point is not in 0..1.
-
     Examples
     --------
     >>> import numpy as np
@@ -144,7 +139,7 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
     chosen = SPACES[check_choice("space", space, SPACES)]
     if space == "rgb":
         return colors
-    _check_channels(colors.shape[1], space)
+    check_channels("an image", colors.shape[1], (1, 3), f"for space={space!r}")
     unit = colors / peak(colors.dtype)
     if colors.dtype.kind in "if":
         check_within(f"{colors.dtype} samples", colors, 0, peak(colors.dtype), f" for space={space!r}")
@@ -155,26 +150,14 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
 def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Bring places in a color space back to colors of a type, inside the gamut: the inverse of `to_space`.
 
-    Parameters
-    ----------
-    places : (N, C) array
-        As `to_space` gives them.
-    space : {"rgb", "linear", "lab", "oklab"}
-        Where they are. Floating point in "rgb" comes back as it is, whatever its range.
-    dtype : numpy.dtype
-        Any integer or floating point type. Integers are rounded.
-
-    Returns
-    -------
-    (N, C) array
-        Of type `dtype`.
+    Integers are rounded; floating point in "rgb" comes back as it is, whatever its range.
     """
     chosen = SPACES[check_choice("space", space, SPACES)]
     n_channels = places.shape[1]
     if space == "rgb":
         colors = places
     else:
-        _check_channels(n_channels, space)
+        check_channels("an image", n_channels, (1, 3), f"for space={space!r}")
         full = places if n_channels == 3 else places * chosen.gray
         colors = np.clip(chosen.backward(full)[:, :n_channels], 0, 1) * peak(dtype)
     return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
@@ -204,7 +187,3 @@ def _rounded(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     np.rint(values, out=values)
     np.clip(values, low, high, out=values)
     return values.astype(dtype)
-
-
-def _check_channels(n_channels: int, space: SpaceName) -> None:
-    check_channels("an image", n_channels, (1, 3), f"for space={space!r}")

@@ -115,8 +115,6 @@ class EnergyCurve(ReadOnly):
         ------
         TargetMissedError
             If no k in 1..n_max reaches the target.
-        ValueError
-            If there is no such rule, or it takes no target, or the samples have no PSNR.
 
         References
         ----------
@@ -193,16 +191,6 @@ def energy_curve(
     -------
     EnergyCurve
 
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid; the message names it, its value and what is allowed.
-
-    See Also
-    --------
-    cvtimg.tessellate : A tessellation for one number of generators.
-    auto_count : The number that the default rule picks.
-
     Notes
     -----
     For samples of one dimension every energy is the global minimum, whatever the effort.
@@ -235,16 +223,7 @@ def energy_curve(
 
 
 def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[int, EnergyCurve]:
-    """Pick the number of generators by the default rule; also return the curve.
-
-    Parameters
-    ----------
-    samples, n_max, **options
-        As in `energy_curve`.
-
-    Returns
-    -------
-    int, EnergyCurve
+    """Pick the number of generators by the default rule; also return the `energy_curve` of these arguments.
 
     Examples
     --------

@@ -57,7 +57,7 @@ class Rate(NamedTuple):
 USUAL = Rate()
 
 
-def visibility(brightness: NDArray[Any], half: float, radius: float) -> NDArray[np.float32]:
+def visibility(brightness: NDArray[Any], half: float = 3.0, radius: float = 3.0) -> NDArray[np.float32]:
     """Return how much an error counts in each pixel, in 0..1: less where the brightness varies, which hides errors.
 
     Parameters

@@ -112,10 +112,6 @@ def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
     original, image : (H, W) or (H, W, C) arrays
         Gray or RGB, of the same size; alpha is composed on mid-gray.
 
-    See Also
-    --------
-    VisualQuality : Many images against one original.
-
     Examples
     --------
     >>> import cvtimg

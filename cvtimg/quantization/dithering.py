@@ -23,11 +23,18 @@ from cvtimg.quantization import _dithering
 
 #: Number of coordinates of a place in the kernels.
 MAX_DIMS = _dithering.DIMS
-#: Cells per entry of the palette: fewer would have more candidates, more would take longer to list.
-_CELLS_PER_ENTRY = 64
-_MOST_CELLS = 1 << 18
-#: Cells on a side of a block, whose candidates are found together.
-_BLOCK = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """How fine the grid is: cells for each entry (fewer would have more candidates, more would take longer to list)."""
+
+    per_entry: int = 64
+    most: int = 1 << 18
+    side: int = 4  # cells on a side of a block, whose candidates are found together
+
+
+_CELLS = _Cells()
 
 
 class Grid(NamedTuple):
@@ -53,7 +60,7 @@ def nearest_grid(
     outside = np.where(varies, np.float32(1.01 * (far - near)), np.float32(0))
     low, size = low - margin, high - low + 2 * margin
     n_blocks = np.where(varies, _blocks_per_side(len(palette), int(varies.sum())), 1).astype(np.int32)
-    n_in_block = np.where(varies, _BLOCK, 1).astype(np.int32)
+    n_in_block = np.where(varies, _CELLS.side, 1).astype(np.int32)
     n_cells = n_blocks * n_in_block
     sides = (size / n_cells).astype(np.float32)
     cells_per_unit = np.divide(n_cells.astype(np.float32), size, out=np.zeros_like(size), where=size > 0)
@@ -74,8 +81,8 @@ def nearest_grid(
 
 
 def _blocks_per_side(n_entries: int, n_dims: int) -> int:
-    n_cells = min(_CELLS_PER_ENTRY * n_entries, _MOST_CELLS)
-    return max(int(n_cells ** (1 / max(n_dims, 1))) // _BLOCK, 1)
+    n_cells = min(_CELLS.per_entry * n_entries, _CELLS.most)
+    return max(int(n_cells ** (1 / max(n_dims, 1))) // _CELLS.side, 1)
 
 
 # --- methods
@@ -87,12 +94,18 @@ STRENGTH = 0.9
 _WIDEST_GAPS = 3
 #: Distances between entries are measured with at most about this many comparisons.
 _COMPARISONS = 1 << 22
-#: Pairs of entries whose middles are measured.
-_PAIRS = 1 << 12
-#: In pieces of more pixels than this, steps of smooth transitions are at most this fraction of the range of the image.
-_LARGE_PIECE, _TINY_STEP = 25, 1 / 24
-#: Pixels by which what touches a flat area stays clean with it.
-_RIM = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Clean:
+    """What "edge-aware" takes for text, drawings and flat areas, which stay clean."""
+
+    large: int = 25  # pixels of pieces in which the steps of a smooth transition are tiny: at most
+    tiny: float = 1 / 24  # of the range of the image
+    rim: int = 4  # pixels around a flat area that stay clean with it
+
+
+_CLEAN = _Clean()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +126,6 @@ def dither(
     places: NDArray[Any],
     inverse: NDArray[np.int32],
     palette: NDArray[Any],
-    *,
     method: DitherName = "floyd-steinberg",
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
@@ -171,8 +183,8 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
 
     pieces = connected_pieces(job.inverse + np.int32(1))
     sizes = np.bincount(pieces.ravel())
-    tiny = min(job.step, float(job.places.max()) * _TINY_STEP)
-    limits = np.where(sizes > _LARGE_PIECE, tiny, job.step).astype(np.float32) ** 2
+    tiny = min(job.step, float(job.places.max()) * _CLEAN.tiny)
+    limits = np.where(sizes > _CLEAN.large, tiny, job.step).astype(np.float32) ** 2
     n_borders, n_small = np.zeros((2, len(sizes)))
     neighbors = []
     for ends in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
@@ -184,12 +196,12 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
             n_borders += np.bincount(side, minlength=len(sizes))
             n_small += np.bincount(side, squares <= limits[side], len(sizes))
     clean = (2 * n_small < n_borders) | (n_borders == 0)
-    flat = clean & (sizes > _LARGE_PIECE)
-    for _ in range(_RIM):
+    flat = clean & (sizes > _CLEAN.large)
+    for _ in range(_CLEAN.rim):
         rim = np.zeros_like(flat)
         for first, second in neighbors:
             rim[first[flat[second]]] = rim[second[flat[first]]] = True
-        flat |= rim & (sizes <= _LARGE_PIECE)
+        flat |= rim & (sizes <= _CLEAN.large)
     return _diffuse(job, (clean | flat)[pieces] | job.clean)
 
 
@@ -276,7 +288,7 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
     """Return the longest distance from the middle between two entries to the nearest entry."""
     first, second = np.triu_indices(min(len(palette), 1 << 11), 1)
     if len(palette) > 1 << 6:
-        n_pairs = max(1, min(_PAIRS, _COMPARISONS // len(palette)))
+        n_pairs = max(1, min(1 << 12, _COMPARISONS // len(palette)))
         first, second = np.random.default_rng(0).integers(0, len(palette), (2, n_pairs))
     if not len(first):
         return 0.0

@@ -13,11 +13,6 @@ from cvtimg.colors.places import allowed_for, kinds_of, to_places
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.looks.rate import Rate, map_by_rate, visibility
 
-#: Standard deviation of brightness, in levels, that halves what an error counts, and the sigma of its window.
-_MASKING, _WINDOW = 3.0, 3.0
-#: Factors of the coordinates of Oklab: lightness becomes levels like those of 8 bits, and the opponent ones, which are
-#: doubled in `colors`, count once.
-_LIGHTNESS, _HUE = 255.0, 127.5
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
@@ -50,7 +45,7 @@ def map_for_eyes(
         return nearest[samples.inverse]
     places, entries = (_seen_places(colors, samples.alpha).astype(np.float32) for colors in (samples.colors, palette))
     kinds, kinds_of_entries = kinds_of(samples.colors, samples.alpha), kinds_of(palette, samples.alpha)
-    seen = visibility(_brightness(samples), _MASKING, _WINDOW)
+    seen = visibility(_brightness(samples))
     if samples.inside is not None:
         seen[~samples.inside] = 0
     wanted, kept = places[samples.inverse], None
@@ -67,10 +62,10 @@ def map_for_eyes(
 
 def _seen_places(colors: NDArray[Any], alpha: bool) -> NDArray[np.float64]:
     """Return where colors lie for eyes: gray in one coordinate, color in three, and alpha in one more."""
+    # Lightness becomes levels like those of 8 bits, and the opponent coordinates, which are doubled there, count once.
+    factors = np.array([255, 127.5, 127.5, 255] if colors.shape[1] > 2 else [255, 255])
     places = to_places(colors, "oklab", alpha)
-    factors = np.full(places.shape[1], _LIGHTNESS)
-    factors[1:3] = _HUE if places.shape[1] > 2 else _LIGHTNESS
-    return places * factors
+    return places * factors[: places.shape[1]]
 
 
 def _brightness(samples: ColorSamples) -> NDArray[np.float64]:

@@ -125,11 +125,6 @@ def find_palette(
     -------
     Palette
 
-    See Also
-    --------
-    map_to_palette : Maps an image to a palette.
-    shared_palette : One palette of many images.
-
     Notes
     -----
     A channel of few bits becomes one of the image by repeating its bits, as emulators do: of 5 bits, abcde becomes
@@ -194,21 +189,13 @@ def main_palette(
 
     Parameters
     ----------
-    image : ColorSamples, or (H, W) or (H, W, C) array
-        As in `find_palette`.
-    n_colors : int
-        Size of the palette, in 1..65536.
-    locked, method, init, effort, volume_power, rng, callback
+    image, n_colors, locked, method, init, effort, volume_power, rng, callback
         As in `find_palette`.
 
     Returns
     -------
     Palette
         The locked colors, and colors of the image.
-
-    See Also
-    --------
-    find_palette
 
     Examples
     --------
@@ -353,19 +340,12 @@ def shared_palette(
         Read one after the other: memory holds only the distinct colors of all, at most 2^24 of 8-bit RGB. Gray becomes
         RGB if there is color, opaque images get alpha if some have transparency, and 8 bits become 16 if some have
         16; floating point, and bands that are not colors, cannot be combined with other images.
-    n_colors : int
-        Size of the palette, in 1..65536.
-    space, locked, method, init, effort, volume_power, rng, callback
+    n_colors, space, locked, method, init, effort, volume_power, rng, callback
         As in `find_palette`.
 
     Returns
     -------
     Palette
-
-    Raises
-    ------
-    OSError
-        If an image cannot be read.
 
     Examples
     --------

@@ -19,7 +19,7 @@ from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places,
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_depth, to_space
 from cvtimg.elbow.curves import EnergyCurve
-from cvtimg.engine.points import Points, assign, cell_energies, pack
+from cvtimg.engine.points import Points, assign, pack
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.looks.rate import USUAL, Rate
@@ -198,27 +198,15 @@ def map_to_palette(
         Whether the last channel is alpha; by default if the image says so. See `quantize`.
     mask : (H, W) array, optional
         Pixels to map, where it is not 0; the others keep their value.
-    space : {"rgb", "linear", "lab", "oklab"}
-        Where distances are measured.
-    dither : {"floyd-steinberg", "edge-aware", "blue-noise", "bayer"}, optional
-        Mix colors so that areas keep the color of the image; by default each pixel gets the nearest color.
+    space, dither
+        As in `quantize`.
     dither_strength : float
-        Fraction of the error that is handed on, in 0..1: less gives less grain, 1 keeps the mean best.
+        As in `quantize`; in full by default.
 
     Returns
     -------
     Quantized
-        With the given palette.
-
-    Warns
-    -----
-    UserWarning
-        If a transparent color was put into the palette.
-
-    See Also
-    --------
-    find_palette : The best palette of a size.
-    cvtimg.read_palette : Palettes of files.
+        With the given palette; a warning tells if a transparent color was put into it.
 
     Examples
     --------
@@ -267,12 +255,13 @@ def map_samples(
     if len(colors) > MAX_COLORS:
         raise ValueError(f"palette must have at most {MAX_COLORS} colors, not {len(colors)}")
     seen, ends = (samples, colors) if tones is None else _by_tone(samples, colors, tones)
-    if dither is None:
-        labels, energy = _map(seen, ends, space)
-    else:
-        labels, energy = _dither(seen, ends, space, dither, dither_strength, rate, below)
-    if tones is not None:
-        energy = _energy_of_pixels(samples, colors, labels[samples.inverse] if dither is None else labels)
+    if dither is None or dither == "compact":
+        labels = _map(seen, ends, "oklab" if dither else space)
+    if dither == "compact":
+        labels = map_for_eyes(seen, ends, labels, rate, dither_strength, below)
+    elif dither is not None:
+        labels = _dither(seen, ends, space, dither, dither_strength)
+    energy = _energy(samples, colors, labels)
     if lacks_clear:
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
@@ -319,60 +308,35 @@ def _by_tone(samples: ColorSamples, palette: NDArray[Any], tones: NDArray[Any]) 
     return replace(samples, rows=rows), np.column_stack([tones, palette[:, n_seen:]])
 
 
-def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.int32], float]:
-    """Return the (M,) index of the nearest color of each sample, and the energy of this map in sRGB."""
+def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> NDArray[np.int32]:
+    """Return the (M,) index of the nearest color of each sample."""
     alpha = samples.alpha
-    kinds, kinds_of_ends = kinds_of(samples.colors, alpha), kinds_of(palette, alpha)
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
-    points = pack(places, samples.density)
-    labels = nearest_of_kind(places, kinds, ends, kinds_of_ends) if alpha else nearest(points, ends)
-    if space != "rgb":
-        points = pack(to_places(samples.colors, "rgb", alpha), samples.density)
-        ends = to_places(palette, "rgb", alpha)
-    return labels, _energy(points, ends, labels)
+    if alpha:
+        return nearest_of_kind(places, kinds_of(samples.colors, True), ends, kinds_of(palette, True))
+    return nearest(pack(places, samples.density), ends)
 
 
 def _dither(
-    samples: ColorSamples,
-    palette: NDArray[Any],
-    space: SpaceName,
-    method: DitherName,
-    strength: float,
-    rate: Rate,
-    below: Below | None,
-) -> tuple[NDArray[np.int32], float]:
-    """Return the (H, W) index of the color of each pixel, and the energy of this map in sRGB."""
-    if method == "compact":
-        labels = map_for_eyes(samples, palette, _map(samples, palette, "oklab")[0], rate, strength, below)
-    else:
-        labels = dithering.dither(
-            to_places(samples.colors, space, samples.alpha),
-            samples.inverse,
-            to_places(palette, space, samples.alpha),
-            method=method,
-            strength=strength,
-            kinds=kinds_of(samples.colors, samples.alpha),
-            allowed=allowed_for(kinds_of(palette, samples.alpha)),
-            inside=samples.inside,
-        )
-    return labels, _energy_of_pixels(samples, palette, labels)
+    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float
+) -> NDArray[np.int32]:
+    """Return the (H, W) index of the color of each pixel."""
+    alpha = samples.alpha
+    places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
+    kinds, allowed = kinds_of(samples.colors, alpha), allowed_for(kinds_of(palette, alpha))
+    return dithering.dither(places, samples.inverse, ends, method, strength, kinds, allowed, samples.inside)
 
 
-def _energy_of_pixels(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int32]) -> float:
-    """Return the energy in sRGB of (H, W) labels of the pixels that count."""
+def _energy(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int32]) -> float:
+    """Return the energy in sRGB of (M,) labels of the colors, or of (H, W) labels of the pixels that count."""
     places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
+    if labels.ndim == 1:
+        steps = places.astype(np.float64) - ends[labels]
+        return float((samples.density * np.einsum("nd,nd->n", steps, steps)).sum())
     inverse = samples.inverse
     if samples.inside is not None:
         inverse, labels = inverse[samples.inside][None], labels[samples.inside][None]
     return dithering.energy_of(places, inverse, ends, labels)
-
-
-def _energy(points: Points, places: NDArray[Any], labels: NDArray[np.int32]) -> float:
-    """Sum density times squared distance from (N,) points to the places of their labels."""
-    padded = np.append(labels, np.zeros(len(points.density) - len(labels), np.int32))
-    # Rounded as the points are, so that a color that is in the palette has no error.
-    inside = points.frame.inward(places).astype(np.float32).astype(np.float64)
-    return points.frame.energy(cell_energies(points, inside, padded).sum())
 
 
 def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:

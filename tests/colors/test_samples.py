@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg.colors import color_samples
-from cvtimg.colors.samples import _FIRST_CAPACITY
 
 DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
 
@@ -51,7 +50,7 @@ def test_colors_at_inverse_are_the_image(dtype: Any, channels: int | None) -> No
 
 
 def test_more_colors_than_the_first_table_holds_are_all_found() -> None:
-    values = np.arange(5 * _FIRST_CAPACITY, dtype=np.float32).reshape(5, -1)
+    values = np.arange(5 << 16, dtype=np.float32).reshape(5, -1)
     image = np.concatenate([values, values[::-1]])
     samples = color_samples(image)
     assert samples.n_colors == values.size
