@@ -75,16 +75,34 @@ cdef Py_ssize_t near_a_box(
     return n_near
 
 
+cdef struct Form:  # of a grid
+    float low[WIDTH]      # its lowest corner
+    float sides[WIDTH]    # of a cell
+    float outside[WIDTH]  # how much farther out the outermost cells reach
+    Py_ssize_t n_cells[WIDTH]
+
+
+cdef inline Box box_of(const Form *form, const Py_ssize_t *first, const int32_t *n_cells) noexcept nogil:
+    """Some cells of a grid, a little larger: rounding may put a place into a neighbor of its cell."""
+    cdef Box box
+    cdef Py_ssize_t d
+    for d in range(WIDTH):
+        box.low[d] = form.low[d] + (first[d] - <float>0.01) * form.sides[d]
+        box.high[d] = form.low[d] + (first[d] + n_cells[d] + <float>0.01) * form.sides[d]
+        if first[d] == 0:
+            box.low[d] -= form.outside[d]
+        if first[d] + n_cells[d] == form.n_cells[d]:
+            box.high[d] += form.outside[d]
+    return box
+
+
 def list_candidates(
     const float[:, ::1] palette,    # IN (K, 4)
     const uint16_t[::1] names,      # IN (N,): the entries to choose from, in ascending order
-    const float[::1] low,           # IN (4,): lowest corner of the grid
-    const float[::1] sides,         # IN (4,): of a cell
-    const float[::1] outside,       # IN (4,): how much farther out the outermost cells reach
+    const float[:, ::1] form,       # IN (3, 4): lowest corner, sides of a cell, how much farther the outermost reach
     const int32_t[::1] n_blocks,    # IN (4,): number of blocks of cells in each direction
     const int32_t[::1] n_in_block,  # IN (4,): number of cells of a block in each direction
-    uint16_t[::1] in_block,         # OUT (N,): scratch
-    uint16_t[::1] in_cell,          # OUT (N,): scratch
+    uint16_t[:, ::1] scratch,       # OUT (2, N)
     int32_t[:, ::1] bounds,         # OUT (n_cells, 2): first and last + 1 of each cell's candidates
     uint16_t[::1] candidates,       # OUT (room,): entries that are nearest to some place in a cell
     Py_ssize_t first,               # IN: where to begin
@@ -95,36 +113,33 @@ def list_candidates(
     cdef Py_ssize_t b, c, d, i, rest, n_block, n_cell, number, at = first
     cdef Py_ssize_t corner[WIDTH]
     cdef Py_ssize_t place[WIDTH]
-    cdef Box block, cell
+    cdef int32_t single[WIDTH]
+    cdef uint16_t *in_block = &scratch[0, 0]
+    cdef uint16_t *in_cell = &scratch[1, 0]
+    cdef Box box
+    cdef Form grid
+    for d in range(WIDTH):
+        single[d] = 1
+        grid.low[d], grid.sides[d], grid.outside[d] = form[0, d], form[1, d], form[2, d]
+        grid.n_cells[d] = n_blocks[d] * n_in_block[d]
     with nogil:
         for b in range(n_all):
             rest = b
             for d in range(WIDTH - 1, -1, -1):
                 corner[d] = rest % n_blocks[d] * n_in_block[d]
                 rest = rest // n_blocks[d]
-                # Rounding may put a place into a neighbor of its cell.
-                block.low[d] = low[d] + (corner[d] - <float>0.01) * sides[d]
-                block.high[d] = low[d] + (corner[d] + n_in_block[d] + <float>0.01) * sides[d]
-                if corner[d] == 0:
-                    block.low[d] -= outside[d]
-                if corner[d] + n_in_block[d] == n_blocks[d] * n_in_block[d]:
-                    block.high[d] += outside[d]
-            n_block = near_a_box(&block, &palette[0, 0], &names[0], names.shape[0], &in_block[0])
+            box = box_of(&grid, corner, &n_in_block[0])
+            n_block = near_a_box(&box, &palette[0, 0], &names[0], names.shape[0], in_block)
             for c in range(per_block):
                 rest = c
                 for d in range(WIDTH - 1, -1, -1):
                     place[d] = corner[d] + rest % n_in_block[d]
                     rest = rest // n_in_block[d]
-                    cell.low[d] = low[d] + (place[d] - <float>0.01) * sides[d]
-                    cell.high[d] = low[d] + (place[d] + <float>1.01) * sides[d]
-                    if place[d] == 0:
-                        cell.low[d] -= outside[d]
-                    if place[d] + 1 == n_blocks[d] * n_in_block[d]:
-                        cell.high[d] += outside[d]
                 number = 0
                 for d in range(WIDTH):
-                    number = number * n_blocks[d] * n_in_block[d] + place[d]
-                n_cell = near_a_box(&cell, &palette[0, 0], &in_block[0], n_block, &in_cell[0])
+                    number = number * grid.n_cells[d] + place[d]
+                box = box_of(&grid, place, single)
+                n_cell = near_a_box(&box, &palette[0, 0], in_block, n_block, in_cell)
                 bounds[number, 0] = <int32_t>at
                 for i in range(n_cell):
                     if at + i < candidates.shape[0]:
@@ -134,40 +149,53 @@ def list_candidates(
     return at
 
 
-cdef struct Grid:
+cdef struct Cells:
     const float *palette
     const int32_t *bounds
     const uint16_t *candidates
     float low[WIDTH]
-    float cells_a_unit[WIDTH]
+    float per_unit[WIDTH]
     int32_t strides[WIDTH]
     int32_t last[WIDTH]
     int32_t n_cells
 
 
-cdef inline Py_ssize_t look_up(const Grid *grid, const float *place, Py_ssize_t kind) noexcept nogil:
+cdef class Grid:
+    """A box cut into cells that know the entries of a palette that can be nearest in them."""
+
+    cdef Cells cells
+    cdef object arrays  # kept alive
+
+    def __init__(
+        self,
+        const float[:, ::1] palette,      # (K, 4)
+        const float[::1] low,             # (4,): lowest corner
+        const float[::1] per_unit,        # (4,): cells
+        const int32_t[::1] strides,       # (4,): steps from a cell to the next in each direction
+        const int32_t[::1] last,          # (4,): index of the last cell in each direction
+        const int32_t[:, :, ::1] bounds,  # (n_kinds, n_cells, 2): first and last + 1 of the candidates of each cell
+        const uint16_t[::1] candidates,
+    ):
+        cdef Cells cells
+        self.arrays = palette, bounds, candidates
+        cells.palette, cells.bounds, cells.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
+        for d in range(WIDTH):
+            cells.low[d], cells.per_unit[d] = low[d], per_unit[d]
+            cells.strides[d], cells.last[d] = strides[d], last[d]
+        cells.n_cells = <int32_t>bounds.shape[1]
+        self.cells = cells
+
+
+cdef inline Py_ssize_t look_up(const Cells *grid, const float *place, Py_ssize_t kind) noexcept nogil:
     """The nearest entry that a kind of color may take, the first on a tie, for a place in reach of the grid."""
     cdef Py_ssize_t cell = kind * grid.n_cells, d
     cdef int32_t at
     cdef const int32_t *bounds
     for d in range(WIDTH):
-        at = <int32_t>((place[d] - grid.low[d]) * grid.cells_a_unit[d])
+        at = <int32_t>((place[d] - grid.low[d]) * grid.per_unit[d])
         cell += max(0, min(at, grid.last[d])) * grid.strides[d]
     bounds = grid.bounds + 2 * cell
     return nearest(place, grid.palette, grid.candidates + bounds[0], bounds[1] - bounds[0])
-
-
-cdef Grid grid_of(
-    const float[:, ::1] palette, const float[::1] low, const float[::1] cells_a_unit, const int32_t[::1] strides,
-    const int32_t[::1] last, const int32_t[:, :, ::1] bounds, const uint16_t[::1] candidates,
-) noexcept:
-    cdef Grid grid
-    grid.palette, grid.bounds, grid.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
-    for d in range(WIDTH):
-        grid.low[d], grid.cells_a_unit[d] = low[d], cells_a_unit[d]
-        grid.strides[d], grid.last[d] = strides[d], last[d]
-    grid.n_cells = <int32_t>bounds.shape[1]
-    return grid
 
 
 cdef inline void miss(
@@ -185,13 +213,7 @@ def diffuse(
     const float[:, ::1] places,       # IN (M, 4): of the colors
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
     const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
-    const float[:, ::1] palette,      # IN (K, 4)
-    const float[::1] low,             # IN (4,): lowest corner of the grid
-    const float[::1] cells_a_unit,    # IN (4,)
-    const int32_t[::1] strides,       # IN (4,)
-    const int32_t[::1] last,          # IN (4,)
-    const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
-    const uint16_t[::1] candidates,   # IN
+    Grid finder,                      # IN
     const float[::1] strengths,       # IN (n_kinds,): fraction of its error that a kind of color hands on
     float most,                       # IN: longest error handed on
     const uint8_t[:, ::1] clean,      # IN (H, W): pixels that get their own nearest entry, and hand on nothing
@@ -200,7 +222,7 @@ def diffuse(
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
     """Give each pixel the nearest entry, and hand the error to its neighbors, in alternating directions row by row."""
-    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, last, bounds, candidates)
+    cdef Cells grid = finder.cells
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
@@ -238,20 +260,14 @@ def diffuse(
 def mix(
     const float[:, ::1] places,       # IN (M, 4): of the colors
     const uint8_t[::1] kinds,         # IN (M,): which entries a color may take
-    const float[:, ::1] palette,      # IN (K, 4)
-    const float[::1] low,             # IN (4,): lowest corner of the grid
-    const float[::1] cells_a_unit,    # IN (4,)
-    const int32_t[::1] strides,       # IN (4,)
-    const int32_t[::1] last,          # IN (4,)
-    const int32_t[:, :, ::1] bounds,  # IN (n_kinds, n_cells, 2)
-    const uint16_t[::1] candidates,   # IN
+    Grid finder,                      # IN
     const float[::1] strengths,       # IN (n_kinds,): fraction of its error that a kind of color hands on
     float most,                       # IN: longest error handed on
     const uint16_t[::1] ranks,        # IN (K,): rank of each entry by brightness
     uint16_t[:, ::1] mixtures,        # OUT (M, N): entries whose mean is the color, by rank
 ):
     """List the entries to mix for each color: each is the nearest to the color plus the error of those before it."""
-    cdef Grid grid = grid_of(palette, low, cells_a_unit, strides, last, bounds, candidates)
+    cdef Cells grid = finder.cells
     cdef Py_ssize_t n_colors = places.shape[0], n_mixed = mixtures.shape[1], color, i, at, d, entry
     cdef float place[WIDTH]
     cdef float missed[WIDTH]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,21 +37,9 @@ class _Cells:
 _CELLS = _Cells()
 
 
-class Grid(NamedTuple):
-    """A box cut into cells that know their candidates, in the order in which the kernels take these fields."""
-
-    palette: NDArray[np.float32]  # (K, 4) places of the entries
-    low: NDArray[np.float32]  # (4,) lowest corner of the box
-    cells_per_unit: NDArray[np.float32]  # (4,)
-    strides: NDArray[np.int32]  # (4,) steps from a cell to the next in each direction
-    last: NDArray[np.int32]  # (4,) index of the last cell in each direction
-    bounds: NDArray[np.int32]  # (n_kinds, n_cells, 2) first and last + 1 of the candidates of each cell
-    candidates: NDArray[np.uint16]  # (n,)
-
-
 def nearest_grid(
     places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_], near: float, far: float
-) -> Grid:
+) -> _dithering.Grid:
     """Cover the (M, 4) places of colors and their surroundings with cells; `allowed` are the entries of each kind."""
     # Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
     low, high = places.min(axis=0), places.max(axis=0)
@@ -62,21 +50,21 @@ def nearest_grid(
     n_blocks = np.where(varies, _blocks_per_side(len(palette), int(varies.sum())), 1).astype(np.int32)
     n_in_block = np.where(varies, _CELLS.side, 1).astype(np.int32)
     n_cells = n_blocks * n_in_block
-    sides = (size / n_cells).astype(np.float32)
-    cells_per_unit = np.divide(n_cells.astype(np.float32), size, out=np.zeros_like(size), where=size > 0)
+    form = np.stack([low, size / n_cells, outside]).astype(np.float32)
+    per_unit = np.divide(n_cells.astype(np.float32), size, out=np.zeros_like(size), where=size > 0)
     strides = np.append(np.cumprod(n_cells[:0:-1])[::-1], 1).astype(np.int32)
     bounds = np.empty((len(allowed), int(n_cells.prod()), 2), np.int32)
-    in_block, in_cell = np.empty((2, len(palette)), np.uint16)
+    scratch = np.empty((2, len(palette)), np.uint16)
     entries = [np.flatnonzero(may_take).astype(np.uint16) for may_take in allowed]
     room = 4 * bounds.size
     while True:  # once, and again if there was too little room
         candidates, end = np.empty(room, np.uint16), 0
         for names, of_kind in zip(entries, bounds, strict=True):
             end = _dithering.list_candidates(
-                palette, names, low, sides, outside, n_blocks, n_in_block, in_block, in_cell, of_kind, candidates, end
+                palette, names, form, n_blocks, n_in_block, scratch, of_kind, candidates, end
             )  # fmt: skip
         if end <= room:
-            return Grid(palette, low, cells_per_unit, strides, n_cells - np.int32(1), bounds, candidates)
+            return _dithering.Grid(palette, low, per_unit, strides, n_cells - np.int32(1), bounds, candidates)
         room = end
 
 
@@ -115,7 +103,8 @@ class Job:
     places: NDArray[np.float32]  # (M, 4) place of each color, from 0 up
     kinds: NDArray[np.uint8]  # (M,) which entries each color may take
     inverse: NDArray[np.int32]  # (H, W) color of each pixel
-    grid: Grid  # finds nearest entries
+    entries: NDArray[np.float32]  # (K, 4) places of the palette
+    grid: _dithering.Grid  # finds nearest entries
     strengths: NDArray[np.float32]  # (n_kinds,) fraction of the error handed on
     step: float  # usual distance from an entry to the nearest other one
     longest: float  # longest error handed on
@@ -152,7 +141,7 @@ def dither(
         longest = max(step, caution * step + (1 - caution) * _WIDEST_GAPS * _widest_gap(entries))
     grid = nearest_grid(colors, entries, allowed, step, longest)
     clean = np.zeros(inverse.shape, bool) if inside is None else ~inside
-    return chosen(Job(colors, kinds, inverse, grid, strengths, step, longest, clean))
+    return chosen(Job(colors, kinds, inverse, entries, grid, strengths, step, longest, clean))
 
 
 def energy_of(
@@ -213,7 +202,7 @@ def _diffuse(job: Job, clean: NDArray[np.bool_]) -> NDArray[np.int32]:
         job.places,
         job.kinds,
         job.inverse,
-        *job.grid,
+        job.grid,
         job.strengths,
         job.longest,
         clean.view(np.uint8),
@@ -228,12 +217,12 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
     """Mix entries for each color, and let a mask pick one of them: the same wherever the color is at that place."""
     turns = mask()
     mixtures = np.empty((len(job.places), int(turns.max()) + 1), np.uint16)
-    ranks = _ranks(job.grid.palette)
+    ranks = _ranks(job.entries)
 
     def mix(start: int, stop: int) -> None:
         some = slice(start, stop)
         _dithering.mix(
-            job.places[some], job.kinds[some], *job.grid, job.strengths, job.longest, ranks, mixtures[some]
+            job.places[some], job.kinds[some], job.grid, job.strengths, job.longest, ranks, mixtures[some]
         )  # fmt: skip
 
     in_parts(mix, len(job.places), work=32 * mixtures.size)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import struct
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,140 +20,79 @@ RGB = np.array([[0, 0, 0], [200, 16, 46], [255, 255, 255]], np.uint8)
 RGBA = np.array([[0, 0, 0, 0], [200, 16, 46, 128]], np.uint8)
 
 
-def read_json(path: Path) -> NDArray[Any]:
-    colors = json.loads(path.read_text())["colors"]
-    assert [color["hex"][:7] for color in colors] == ["#{:02x}{:02x}{:02x}".format(*color["rgb"]) for color in colors]
-    return np.array([color["rgb"] + ([color["alpha"]] if "alpha" in color else []) for color in colors])
+def ase(*colors: tuple[bytes, tuple[float, ...]], group: str = "ab", last: int = 0) -> bytes:
+    """Build a file with a group that has the first color, and the others outside; or as we write it, with `last`."""
+    title = (group if len(group) > 1 else f"{group}\0").encode("utf-16-be")
+    blocks = [struct.pack(">HIH", 0xC001, 2 + len(title), len(title) // 2) + title]
+    for model, values in colors:
+        letters = (f"#{bytes(round(255 * value) for value in values).hex()}\0" if last else "\0").encode("utf-16-be")
+        body = struct.pack(">H", len(letters) // 2) + letters + model + struct.pack(f">{len(values)}fH", *values, last)
+        blocks.append(struct.pack(">HI", 1, len(body)) + body)
+    blocks.insert(2 if not last else len(blocks), struct.pack(">HI", 0xC002, 0))
+    return struct.pack(">4sHHI", b"ASEF", 1, 0, len(blocks)) + b"".join(blocks)
 
 
-def read_gpl(path: Path) -> NDArray[Any]:
-    lines = path.read_text().splitlines()
-    assert lines[0] == "GIMP Palette"
-    assert lines[1] == f"Name: {path.stem}"
-    rows = [line for line in lines[3:] if not line.startswith("#")]
-    return np.array([[int(value) for value in row.split("\t")[0].split()] for row in rows])
+def of_sprite(*chunks: tuple[int, bytes], head: bytes = bytes(122)) -> bytes:
+    body = b"".join(struct.pack("<IH", 6 + len(chunk), kind) + chunk for kind, chunk in chunks)
+    frame = struct.pack("<IHHH2xI", 16 + len(body), 0xF1FA, len(chunks), 100, len(chunks)) + body
+    return struct.pack("<IH", 128 + len(frame), 0xA5E0) + head + frame
 
 
-def read_hex(path: Path) -> NDArray[Any]:
-    return np.array([list(bytes.fromhex(line)) for line in path.read_text().splitlines()])
-
-
-def read_css(path: Path) -> NDArray[Any]:
-    lines = path.read_text().splitlines()
-    assert (lines[0], lines[-1]) == (":root {", "}")
-    assert [line.split(":")[0] for line in lines[1:-1]] == [f"  --a-{number}" for number in range(1, len(lines) - 1)]
-    return np.array([list(bytes.fromhex(line.partition("#")[2].rstrip(";"))) for line in lines[1:-1]])
-
-
-def read_scss(path: Path) -> NDArray[Any]:
-    lines = path.read_text().splitlines()
-    assert [line.split(":")[0] for line in lines] == [f"$a-{number}" for number in range(1, len(lines) + 1)]
-    return np.array([list(bytes.fromhex(line.partition("#")[2].rstrip(";"))) for line in lines])
-
-
-def read_svg(path: Path) -> NDArray[Any]:
-    squares = ElementTree.parse(path).getroot().findall("{*}rect")
-    assert len({(square.get("x"), square.get("y")) for square in squares}) == len(squares)
-    return np.array([list(bytes.fromhex(square.get("fill", "")[1:])) for square in squares])
-
-
-def read_act(path: Path) -> NDArray[Any]:
-    content = path.read_bytes()
-    assert len(content) == 772
-    return np.frombuffer(content[:768], np.uint8).reshape(-1, 3)[: int.from_bytes(content[768:770], "big")]
-
-
-def read_ase(path: Path) -> NDArray[Any]:
-    """Read what we write: a group of RGB colors with names of seven characters."""
-    content = path.read_bytes()
-    assert content[:8] == b"ASEF\0\1\0\0"
-    colors, at = [], 12
-    while at < len(content):
-        kind, length = struct.unpack_from(">HI", content, at)
-        if kind == 1:
-            (n_letters,) = struct.unpack_from(">H", content, at + 6)
-            assert content[at + 8 + 2 * n_letters :][:4] == b"RGB "
-            colors.append(struct.unpack_from(">3f", content, at + 12 + 2 * n_letters))
-        at += 6 + length
-    assert len(colors) + 2 == int.from_bytes(content[8:12], "big")
-    return np.rint(np.array(colors) * 255)
-
-
-def read_png(path: Path) -> NDArray[Any]:
-    """Read the middle of each field."""
-    with Image.open(path) as image:
-        pixels = np.asarray(image.convert("RGB"))
-    side = 32 if pixels.shape[1] % 32 == 0 else 8
-    fields = pixels[side // 2 :: side, side // 2 :: side].reshape(-1, 3)
-    n_last = int((fields == fields[-1]).all(axis=1)[::-1].argmin()) or 1  # the last color fills the last row
-    return fields[: len(fields) - n_last + 1]
-
-
-def read_pal(path: Path) -> NDArray[Any]:
-    head, version, count, *rows = path.read_text().splitlines()
-    assert (head, version, int(count)) == ("JASC-PAL", "0100", len(rows))
-    return np.array([[int(word) for word in row.split()] for row in rows])
-
-
-def read_txt(path: Path) -> NDArray[Any]:
-    codes = [line for line in path.read_text().splitlines() if not line.startswith(";")]
-    assert all(len(code) == 8 for code in codes)
-    return np.array([list(bytes.fromhex(code[2:])) for code in codes])
-
-
-def read_aseprite(path: Path) -> NDArray[Any]:
-    """Find the palette chunk by its own arithmetic: header 128, frame 16, then size and kind of each chunk."""
-    content = path.read_bytes()
-    assert int.from_bytes(content[:4], "little") == len(content)
-    assert content[4:6] == b"\xe0\xa5"
-    assert content[132:134] == b"\xfa\xf1"
-    assert int.from_bytes(content[128:132], "little") == len(content) - 128
-    size, kind, n_colors = struct.unpack_from("<IHI", content, 144)
-    assert (kind, size) == (0x2019, 26 + 6 * n_colors)
-    assert content[144 + size + 4 : 144 + size + 6] == b"\x04\x20"  # a layer, without which no sprite opens
-    return np.array([list(content[at + 2 : at + 5]) for at in range(170, 170 + 6 * n_colors, 6)])
-
-
-Reader = Callable[[Path], NDArray[Any]]
-READERS: dict[str, Reader] = {
-    ".json": read_json,
-    ".gpl": read_gpl,
-    ".hex": read_hex,
-    ".css": read_css,
-    ".scss": read_scss,
-    ".svg": read_svg,
-    ".act": read_act,
-    ".ase": read_ase,
-    ".png": read_png,
-    ".pal": read_pal,
-    ".txt": read_txt,
-    ".aseprite": read_aseprite,
+NEW = bytes.fromhex("03000000 00000000 02000000 0000000000000000") + b"".join(
+    struct.pack("<H4B", 0, *color, 255) for color in RGB.tolist()
+)
+SQUARES = "".join(
+    f'<rect x="{40 * n}" y="0" width="40" height="40" fill="{code}"><title>{code}</title></rect>\n'
+    for n, code in enumerate(("#000000", "#c8102e", "#ffffff"))
+)
+#: What is written of RGB into a file of the name "a".
+WRITTEN = {
+    ".json": b"""{
+  "name": "a",
+  "colors": [
+    {"hex": "#000000", "rgb": [0, 0, 0]},
+    {"hex": "#c8102e", "rgb": [200, 16, 46]},
+    {"hex": "#ffffff", "rgb": [255, 255, 255]}
+  ]
+}
+""",
+    ".gpl": b"GIMP Palette\nName: a\nColumns: 16\n#\n"
+    b"  0   0   0\t#000000\n200  16  46\t#c8102e\n255 255 255\t#ffffff\n",
+    ".hex": b"000000\nc8102e\nffffff\n",
+    ".css": b":root {\n  --a-1: #000000;\n  --a-2: #c8102e;\n  --a-3: #ffffff;\n}\n",
+    ".scss": b"$a-1: #000000;\n$a-2: #c8102e;\n$a-3: #ffffff;\n",
+    ".svg": f'<svg xmlns="http://www.w3.org/2000/svg" width="120" height="40">\n{SQUARES}</svg>\n'.encode(),
+    ".act": RGB.tobytes().ljust(768, b"\0") + b"\0\3\xff\xff",
+    ".ase": ase(*((b"RGB ", tuple(color / 255)) for color in RGB), group="a", last=2),
+    ".pal": b"JASC-PAL\r\n0100\r\n3\r\n0 0 0\r\n200 16 46\r\n255 255 255\r\n",
+    ".txt": b"; paint.net Palette File\r\n; Palette Name: a\r\nFF000000\r\nFFC8102E\r\nFFFFFFFF\r\n",
 }
 
 
-def test_there_is_a_reader_here_for_each_format() -> None:
-    assert set(READERS) == set(PALETTE_FORMATS)
+def test_what_is_written_is_in_the_words_of_the_format(tmp_path: Path) -> None:
+    for suffix, content in WRITTEN.items():
+        write_palette(tmp_path / f"a{suffix}", RGB)
+        assert (tmp_path / f"a{suffix}").read_bytes() == content, suffix
+    write_palette(tmp_path / "a.png", RGB)
+    with Image.open(tmp_path / "a.png") as image:
+        np.testing.assert_array_equal(np.asarray(image.convert("RGB"))[16, 16::32], RGB)
+    write_palette(tmp_path / "a.aseprite", RGB)
+    content = (tmp_path / "a.aseprite").read_bytes()
+    # A layer, without which no sprite opens, follows the colors.
+    layer = content[144 + 6 + len(NEW) + 6 :]
+    assert content == of_sprite((0x2019, NEW), (0x2004, layer), head=content[6:128])
+    assert set(PALETTE_FORMATS) == {*WRITTEN, ".png", ".aseprite"}
 
 
 @pytest.mark.parametrize("suffix", PALETTE_FORMATS)
 @pytest.mark.parametrize("n_colors", [1, 2, 17, 256, 300])
-def test_a_palette_parses_back(tmp_path: Path, suffix: str, n_colors: int) -> None:
+def test_a_palette_comes_back_with_its_alpha(tmp_path: Path, suffix: str, n_colors: int) -> None:
     if suffix == ".act" and n_colors > 256:
         pytest.skip("holds 256 colors")
-    palette = np.random.default_rng(1).integers(0, 256, (n_colors, 3), np.uint8)
-    path = tmp_path / f"a{suffix}"
-    write_palette(path, palette)
-    np.testing.assert_array_equal(READERS[suffix](path), palette)
-    np.testing.assert_array_equal(read_palette(path), palette, strict=True)
-
-
-@pytest.mark.parametrize("suffix", [suffix for suffix in PALETTE_FORMATS if suffix != ".act"])
-@pytest.mark.parametrize("n_colors", [2, 300])
-def test_alpha_comes_back(tmp_path: Path, suffix: str, n_colors: int) -> None:
-    palette = np.random.default_rng(2).integers(0, 256, (n_colors, 4), np.uint8)
-    path = tmp_path / f"a{suffix}"
-    write_palette(path, palette)
-    np.testing.assert_array_equal(read_palette(path), palette, strict=True)
+    palette = np.random.default_rng(1).integers(0, 256, (n_colors, 4), np.uint8)
+    for n_channels in (3, 4)[: 1 if suffix == ".act" else 2]:
+        write_palette(tmp_path / f"a{suffix}", palette[:, :n_channels], overwrite=True)
+        np.testing.assert_array_equal(read_palette(tmp_path / f"a{suffix}"), palette[:, :n_channels], strict=True)
 
 
 def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
@@ -195,16 +132,6 @@ def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
 def test_files_of_other_programs_are_read(tmp_path: Path, name: str, content: bytes, palette: Any) -> None:
     (tmp_path / name).write_bytes(content)
     np.testing.assert_array_equal(read_palette(tmp_path / name), palette)
-
-
-def ase(*colors: tuple[bytes, tuple[float, ...]]) -> bytes:
-    """Build a file with a group that has the first color, and the others outside."""
-    blocks = [struct.pack(">HIH4s", 0xC001, 6, 2, "ab".encode("utf-16-be"))]
-    for model, values in colors:
-        body = struct.pack(">H2s4s", 1, b"\0\0", model) + struct.pack(f">{len(values)}fH", *values, 0)
-        blocks.append(struct.pack(">HI", 1, len(body)) + body)
-    blocks.insert(2, struct.pack(">HI", 0xC002, 0))
-    return struct.pack(">4sHHI", b"ASEF", 1, 0, len(blocks)) + b"".join(blocks)
 
 
 def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
@@ -335,32 +262,15 @@ def test_a_picture_of_too_many_colors_is_no_palette(tmp_path: Path) -> None:
 # --- writing
 
 
-def test_the_case_of_the_suffix_does_not_matter(tmp_path: Path) -> None:
-    write_palette(tmp_path / "a.JSON", RGB)
-    np.testing.assert_array_equal(read_json(tmp_path / "a.JSON"), RGB)
-
-
-def test_json_keeps_alpha_beside_rgb_and_in_the_hex_code(tmp_path: Path) -> None:
-    write_palette(tmp_path / "a.json", RGBA)
-    np.testing.assert_array_equal(read_json(tmp_path / "a.json"), RGBA)
-    assert json.loads((tmp_path / "a.json").read_text())["colors"][1]["hex"] == "#c8102e80"
-
-
-def test_gpl_keeps_alpha_in_the_name_of_the_color(tmp_path: Path) -> None:
-    write_palette(tmp_path / "a.gpl", RGBA)
-    np.testing.assert_array_equal(read_gpl(tmp_path / "a.gpl"), RGBA[:, :3])
-    assert (tmp_path / "a.gpl").read_text().endswith("200  16  46\t#c8102e80\n")
-
-
-def test_shares_are_those_of_the_pixels_and_sum_to_one(tmp_path: Path) -> None:
-    write_palette(tmp_path / "a.json", RGB, density=[1, 2, 5])
-    shares = [color["share"] for color in json.loads((tmp_path / "a.json").read_text())["colors"]]
-    assert shares == [1 / 8, 2 / 8, 5 / 8]
-
-
-def test_without_density_no_share_is_told(tmp_path: Path) -> None:
-    write_palette(tmp_path / "a.json", RGB)
-    assert "share" not in (tmp_path / "a.json").read_text()
+def test_alpha_and_shares_are_written(tmp_path: Path) -> None:
+    write_palette(tmp_path / "a.JSON", RGBA, density=[1, 3])  # the case of the suffix does not matter
+    assert json.loads((tmp_path / "a.JSON").read_text())["colors"] == [
+        {"hex": "#00000000", "rgb": [0, 0, 0], "alpha": 0, "share": 0.25},
+        {"hex": "#c8102e80", "rgb": [200, 16, 46], "alpha": 128, "share": 0.75},
+    ]
+    write_palette(tmp_path / "two\nlines.gpl", RGBA)
+    lines = (tmp_path / "two\nlines.gpl").read_text().splitlines()
+    assert (lines[1], lines[-1]) == ("Name: two lines", "200  16  46\t#c8102e80")
 
 
 @pytest.mark.parametrize(
@@ -375,14 +285,14 @@ def test_without_density_no_share_is_told(tmp_path: Path) -> None:
 )
 def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: NDArray[Any]) -> None:
     write_palette(tmp_path / "a.json", palette)
-    np.testing.assert_array_equal(read_json(tmp_path / "a.json"), [[0] * 3, [128] * 3, [255] * 3])
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.json"), [[0] * 3, [128] * 3, [255] * 3])
 
 
 @pytest.mark.parametrize("offset", [-128, 0, 128])
 def test_16_bits_go_to_the_nearest_of_8(tmp_path: Path, offset: int) -> None:
     levels = np.arange(256)
     write_palette(tmp_path / "a.gpl", np.clip(levels * 257 + offset, 0, 65535).astype(np.uint16))
-    np.testing.assert_array_equal(read_gpl(tmp_path / "a.gpl")[:, 0], levels)
+    np.testing.assert_array_equal(read_palette(tmp_path / "a.gpl")[:, 0], levels)
 
 
 @pytest.mark.parametrize(
@@ -403,28 +313,17 @@ def test_what_is_no_palette_is_refused_and_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unknown_suffix_is_refused_with_those_that_are_known(tmp_path: Path) -> None:
+def test_an_unknown_suffix_and_a_density_of_another_length_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"a\.xyz: suffix='\.xyz' must be one of \.gpl, \.json"):
         write_palette(tmp_path / "a.xyz", RGB)
-
-
-def test_density_of_another_length_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"density of shape \(2,\) must be \(3,\)"):
         write_palette(tmp_path / "a.json", RGB, density=[1, 2])
-
-
-def test_the_palette_is_named_after_the_file_in_one_line(tmp_path: Path) -> None:
-    write_palette(tmp_path / "two\nlines.gpl", RGB)
-    assert (tmp_path / "two\nlines.gpl").read_text().splitlines()[1] == "Name: two lines"
 
 
 def test_formats_of_other_programs_are_read(tmp_path: Path) -> None:
     entries = [[1, 2, 3], [250, 128, 0]]
     riff = b"PAL data" + struct.pack("<IHH", 12, 0x300, 2) + bytes([1, 2, 3, 0, 250, 128, 0, 0])
-    old = struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])
-    chunk = struct.pack("<IH", 6 + len(old), 4) + old
-    frame = struct.pack("<IHHH2xI", 16 + len(chunk), 0xF1FA, 1, 100, 0) + chunk
-    sprite = struct.pack("<IH122x", 128 + len(frame), 0xA5E0) + frame
+    sprite = of_sprite((4, struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])))
     files = {
         "riff.pal": b"RIFF" + struct.pack("<I", len(riff)) + riff,
         "jasc.pal": b"JASC-PAL\r\n0100\r\n2\r\n1 2 3\r\n250 128 0\r\n",

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from cvtimg import quantize, read_image
-from cvtimg._shared import threads as _threads
+from cvtimg._shared.threads import one_thread
 from cvtimg.colors import color_samples
 from cvtimg.quantization.dithering import DITHERS, dither, energy_of
 
@@ -130,20 +130,6 @@ def test_a_ramp_in_black_and_white_keeps_its_local_mean(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", DITHERS)
-@pytest.mark.parametrize("n_colors", [8, pytest.param(64, marks=pytest.mark.slow)])
-def test_seen_from_afar_a_dithered_photograph_is_nearer_to_the_original(method: str, n_colors: int) -> None:
-    image = read_image(SAMPLES / "chelsea.png")[:200, :200]
-    samples, plain = color_samples(image), quantize(image, n_colors, effort="fast")
-    labels = dither(samples.colors, samples.inverse, plain.palette, method=method)
-
-    def error(picture: NDArray[Any]) -> float:
-        return float(np.square(uniform_filter(picture.astype(float) - image, (8, 8, 0))).mean())
-
-    # What no mixture of the palette reaches stays as far away as it was.
-    assert error(plain.palette[labels]) < 0.95 * error(plain.image)
-
-
-@pytest.mark.parametrize("method", DITHERS)
 def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -> None:
     image = read_image(SAMPLES / "chelsea.png")[:96, :96].astype(np.float32)
     palette = quantize(image, 16, effort="fast").palette
@@ -155,14 +141,16 @@ def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -
 
 
 @pytest.mark.parametrize("method", DITHERS)
-def test_any_size_is_dithered(method: str) -> None:
+def test_any_size_is_dithered_and_inputs_are_unchanged(method: str) -> None:
     rng = np.random.default_rng(0)
     palette = rng.random((5, 3))
     for shape in ((1, 1), (1, 17), (17, 1), (2, 3), (65, 67)):
-        labels = of_image(rng.random((*shape, 3)), palette, method=method)
-        assert labels.shape == shape
-        assert labels.dtype == np.int32
+        image = rng.random((*shape, 3))
+        before = image.copy(), palette.copy()
+        labels = of_image(image, palette, method=method)
+        assert (labels.shape, labels.dtype) == (shape, np.int32)
         assert 0 <= labels.min() <= labels.max() < 5
+        assert all(map(np.array_equal, (image, palette), before))
 
 
 @pytest.mark.parametrize("method", DITHERS)
@@ -320,18 +308,13 @@ def test_the_mask_of_blue_noise_has_hardly_any_low_frequencies() -> None:
         assert power[radius < 0.15].mean() < 0.05 * power.mean()
 
 
-@pytest.mark.parametrize("method", ["floyd-steinberg", "edge-aware", "blue-noise", "bayer"])
-def test_threads_do_not_matter(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    image = read_image(SAMPLES / "coffee.png")[:200, :300]
-    samples = color_samples(image)
-    palette = samples.colors[:: samples.n_colors // 30]
-    found = []
-    for threads in (1, 3):
-        monkeypatch.setattr(_threads, "n_threads", lambda threads=threads: threads)
-        _threads._pool.cache_clear()
-        found.append(dither(samples.colors, samples.inverse, palette, method=method))
-    _threads._pool.cache_clear()
-    assert np.array_equal(*found)
+@pytest.mark.parametrize("method", DITHERS)
+def test_threads_do_not_matter(method: Any) -> None:
+    samples = color_samples(read_image(SAMPLES / "coffee.png")[:200, :300])
+    job = samples.colors, samples.inverse, samples.colors[:: samples.n_colors // 30], method
+    found = dither(*job)
+    with one_thread():
+        assert np.array_equal(dither(*job), found)
 
 
 def test_the_energy_is_that_of_the_pixels() -> None:
@@ -351,16 +334,6 @@ def test_the_unit_does_not_matter(method: str, scale: float) -> None:
     power = 2.0 ** np.round(np.log2(scale))
     labels = of_image(image, palette, method=method)
     assert np.array_equal(of_image(image * power, palette * power, method=method), labels)
-
-
-def test_the_input_is_unchanged() -> None:
-    rng = np.random.default_rng(0)
-    places, palette = rng.random((6, 3)), rng.random((4, 3))
-    inverse = rng.integers(0, 6, (5, 5)).astype(np.int32)
-    before = places.copy(), inverse.copy(), palette.copy()
-    dither(places, inverse, palette)
-    for array, copy in zip((places, inverse, palette), before, strict=True):
-        assert np.array_equal(array, copy)
 
 
 def test_what_cannot_be_is_refused() -> None:

@@ -12,15 +12,7 @@ import cvtimg
 from cvtimg._shared.threads import one_thread
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.frames import Frames
-from cvtimg.quantization import (
-    Quantized,
-    QuantizeOptions,
-    Reading,
-    UnfitOptionError,
-    map_to_palette,
-    quantize_file,
-    quantize_frames,
-)
+from cvtimg.quantization import Quantized, QuantizeOptions, map_to_palette, quantize_file, quantize_frames
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -145,14 +137,6 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     assert small.n_colors > 100  # few colors would look worse than a high price of bits
     quantize_file(source, tmp_path / "c.png", QuantizeOptions(quality=50, max_bytes=25_000, engine=FAST))
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
-
-
-@pytest.mark.parametrize("options", [{"quality": 70}, {"goal": "eyes"}])
-def test_images_in_tiles_are_not_for_eyes(options: dict[str, Any], tmp_path: Path) -> None:
-    source = tmp_path / "a.tif"
-    cvtimg.write_image(source, CHELSEA)
-    with pytest.raises(UnfitOptionError, match="needs the whole image in memory"):
-        quantize_file(source, tmp_path / "b.tif", QuantizeOptions(**options), reading=Reading(tiles=True))
 
 
 def test_threads_do_not_matter() -> None:

@@ -143,6 +143,7 @@ def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) 
         ["-k", "12", "--weight-map", "weights.png"],
         ["-k auto"],
         ["--optimize"],
+        ["--quality 70"],
     ],
 )
 def test_what_needs_the_whole_picture_is_refused(
@@ -154,7 +155,7 @@ def test_what_needs_the_whole_picture_is_refused(
     monkeypatch.setattr(command, "_check_optimize", lambda output: None)  # it refuses .tif, whatever its size
     given = ["-k", "12", *options] if options == ["--optimize"] else " ".join(options).split()
     assert cli.main(["quantize", "a.tif", "-o", "b.tif", *given]) == 1
-    shown = options[0] if len(options) == 1 else options[2]
+    shown = options[0].removesuffix(" 70") if len(options) == 1 else options[2]
     assert f"is read in tiles, and {shown} needs the whole image" in capsys.readouterr().err
     assert not Path("b.tif").exists()
 
