@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import partial, reduce
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -145,12 +145,12 @@ class Pair:
 
 def late(module: str, name: str) -> Callable[..., Any]:
     """Return a function of a module of cvtimg that is imported when it is called, so that --help imports little."""
+    return partial(_called, module, name)  # unlike a function in here, it can go to other processes
 
-    def call(*given: Any) -> Any:
-        found: Any = import_module(f"cvtimg.{module}")
-        return reduce(getattr, name.split("."), found)(*given)
 
-    return call
+def _called(module: str, name: str, *given: Any) -> Any:
+    found: Any = import_module(f"cvtimg.{module}")
+    return reduce(getattr, name.split("."), found)(*given)
 
 
 Kind: TypeAlias = Real | Choice | Switch | Text | File | Pair
