@@ -64,7 +64,10 @@ def rivals() -> dict[str, Find]:
         "MiniBatchKMeans": ("sklearn", lambda rows, k: MiniBatchKMeans(k, n_init=10, random_state=0).fit(rows).labels_),
         "cvtimg balanced": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, rng=0).labels),
         "cvtimg best": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, effort="best", rng=0).labels),
-        "bkmeans": ("bkmeans", lambda rows, k: import_module("bkmeans").BKMeans(k, random_state=0).fit(rows).labels_),
+        "bkmeans": (
+            "bkmeans",
+            lambda rows, k: import_module("bkmeans").BKMeans(n_clusters=k, random_state=0).fit(rows).labels_,
+        ),
         "faiss, 10 starts": ("faiss", by_faiss),
         "HG-means": ("hgmeans", by_hgmeans),
     }
