@@ -81,3 +81,10 @@ def edge_weighted_energy(
                 other = padded[radius + down : radius + down + height, radius + right : radius + right + width]
                 n_pairs += int(((labels != other) & (labels > 0) & (other > 0)).sum())
     return energy + edge_weight * n_pairs
+
+
+def cube() -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Return the vertices of a cube, from -1 to 1, and its twelve triangles: what computer-aided design gives."""
+    corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
+    squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return corners, np.array([[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares])

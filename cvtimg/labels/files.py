@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_labels, check_within
+from cvtimg._shared.checks import check_choice, check_labels, check_that, check_within
 from cvtimg._shared.extras import needs
 from cvtimg._shared.svg import shortest
 from cvtimg.files.text_tables import write_csv
@@ -19,6 +19,8 @@ from cvtimg.pictures.files import Metadata, read_indices, write_image
 
 #: Suffixes of files of labels.
 LABEL_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
+#: An image of labels as colors has no more.
+_MOST_COLORS = 256
 
 
 def write_labels(
@@ -71,7 +73,8 @@ def read_labels(path: StrPath) -> NDArray[np.int32]:
     Parameters
     ----------
     path : str or path-like
-        An indexed or gray image of at most 32 bits, or a .npy array of whole numbers.
+        An indexed or gray image of at most 32 bits, or a .npy array of whole numbers; or one in RGB or RGBA, of which
+        equal bands are taken as one, and otherwise up to 256 colors as labels 1, 2, ..., black and what is clear as 0.
 
     Returns
     -------
@@ -92,10 +95,32 @@ def read_labels(path: StrPath) -> NDArray[np.int32]:
     ...     read_labels(f"{folder}/labels.png").tolist()
     [[0, 1, 200]]
     """
-    values = read_indices(path)
+    values = one_band(read_indices(path))
     if values.dtype.kind == "f" and np.array_equal(values, np.rint(values)):
         values = values.astype(np.int64)  # as integers of 32 bits are read
     return check_labels("labels", values)
+
+
+def one_band(image: NDArray[Any]) -> NDArray[Any]:
+    """Return labels (H, W) of an image that may have bands: equal ones, or a color for each label.
+
+    Examples
+    --------
+    >>> one_band(np.array([[[0, 0, 0], [255, 0, 0]], [[0, 0, 255], [255, 0, 0]]], np.uint8)).tolist()
+    [[0, 2], [1, 2]]
+    """
+    if image.ndim < 3:
+        return image
+    n_bands = image.shape[-1]
+    bands = image[..., : n_bands - 1 + n_bands % 2]
+    clear = image[..., -1] == 0 if n_bands % 2 == 0 else np.zeros(image.shape[:-1], bool)
+    if (bands == bands[..., :1]).all():
+        return np.where(clear, 0, bands[..., 0])
+    colors = np.where(clear[..., None], 0, bands).astype(np.int64) @ 65536 ** np.arange(bands.shape[-1])[::-1]
+    values, labels = np.unique(colors, return_inverse=True)
+    demand = f"have at most {_MOST_COLORS}, as black for the outside and a color for each region, not {len(values)}"
+    check_that("colors of an image of labels", len(values) <= _MOST_COLORS, f"{demand}: segment a photograph first")
+    return labels.reshape(colors.shape) + int(values[0] != 0)
 
 
 def smallest_type(largest: int) -> np.dtype[Any]:

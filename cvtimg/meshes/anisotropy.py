@@ -22,8 +22,6 @@ MatrixFunction = Callable[[Points], Any]
 
 #: Points by which Huang's alpha is found.
 _SAMPLES = 1 << 16
-#: The mean of det(S)^(1/3) that Huang recommends: half of the vertices go where the Hessian is large.
-_HUANG_GOAL = 2 ** (4 / 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,9 +113,9 @@ class HuangMetric:
         largest = float(np.abs(absolute).max())
         check_that("hessian", 0 < largest < np.inf, "be finite and not 0 everywhere")
 
-        def excess(power: float) -> float:
+        def excess(power: float) -> float:  # half of the vertices go where the Hessian is large
             regular = absolute / (np.exp(power) * largest) + np.array([1.0, 0.0, 1.0])
-            return float((_determinants(regular) ** (1 / 3)).mean()) - _HUANG_GOAL
+            return float((_determinants(regular) ** (1 / 3)).mean()) - 2 ** (4 / 3)
 
         from scipy.optimize import bisect
 

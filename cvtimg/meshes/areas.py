@@ -1,4 +1,4 @@
-"""Segments keep their areas: vertices on borders move by the least that makes up for smoothing and for chords."""
+"""Segments and polygons keep their areas: vertices on borders move by as much as makes up for what edges cut off."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from numpy.typing import NDArray
 Points = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-#: Areas are right when none misses by more than this part of it.
-_NEAR = 1e-6
-#: Rounds of Newton's method at most. In each, no vertex moves by more than this part of its shorter edge.
-_ROUNDS, _LONGEST = 20, 0.25
-#: Ends of lines, which are corners and junctions, move by this part of what other vertices do.
-_ENDS = 0.03
-#: Makes the equations regular where all areas are kept if all but one are.
-_REGULAR = 1e-12
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """How equations for areas are solved."""
+
+    near: float = 1e-6  # areas are right when none misses by more than this part of it
+    rounds: int = 20
+    longest: float = 0.25  # in each, no vertex moves by more than this part of its shorter edge
+    ends: float = 0.03  # of lines, which are corners and junctions, move by this part of what other vertices do
+    regular: float = 1e-12  # makes the equations regular where all areas are kept if all but one are
+
+
+_NEWTON = Newton()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,16 +56,16 @@ class Areas:
 
         both, n_pieces, n = self.pieces[of_line], len(self.wanted), len(points)
         freedom = np.ones(n)
-        freedom[ends] = _ENDS
+        freedom[ends] = _NEWTON.ends
         freedom[still] = 0
         rows = np.concatenate([both.T.ravel()] * 4)
         columns = np.concatenate([np.tile(2 * edges[:, end] + axis, 2) for end in (0, 1) for axis in (0, 1)])
         signs = np.tile(np.repeat([0.5, -0.5], len(edges)), 4)
         inside = rows > 0
         points = points.copy()
-        for _ in range(_ROUNDS):
+        for _ in range(_NEWTON.rounds):
             missing = self.wanted - _enclosed(points, edges, both, n_pieces)
-            if (np.abs(missing) <= _NEAR * self.wanted)[1:].all():
+            if (np.abs(missing) <= _NEWTON.near * self.wanted)[1:].all():
                 break
             a, b = points[edges[:, 0]], points[edges[:, 1]]
             lengths = np.linalg.norm(b - a, axis=1)
@@ -71,14 +76,14 @@ class Areas:
             weights = np.repeat(freedom / np.maximum(np.bincount(edges.ravel(), np.repeat(lengths, 2), n), 1e-300), 2)
             weighted = of_moves.multiply(weights).tocsr()
             normal = (weighted @ of_moves.T).tocsc()
-            scale = _REGULAR * float(normal.diagonal().max(initial=1e-300))
+            scale = _NEWTON.regular * float(normal.diagonal().max(initial=1e-300))
             needed = np.atleast_1d(spsolve(normal + scale * eye_array(n_pieces - 1, format="csc"), missing[1:]))
             moves = (weighted.T @ needed).reshape(-1, 2)
             shortest = np.full(n, np.inf)
             for end in (0, 1):
                 np.minimum.at(shortest, edges[:, end], lengths)
             far = np.linalg.norm(moves, axis=1)
-            points += moves * np.minimum(1, _LONGEST * shortest / np.maximum(far, 1e-300))[:, None]
+            points += moves * np.minimum(1, _NEWTON.longest * shortest / np.maximum(far, 1e-300))[:, None]
         return points
 
 

@@ -21,79 +21,29 @@ _NOTHING, _MOST = 1e-9, 1.0
 _ROUNDS = 6
 
 
-class Curves:
-    """The lines around polygons, which edges of meshes are compared with.
+def keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
+    """Move vertices along their normals by the area that edges cut off on both sides, so that polygons lose none.
 
-    Parameters
-    ----------
-    outline : Outline
-        Of polygons.
+    Corners stay, and so do vertices on straight sides, unless one edge cuts off the turn from a side to the next.
     """
-
-    def __init__(self, outline: Outline) -> None:
-        lengths = np.array([len(line) for line in outline.lines])
-        self._sides, self._middle = outline.sides, outline.bounds.mean(axis=0)
-        self._places = np.concatenate(outline.lines) - self._middle
-        self._of_line = np.repeat(np.arange(len(lengths)), lengths)
-        self._stops = np.cumsum(lengths) - 1
-        self._starts = self._stops + 1 - lengths
-        # The straight parts, by the point where each starts; and what was swept over until there, around the middle.
-        inner = np.diff(self._of_line) == 0
-        self._parts, self._tree = np.flatnonzero(inner), outline.segments()
-        self._swept = np.append(0, np.cumsum(inner * cross(self._places[:-1], self._places[1:]) / 2))
-
-    def keep_areas(self, mesh: PlaneTriangulation) -> None:
-        """Move vertices along their normals by the area that edges cut off on both sides, so that none is lost.
-
-        Corners stay, and so do vertices on straight sides, unless one edge cuts off the turn from a side to the next.
-        """
-        chords = self._chords(mesh)
-        edges, cut = chords.edges, chords.cut_off(mesh.points)
-        is_cut = np.abs(cut) > _NOTHING * chords.squares(mesh.points)
-        into, out = np.zeros((2, len(mesh.points)), np.intp)
-        into[edges[:, 1]] = out[edges[:, 0]] = np.arange(len(edges))
-        free = chords.may_move & is_cut[into] & is_cut[out]
-        alone = edges[is_cut & ~free[edges].any(axis=1)]
-        free[alone] = chords.may_move[alone]
-        moved, n_free = np.flatnonzero(free), free[edges].sum(axis=1)
-        before, after = edges[into[moved], 0], edges[out[moved], 1]
-        steps = np.zeros_like(mesh.points)
-        steps[moved] = chords.feet[moved] - mesh.points[moved]
-        for _ in range(_ROUNDS if len(moved) else 0):
-            mesh.move(steps, np.where(free, FREE, FIXED).astype(np.uint8))
-            shares = np.where(n_free > 0, chords.cut_off(mesh.points) / np.maximum(n_free, 1), 0)
-            along = mesh.points[after] - mesh.points[before]
-            widths = 2 * (shares[into[moved]] + shares[out[moved]]) / (along**2).sum(axis=1)
-            steps[moved] = widths[:, None] * np.stack([along[:, 1], -along[:, 0]], axis=1)
-
-    def _chords(self, mesh: PlaneTriangulation) -> _Chords:
-        """Find the lines that edges are on: those that their ends, if they are no corners, are nearest to."""
-        points, half_edges = mesh.points, mesh.half_edges_on_borders()
-        edges = mesh.edges[half_edges]
-        on_border = np.unique(edges)
-        moving = on_border[~mesh.corners[on_border]]
-        may_move = np.zeros(len(points), bool)
-        may_move[moving] = True
-        part = self._parts[self._tree.nearest(optional("shapely", "mesh").points(points[moving]))]
-        start, step = self._places[part], self._places[part + 1] - self._places[part]
-        share = ((points[moving] - self._middle - start) * step).sum(axis=1) / (step**2).sum(axis=1)
-        share = np.clip(share, 0, 1)
-        feet, at, swept, line = points - self._middle, *np.zeros((2, len(points))), np.zeros(len(points), np.intp)
-        feet[moving], at[moving], line[moving] = start + share[:, None] * step, part + share, self._of_line[part]
-        swept[moving] = self._swept[part] + cross(start, feet[moving]) / 2
-        # An edge goes in the direction of its line, and has the left side of that to the left.
-        own = np.where(may_move[edges[:, 0]], line[edges[:, 0]], line[edges[:, 1]])
-        back = mesh.tags[half_edges // 3] != self._sides[own, 0]
-        edges[back] = edges[back, ::-1]
-        inner = may_move[edges]
-        (swept_a, at_a), (swept_b, at_b) = (
-            (np.where(inner[:, k], swept[edges[:, k]], self._swept[ends]), np.where(inner[:, k], at[edges[:, k]], ends))
-            for k, ends in enumerate((self._starts[own], self._stops[own]))
-        )
-        around = (self._swept[self._stops] - self._swept[self._starts])[own]
-        beside = swept_b - swept_a + np.where(at_b < at_a, around, 0)
-        known = inner.any(axis=1) & (~inner.all(axis=1) | (line[edges[:, 0]] == line[edges[:, 1]]))
-        return _Chords(edges, np.where(known, beside, np.nan), feet + self._middle, self._middle, may_move)
+    chords = _chords(outline, mesh)
+    edges, cut = chords.edges, chords.cut_off(mesh.points)
+    is_cut = np.abs(cut) > _NOTHING * chords.squares(mesh.points)
+    into, out = np.zeros((2, len(mesh.points)), np.intp)
+    into[edges[:, 1]] = out[edges[:, 0]] = np.arange(len(edges))
+    free = chords.may_move & is_cut[into] & is_cut[out]
+    alone = edges[is_cut & ~free[edges].any(axis=1)]
+    free[alone] = chords.may_move[alone]
+    moved, n_free = np.flatnonzero(free), free[edges].sum(axis=1)
+    before, after = edges[into[moved], 0], edges[out[moved], 1]
+    steps = np.zeros_like(mesh.points)
+    steps[moved] = chords.feet[moved] - mesh.points[moved]
+    for _ in range(_ROUNDS if len(moved) else 0):
+        mesh.move(steps, np.where(free, FREE, FIXED).astype(np.uint8))
+        shares = np.where(n_free > 0, chords.cut_off(mesh.points) / np.maximum(n_free, 1), 0)
+        along = mesh.points[after] - mesh.points[before]
+        widths = 2 * (shares[into[moved]] + shares[out[moved]]) / (along**2).sum(axis=1)
+        steps[moved] = widths[:, None] * np.stack([along[:, 1], -along[:, 0]], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,3 +66,37 @@ class _Chords:
         places, to_feet = points - self.middle, cross(self.feet - self.middle, points - self.middle)
         cut = self.beside + (to_feet[b] - to_feet[a] - cross(places[a], places[b])) / 2
         return np.where(np.abs(cut) < _MOST * self.squares(points), cut, 0)
+
+
+def _chords(outline: Outline, mesh: PlaneTriangulation) -> _Chords:
+    """Find the lines that edges are on: those that their ends, if they are no corners, are nearest to."""
+    lengths, middle = np.array([len(line) for line in outline.lines]), outline.bounds.mean(axis=0)
+    places, of_line = np.concatenate(outline.lines) - middle, np.repeat(np.arange(len(lengths)), lengths)
+    stops = np.cumsum(lengths) - 1
+    starts = stops + 1 - lengths
+    # The straight parts, by the point where each starts; and what was swept over until there, around the middle.
+    inner = np.diff(of_line) == 0
+    until = np.append(0, np.cumsum(inner * cross(places[:-1], places[1:]) / 2))
+    half_edges = mesh.half_edges_on_borders()
+    edges = mesh.edges[half_edges]
+    on_border = np.unique(edges)
+    moving = on_border[~mesh.corners[on_border]]
+    may_move = np.zeros(len(mesh.points), bool)
+    may_move[moving] = True
+    nearest = outline.segments().nearest(optional("shapely", "mesh").points(mesh.points[moving]))
+    part = np.flatnonzero(inner)[nearest]
+    start, step = places[part], places[part + 1] - places[part]
+    share = np.clip(((mesh.points[moving] - middle - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
+    feet, (at, swept), line = mesh.points - middle, np.zeros((2, len(mesh.points))), np.zeros(len(mesh.points), np.intp)
+    feet[moving], at[moving], line[moving] = start + share[:, None] * step, part + share, of_line[part]
+    swept[moving] = until[part] + cross(start, feet[moving]) / 2
+    # An edge goes in the direction of its line, and has the left side of that to the left.
+    own = np.where(may_move[edges[:, 0]], line[edges[:, 0]], line[edges[:, 1]])
+    back = mesh.tags[half_edges // 3] != outline.sides[own, 0]
+    edges[back] = edges[back, ::-1]
+    moves, ends = may_move[edges], np.stack([starts[own], stops[own]], axis=1)
+    swept, at = np.where(moves, swept[edges], until[ends]), np.where(moves, at[edges], ends)
+    around = (until[stops] - until[starts])[own]
+    beside = swept[:, 1] - swept[:, 0] + np.where(at[:, 1] < at[:, 0], around, 0)
+    known = moves.any(axis=1) & (~moves.all(axis=1) | (line[edges[:, 0]] == line[edges[:, 1]]))
+    return _Chords(edges, np.where(known, beside, np.nan), feet + middle, middle, may_move)

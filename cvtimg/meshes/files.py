@@ -49,10 +49,9 @@ class MeshContent:
     cells: NDArray[np.int32]  # (T, 3), (T, 4), or (T, 6) for triangles with nodes in the middle of edges
     tags: NDArray[np.int32]  # (T,)
     sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, with their middle, or triangles of the surface
-    qualities: NDArray[np.float64] | None = None  # (T,)
+    qualities: NDArray[np.float64]  # (T,)
     side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
-    pairs: NDArray[np.int32] | None = None  # (P, 2): points that are copies of others, moved along an axis
 
     @property
     def kind(self) -> str:
@@ -83,8 +82,6 @@ def _vtu(mesh: MeshContent) -> bytes:
     """VTK's format of unstructured grids."""
     cells, tags, qualities, sides = mesh.cells, mesh.tags, mesh.qualities, mesh.sides
     kind, corners = _CELLS[mesh.kind][0], cells.shape[1] * np.arange(1, len(cells) + 1)
-    if qualities is None:
-        return vtu_content(mesh.places, cells, corners, kind, {})
     if mesh.side_tags is None:
         return vtu_content(mesh.places, cells, corners, kind, {"tag": tags, "quality": qualities})
     # Lines follow, and each name has 1 in its cells.
@@ -124,9 +121,6 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        if mesh.pairs is not None:
-            entities, sets["gmsh_periodic"] = _periodic(mesh, mesh.pairs, int(max(map(np.max, tags))) + 1)
-            data["gmsh:geometrical"] = [np.where(entities > 0, entities, of_sides), mesh.tags]
         keys = [
             *((dimension, tag) for tag in np.unique(of_sides)),
             *((dimension + 1, tag) for tag in np.unique(mesh.tags)),
@@ -152,22 +146,6 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     if suffix == ".inp":  # of the plane, where meshio has rigid elements and shells
         content = content.replace(b"TYPE=R3D3\n", b"TYPE=CPS3\n", 1).replace(b"TYPE=STRI65\n", b"TYPE=CPS6\n", 1)
     return content
-
-
-def _periodic(mesh: MeshContent, pairs: NDArray[np.int32], tag: int) -> tuple[NDArray[np.int32], list[Any]]:
-    """Return the entity of each edge on periodic sides, from a tag on, and Gmsh's entries for pairs of entities."""
-    entities, entries = np.zeros(len(mesh.sides), np.int32), []
-    steps = mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]]
-    for axis in (0, 1):
-        along = steps[:, axis] != 0
-        if along.any():
-            for column in (0, 1):
-                entities[np.isin(mesh.sides, pairs[along, column]).all(axis=1)] = tag + column
-            affine = np.eye(4)
-            affine[axis, 3] = steps[along, axis][0]
-            entries.append([1, (tag, tag + 1), affine, pairs[along]])
-            tag += 2
-    return entities, entries
 
 
 def rows_of(form: str, rows: NDArray[np.generic]) -> str:

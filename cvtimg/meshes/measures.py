@@ -27,22 +27,17 @@ class MeshMeasures:
 
     Attributes
     ----------
-    h : float
-        The largest h_i.
-    chi : float
-        The largest 3^(1/2) h_i / gamma_i; 1 for regular hexagons.
-    tau : float
-        The largest deviation of the trace of the second moments of a cell, by its area, from the mean of all.
-    d : float
-        The largest determinant of the deviatoric part of these second moments.
+    h, chi : float
+        The largest h_i, and the largest 3^(1/2) h_i / gamma_i; 1 for regular hexagons.
+    tau, d : float
+        The largest deviation of the trace of the second moments of a cell, by its area, from the mean of all, and the
+        largest determinant of their deviatoric part.
     alpha : float
         The largest area of a triangle by the mean one.
     beta : float
         60 degrees by the least angle.
-    q : float
-        The largest R / (2 r); 1 for equilateral triangles.
-    p : float
-        Standard deviation of R by its mean.
+    q, p : float
+        The largest R / (2 r), 1 for equilateral triangles; and the standard deviation of R by its mean.
     least_angle : float
         In degrees.
     mean_quality : float
@@ -78,10 +73,6 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
         Vertices; those that no triangle has are left out.
     triangles : (T, 3) integer array
         Indices of points. They may touch but not overlap.
-
-    Returns
-    -------
-    MeshMeasures
 
     Examples
     --------

@@ -24,12 +24,11 @@ from cvtimg._shared.extras import optional
 from cvtimg._shared.progress import each, part
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
-from cvtimg.meshes.curves import Curves
-from cvtimg.meshes.interior import place_inside
+from cvtimg.meshes.curves import keep_areas
 from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
-from cvtimg.meshes.planning import Plan, Wanted, plan_mesh
+from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
 from cvtimg.meshes.quadratic import quadratic
 from cvtimg.meshes.relaxation import relax
@@ -309,10 +308,18 @@ def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, rand
 def _finished(
     mesh: PlaneTriangulation, outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort
 ) -> PlaneTriangulation:
-    """Make edges even, mend small angles, and give polygons the areas that edges cut off."""
+    """Make edges even, and triangles regular; mend small angles, and give polygons the areas that edges cut off."""
     field = plan.field
     if field.isotropic:
-        _even_out(mesh, plan, effort)
+        for _ in each(range(effort.sweeps)):
+            mesh.even(field.metric(mesh.points))
+            mesh.flip(None)
+        for _ in range(effort.smoothings):
+            mesh.smooth(field.metric(mesh.points), effort.power)
+            mesh.flip(None)
+        if effort.even_again:
+            mesh.even(field.metric(mesh.points), effort.even_again)
+            mesh.flip(None)
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(
             mesh, field, wanted.grade, effort.mending if np.isscalar(wanted.size) else Mending(0),
@@ -320,21 +327,8 @@ def _finished(
             keep_number=wanted.n is not None,
             )  # fmt: skip
     if outline.mask is None:
-        Curves(outline).keep_areas(mesh)
+        keep_areas(outline, mesh)
     return mesh
-
-
-def _even_out(mesh: PlaneTriangulation, plan: Plan, effort: MeshEffort) -> None:
-    """Make edges even, and then, where sizes vary, triangles regular."""
-    for _ in each(range(effort.sweeps)):
-        mesh.even(plan.field.metric(mesh.points))
-        mesh.flip(None)
-    for _ in range(effort.smoothings):
-        mesh.smooth(plan.field.metric(mesh.points), effort.power)
-        mesh.flip(None)
-    if effort.even_again:
-        mesh.even(plan.field.metric(mesh.points), effort.even_again)
-        mesh.flip(None)
 
 
 def _check_inside(alone: Points, points: Points) -> None:

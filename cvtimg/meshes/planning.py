@@ -8,14 +8,14 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_count, check_positive, check_that, refuse
+from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_that, refuse
 from cvtimg._shared.progress import first_few
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
-from cvtimg.meshes.fields import Field
+from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import SizeLike, size_field
-from cvtimg.meshes.triangulation import Borders
+from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
 
 Points = NDArray[np.float64]
 
@@ -38,6 +38,10 @@ class Search:
     steepest: float = 1.0  # up to this
     coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
     halvings: int = 5  # which is halved so often
+    gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
+    less: float = 0.8  # and less where there is no room
+    draws: int = 16  # of more vertices inside,
+    more: float = 1.03  # and how many more than seem to be needed
     fitting: float = 0.2  # polygons fit if details are left out until their points are this part of all vertices
 
 
@@ -186,3 +190,43 @@ def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:
     size = outline.detail_for(int(_SEARCH.fitting * wanted.n))
     hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
     refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")
+
+
+def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generator) -> Points:
+    """Draw (n, 2) points inside of borders, in order along a curve."""
+    from scipy.spatial import cKDTree
+
+    if n <= 0:
+        return np.empty((0, 2))
+    frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
+    used = np.unique(frame.triangles).astype(np.int32)
+    tree = cKDTree(frame.points[used])
+    reach = _reach(frame)[used]
+    wanted, part = float(n), _SEARCH.gap
+    for _ in range(_SEARCH.draws):
+        points = field.seeds(round(wanted), rng)
+        near = tree.query(points)[1]
+        metric = field.metric(points)
+        size = (metric[:, 0] * metric[:, 2] - metric[:, 1] ** 2) ** -0.25
+        room = np.maximum(1, reach[near] / size) if field.isotropic else 1.0
+        far = lengths_of(metric, points - frame.points[used[near]]) > part * room
+        points, near = points[far], near[far]
+        _, shares = frame.locate(points, used[near])
+        points = points[shares.min(axis=1) > 1e-9]
+        if len(points) >= n:
+            return points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
+        if wanted > 4 * n:
+            part *= _SEARCH.less
+        wanted = min(wanted * _SEARCH.more * n / max(len(points), 1), 8.0 * n) + 1
+    check_in_range("n", n, False, f"less by {n - len(points)}: the border leaves no room")
+    return points
+
+
+def _reach(frame: PlaneTriangulation) -> NDArray[np.float64]:
+    """Find the longest border edge (N,) at each vertex, by a factor that lets inner vertices stand near its middle."""
+    edges = frame.border_edges()
+    lengths = np.linalg.norm(np.subtract(*frame.points[edges.T]), axis=1)
+    reach = np.zeros(len(frame.points))
+    for end in (0, 1):
+        np.maximum.at(reach, edges[:, end], 0.8 * lengths)
+    return reach

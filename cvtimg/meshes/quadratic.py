@@ -16,16 +16,19 @@ from cvtimg.meshes.outlines import Outline, cross
 Points = NDArray[np.float64]
 Indices = NDArray[np.int32]
 
-#: Vertices farther from the outline than this, by its diameter, were put in the middle of edges, and move to it.
-_OFF = 1e-8
-#: The ends of an edge are no farther from their line than this part of its length, and the way between them along the
-#: line is no longer than this multiple of it; otherwise the line is another's.
-_NEAR, _AROUND = 0.3, 2.0
-#: The Jacobian of a curved triangle is nowhere below this part of its mean, nor is the area of one whose corners move
-#: below this part of what it was.
-_LEAST = 0.1
-#: Edges that are made straight take area from a segment: rounds of giving it back.
-_ROUNDS = 4
+
+@dataclass(frozen=True, slots=True)
+class Bending:
+    """Which edges on borders bend, and how far."""
+
+    off: float = 1e-8  # vertices farther from the outline, by its diameter, were put in the middle of edges, and move
+    near: float = 0.3  # the ends of an edge are no farther from their line than this part of its length,
+    around: float = 2.0  # nor the way between them longer than this multiple of it: else the line is another's
+    least: float = 0.1  # Jacobians stay above this part of their mean, and areas above this part of what they were
+    rounds: int = 4  # of giving back the area that edges take from a segment that are made straight
+
+
+_BENDING = Bending()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +82,7 @@ def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outli
     places = _snapped(points, triangles, edges, ways)
     bends = np.where(ways.found[:, None], ways.middles - places[edges].mean(axis=1), 0)
     straight = ~ways.found | bent.straighten(places, bends)
-    for _ in range(_ROUNDS if outline.areas is not None else 0):
+    for _ in range(_BENDING.rounds if outline.areas is not None else 0):
         there, bends_there = _with_areas(places, bends, edges, outline, ways, straight)
         folded = bent.straighten(there, bends_there)
         if (_jacobians(bent.nodes(there, bends_there), all_six) <= 0).any():  # so narrow are triangles there
@@ -109,7 +112,7 @@ class _Bent:
         straight = np.zeros(len(bends), bool)
         while True:
             found = _jacobians(self.nodes(places, bends), self.triangles)
-            bad = self.triangles[found.min(axis=1) < _LEAST * found.mean(axis=1), 3:] - len(places)
+            bad = self.triangles[found.min(axis=1) < _BENDING.least * found.mean(axis=1), 3:] - len(places)
             new = np.zeros(len(bends) + 1, bool)
             new[self.as_border[bad]] = True  # the last is for none
             new = new[:-1] & ~straight
@@ -156,9 +159,9 @@ class _Ways:
             line,
             np.stack([at(along[:, 0]), at(along[:, 1])], axis=1),
             at(middles),
-            gaps > _OFF * outline.diameter,
+            gaps > _BENDING.off * outline.diameter,
             ((along == 0) | (along == lengths[:, None])) & ~closed[:, None],
-            (gaps <= _NEAR * chords[:, None]).all(axis=1) & (np.abs(ways) <= _AROUND * chords),
+            (gaps <= _BENDING.near * chords[:, None]).all(axis=1) & (np.abs(ways) <= _BENDING.around * chords),
             ways < 0,
         )
 
@@ -168,7 +171,7 @@ def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) ->
     moves = ways.off & ways.found[:, None]
     moved = points.copy()
     moved[edges[moves]] = ways.ends[moves]
-    least = _LEAST * measure_triangles(points, triangles).areas
+    least = _BENDING.least * measure_triangles(points, triangles).areas
     while True:
         a, b, c = moved[triangles].transpose(1, 0, 2)
         small = cross(b - a, c - a) / 2 < least

@@ -58,14 +58,10 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
     memory = StepMemory()
     rested = False
     while len(energies) <= most and not rested:
-        before = mesh.state()
         done = mesh.move(_capped(memory.times(at.masses(at.steps), at.to_lloyd), at.sizes))
         there = _state(mesh, metric, isotropic)
         if len(memory) and there.energy > at.energy * (1 + _RISE):
-            memory.clear()
-            mesh.restore(before)
-            mesh.move(_capped(at.steps, at.sizes))
-            there = _state(mesh, metric, isotropic)
+            memory.clear()  # Lloyd's step follows
         else:
             # The masses here, for both: with a density, that learns better than the change of the gradient.
             memory.learn(done, there.masses(at.steps - there.steps))
@@ -81,28 +77,24 @@ def _state(mesh: PlaneTriangulation, metric: Metric, isotropic: bool) -> _State:
     mesh.flip(None if isotropic else values)
     energy, inertia, pull = mesh.moments(values)
     moves = mesh.fixed == FREE
-    if isotropic:
-        masses = inertia[:, :1]
-        to_lloyd = np.divide(1, masses, out=np.zeros_like(masses), where=moves[:, None] & (masses > 0))
-        sizes = 1 / np.sqrt(values[:, 0])
-        return _State(energy, to_lloyd * pull, partial(np.multiply, masses), partial(np.multiply, to_lloyd), sizes)
     xx, xy, yy = inertia.T
     size = xx * yy - xy * xy
     per_size = np.divide(1, size, out=np.zeros_like(size), where=moves & (size > 0) & (xx > 0))
-    matrices = inertia[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-    inverse = (inertia[:, [2, 1, 1, 0]] * [1, -1, -1, 1] * per_size[:, None]).reshape(-1, 2, 2)
-    times = partial(np.einsum, "nij,nj->ni")
-    return _State(
-        energy, times(inverse, pull), partial(times, matrices), partial(times, inverse), _longest_edges(values)
-    )
+    inverse = inertia[:, ::-1] * [1, -1, 1] * per_size[:, None]
+    return _State(energy, _times(inverse, pull), partial(_times, inertia), partial(_times, inverse), _longest(values))
 
 
-def _longest_edges(values: Points) -> NDArray[np.float64]:
+def _times(matrices: Points, steps: Points) -> Points:
+    """Multiply symmetric matrices (N, 3), xx, xy and yy, by steps (N, 2)."""
+    (xx, xy, yy), (x, y) = matrices.T, steps.T
+    return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
+
+
+def _longest(values: Points) -> NDArray[np.float64]:
     """Edge lengths that metrics want along their direction of least change."""
     xx, xy, yy = values.T
     half, apart = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    least: NDArray[np.float64] = (xx * yy - xy * xy) / (half + apart)
-    return 1 / np.sqrt(np.maximum(least, 1e-300))
+    return 1 / np.sqrt(np.maximum((xx * yy - xy * xy) / (half + apart), 1e-300))
 
 
 def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:

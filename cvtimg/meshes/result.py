@@ -102,15 +102,6 @@ class Mesh(ReadOnly):
             From names to functions that tell which of the middles (E, 2) of border edges belong to them; the first that
             takes an edge has it.
 
-        Returns
-        -------
-        Mesh
-
-        Raises
-        ------
-        ValueError
-            If no triangle has a label, or a name no edge, or is not a word of its own.
-
         Examples
         --------
         >>> from cvtimg import mesh_region
@@ -141,10 +132,8 @@ class Mesh(ReadOnly):
         ----------
         path : str or path-like
             .vtu (tags and qualities of triangles), .msh (Gmsh's 2.2; tags as physical groups, borders as lines), .obj
-            (a group for each tag), or by meshio .ply, .stl and others. With six nodes, .vtu, .msh or what meshio writes
-            them to, such as .inp. Names of `named` are those of physical groups in .msh; in .vtu, of arrays that are 1
-            in their triangles, or in lines that follow these; in .inp (Abaqus), of ELSET for regions and NSET for
-            borders.
+            (a group for each tag), or by meshio .inp, .ply, .stl and others. .vtu, .msh and .inp have the names of
+            `named`. With six nodes, .vtu, .msh or what meshio writes them to.
         overwrite : bool
             Replace an existing file.
         """
@@ -152,8 +141,7 @@ class Mesh(ReadOnly):
         points, cells, sides = (
             (self.points, self.triangles, self.edges) if six is None else (six.nodes, six.triangles, six.edges)
         )
-        pairs = self.pairs if six is None else six.pairs
-        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names, pairs)
+        content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names)
         write_mesh(path, content, overwrite, suffixes(content.kind))
 
     def _repr_html_(self) -> str:

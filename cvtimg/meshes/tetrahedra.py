@@ -34,11 +34,9 @@ class Levels(Protocol):
 
     def nearest(self, points: Points) -> Indices:
         """Return the label at each of (N, 3) points."""
-        ...
 
     def distances(self, points: Points, labels: Indices) -> Values:
         """Return the distance of each of (N, 3) points to its label (N,)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,14 +266,14 @@ def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
     corners = low + (grid - 1 - _OFFSET) * spacing
     points = np.concatenate([corners, corners + spacing / 2])
     steps = np.array([shape[1] * shape[2], shape[2], 1])
-    n = len(grid)
     cells = []
     for axis in range(3):
         inner = ((grid < shape - 1).all(axis=1) & (grid[:, axis] > 0)).nonzero()[0]
-        others = steps[[(axis + 1) % 3, (axis + 2) % 3]]
-        ring = [inner, inner + others[0], inner + others[0] + others[1], inner + others[1]]
+        one, other = steps[[(axis + 1) % 3, (axis + 2) % 3]]
+        ring = np.stack([inner, inner + one, inner + one + other, inner + other], axis=1)
         for k in range(4):
-            cells.append(np.stack([n + inner - steps[axis], n + inner, ring[k], ring[(k + 1) % 4]], axis=1))
+            middles = len(grid) + inner
+            cells.append(np.stack([middles - steps[axis], middles, ring[:, k], ring[:, (k + 1) % 4]], axis=1))
     return points, np.concatenate(cells)
 
 
@@ -296,7 +294,9 @@ def _cut(
     a, b = two[:, 0], two[:, 1]
     a1, a2, b1, b2 = cuts(a, two[:, 2]), cuts(a, two[:, 3]), cuts(b, two[:, 2]), cuts(b, two[:, 3])
     # The wedge a a1 a2, b b1 b2: all diagonals from a; where corners are on the surface, parts of it are flat.
-    made += [np.stack([a, b, b1, b2], axis=1), *_prism_cap(a, a1, a2, b1, b2)]
+    first = np.minimum(a1, b2) < np.minimum(a2, b1)
+    caps = (a, a1, b1, np.where(first, b2, a2)), (a, np.where(first, a1, b1), b2, a2)
+    made += [np.stack(parts, axis=1) for parts in ((a, b, b1, b2), *caps)]
     three = cells[n_inside == 3]
     a, b, c, p = three.T
     a1, b1, c1 = cuts(a, p), cuts(b, p), cuts(c, p)
@@ -306,16 +306,6 @@ def _cut(
     labels = np.concatenate([labels[n_inside == 1], *[labels[n_inside == 2]] * 3, *[labels[n_inside == 3]] * 3])
     proper = (np.diff(np.sort(found, axis=1), axis=1) > 0).all(axis=1)
     return found[proper], labels[proper]
-
-
-def _prism_cap(
-    a: NDArray[np.int64], a1: NDArray[np.int64], a2: NDArray[np.int64], b1: NDArray[np.int64], b2: NDArray[np.int64]
-) -> list[Cells]:
-    """Divide the pyramid from a over the quadrangle a1 a2 b2 b1 on the surface."""
-    first = np.minimum(a1, b2) < np.minimum(a2, b1)
-    one = np.where(first[:, None], np.stack([a, a1, b1, b2], axis=1), np.stack([a, a1, b1, a2], axis=1))
-    two = np.where(first[:, None], np.stack([a, a1, b2, a2], axis=1), np.stack([a, b1, b2, a2], axis=1))
-    return [one, two]
 
 
 def _oriented(points: Points, cells: Cells) -> Cells:

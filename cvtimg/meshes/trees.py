@@ -87,10 +87,8 @@ class TreeField:
 
     def limited(self, grade: float, least: float) -> TreeField:
         """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
-        triangles = self.mesh.triangles
-        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        edges = edges[edges[:, 0] < edges[:, 1]]
-        lengths = np.linalg.norm(self.mesh.points[edges[:, 0]] - self.mesh.points[edges[:, 1]], axis=1)
+        edges = self.mesh.edges[self.mesh.edges[:, 0] < self.mesh.edges[:, 1]]
+        lengths = np.linalg.norm(np.subtract(*self.mesh.points[edges.T]), axis=1)
         sizes = np.maximum(self.sizes, least)
         order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
         edges, growths = np.ascontiguousarray(edges[order]), grade * lengths[order]
@@ -101,8 +99,7 @@ class TreeField:
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> TreeField:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
-        at = self._at(points)
-        low = sizes < at
+        low = sizes < self._at(points)
         if not low.any():
             return self
         all_points = np.concatenate([self.mesh.points, points[low]])
@@ -185,8 +182,7 @@ def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.floa
 def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[PlaneTriangulation, NDArray[np.float64]]:
     """Triangulate points, of those at one place the one with the least value."""
     order = np.lexsort((values, points[:, 1], points[:, 0]))
-    first = np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))
-    own = order[first]
+    own = order[np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))]
     nothing = np.empty((0, 2), np.int32)
     mesh = PlaneTriangulation(points[own], np.ones(len(own), bool), delaunay(points[own]), nothing)
     return mesh, values[own]

@@ -155,15 +155,10 @@ class VolumeMesh(ReadOnly):
         return np.unique(self.tags, return_inverse=True)[1] + 1
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the mesh, and labels as tags, to a file.
+        """Write the mesh, and labels as tags, to a file, which may replace one.
 
-        Parameters
-        ----------
-        path : str or path-like
-            .vtu, .msh (Gmsh's 2.2; labels as physical groups, and triangles of the groups "surface" and "between"), or
-            .inp (sets of elements), .vtk, .xdmf by meshio.
-        overwrite : bool
-            Replace an existing file.
+        That is .vtu, .msh (Gmsh's 2.2; labels as physical groups, and triangles of the groups "surface" and "between"),
+        or .inp (sets of elements), .vtk, .xdmf by meshio.
         """
         content = MeshContent(self.points, self.tetrahedra, self.tags, self.surface, self.qualities)
         inner = self.interfaces
@@ -201,14 +196,14 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     Returns
     -------
     VolumeMesh
-        With the volume of each label, within 1 %.
+        With the volume of each label within 1 %.
 
     Notes
     -----
-    Inside, vertices are a body-centered cubic lattice. It is a centroidal Voronoi tessellation, and none of space is
-    known that has less energy. Vertices near to the surface of a label are moved to it, and tetrahedra that it cuts are
-    divided; those in which more than two labels meet are divided from a point inside. In the end vertices at dihedral
-    angles below 15 degrees move a little.
+    Inside, vertices are a body-centered cubic lattice, the centroidal Voronoi tessellation of space of the least energy
+    that is known. Those near to the surface of a label are moved to it, and tetrahedra that it cuts are divided; those
+    in which more than two labels meet are divided from a point inside. In the end vertices at dihedral angles below 15
+    degrees move a little.
 
     References
     ----------

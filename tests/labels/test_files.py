@@ -31,7 +31,7 @@ from cvtimg.labels import (
     write_labels,
     write_table,
 )
-from cvtimg.pictures import read_indices
+from cvtimg.pictures import read_indices, write_image
 
 RNG = np.random.default_rng(4)
 LABELS = np.kron(RNG.integers(0, 5, (5, 7)), np.ones((3, 2), int))
@@ -74,6 +74,25 @@ def test_labels_come_back_from_the_least_depth_that_holds_them(
     assert back.dtype == dtype
     np.testing.assert_array_equal(back, labels)
     np.testing.assert_array_equal(read_labels(tmp_path / name), labels)
+
+
+def test_labels_are_read_from_equal_bands_and_from_colors(tmp_path: Path) -> None:
+    mask = np.array([[0, 255, 255], [0, 0, 255]], np.uint8)
+    colors = np.array([[0, 0, 0], [9, 200, 0], [250, 0, 7]], np.uint8)
+    shown = np.array([[0, 1, 1], [2, 0, 1]])
+    opaque = np.full((2, 3, 1), 255, np.uint8)
+    for image, expected in {
+        "gray": (np.stack([mask] * 3, axis=2), mask),
+        "with alpha": (np.dstack([mask, mask, mask, opaque]), mask),
+        "clear": (np.dstack([opaque] * 3 + [mask]), mask),
+        "colors": (colors[shown], shown),
+        "colors with alpha": (np.dstack([colors[shown], opaque]), shown),
+    }.values():
+        write_image(tmp_path / "a.png", image, overwrite=True)
+        np.testing.assert_array_equal(read_labels(tmp_path / "a.png"), expected)
+    write_image(tmp_path / "a.png", np.random.default_rng(0).integers(0, 256, (20, 20, 3), np.uint8), overwrite=True)
+    with pytest.raises(ValueError, match=r"colors of an image of labels must have at most 256.* segment a photograph"):
+        read_labels(tmp_path / "a.png")
 
 
 def test_labels_in_a_png_can_be_seen_apart(tmp_path: Path) -> None:

@@ -3,8 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -38,10 +36,9 @@ def test_each_segment_keeps_its_area(seed: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
-@given(st.integers(0, 1000), st.sampled_from([0, 1, 2]))
-def test_segments_beside_unmeshed_pixels_keep_their_areas(seed: int, left_out: int) -> None:
-    labels = blobs(seed, side=40)
+@pytest.mark.parametrize("left_out", [0, 1, 2])
+def test_segments_beside_unmeshed_pixels_keep_their_areas(left_out: int) -> None:
+    labels = blobs(7, side=40)
     labels[labels % 3 == left_out] = 0
     pixels = np.bincount(labels.ravel())
     mesh = mesh_labels(labels, edge_length=2.5, effort="fast")

@@ -5,10 +5,12 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
 
 from cvtimg import mesh_labels, mesh_region
+from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import PictureField
@@ -28,14 +30,22 @@ def ring(radius: float, n: int = 200) -> NDArray[np.float64]:
     return radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
 
 
+def edges_of(mesh: Mesh) -> NDArray[np.float64]:
+    """The two ends (E, 2, 2) of each edge."""
+    return mesh.points[unique_edges(edges_around(mesh.triangles))[0]]
+
+
 def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
-    edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    return np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
+    return np.linalg.norm(np.subtract(*edges_of(mesh).transpose(1, 0, 2)), axis=1)
 
 
-def signed_areas(mesh: PlaneTriangulation) -> NDArray[np.float64]:
+def signed_areas(mesh: PlaneTriangulation | Mesh) -> NDArray[np.float64]:
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+def has_vertices(mesh: Mesh, places: ArrayLike) -> bool:
+    return bool((cKDTree(mesh.points).query(places)[0] < 1e-9).all())
 
 
 def product_of_measures(mesh: Mesh) -> float:
@@ -44,11 +54,8 @@ def product_of_measures(mesh: Mesh) -> float:
 
 def assert_is_a_triangulation(mesh: Mesh) -> None:
     """Each inner edge has two triangles and each outer one, all triangles turn the same way, and none overlap."""
-    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
-    turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    assert (turn > 0).all()
-    edges = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    assert np.unique(edges, axis=0, return_counts=True)[1].max() <= 2
+    assert (signed_areas(mesh) > 0).all()
+    assert unique_edges(edges_around(mesh.triangles))[2].max() <= 2
     assert (np.unique(mesh.triangles) == np.arange(len(mesh.points))).all()
     union = shapely.union_all(shapely.polygons(mesh.points[mesh.triangles]))
     assert union.area == pytest.approx(mesh.area, rel=1e-9)
@@ -65,8 +72,7 @@ def test_the_number_of_vertices_is_met_and_the_area_is_that_of_the_polygon(n: in
 def test_corners_and_fixed_points_are_vertices() -> None:
     fixed = [[0.5, 0.5], [0.51, 0.5], [0.7, 0.0], [1.0, 1.5]]
     mesh = mesh_region(L_SHAPE, n=300, fixed=fixed)
-    for place in [*L_SHAPE, *fixed]:
-        assert (np.abs(mesh.points - place).max(axis=1) < 1e-12).any(), place
+    assert has_vertices(mesh, [*L_SHAPE, *fixed])
     assert_is_a_triangulation(mesh)
 
 
@@ -74,8 +80,7 @@ def test_corners_between_long_sides_are_kept_though_they_turn_little() -> None:
     turns = 2 * np.pi * np.arange(20) / 20
     polygon = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     mesh = mesh_region(polygon, edge_length=0.5)
-    for corner in polygon:
-        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-12).any(), corner
+    assert has_vertices(mesh, polygon)
     assert mesh.area == pytest.approx(shapely.Polygon(polygon).area)
 
 
@@ -84,8 +89,7 @@ def test_vertices_slide_along_borders_but_for_corners() -> None:
     region = shapely.Polygon(square, [ring(0.4, 400)])
     mesh = mesh_region(region, n=138)
     assert mesh.area == pytest.approx(region.area, rel=1e-8)
-    for corner in square:
-        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-12).any(), corner
+    assert has_vertices(mesh, square)
     bottom = np.sort(mesh.points[np.abs(mesh.points[:, 1] + 1) < 1e-12, 0])
     assert np.ptp(np.diff(bottom)) > 0.01 * np.diff(bottom).mean()  # not where they were placed, at equal steps
     assert_is_a_triangulation(mesh)
@@ -120,8 +124,7 @@ def test_holes_may_touch_the_outline_and_each_other_at_points(holes: list[list[l
     mesh = mesh_region(region, n=400)
     assert mesh.area == pytest.approx(region.area, rel=1e-9)
     assert_is_a_triangulation(mesh)
-    for place in np.concatenate(holes):
-        assert (np.abs(mesh.points - place).max(axis=1) < 1e-12).any(), place
+    assert has_vertices(mesh, np.concatenate(holes))
 
 
 def test_parts_with_names_share_the_vertices_on_their_borders() -> None:
@@ -191,11 +194,8 @@ def test_sizes_of_pixels_grow_along_the_shortest_way_from_any_other() -> None:
 def test_nine_edges_of_ten_have_nearly_the_wanted_length_where_sizes_vary() -> None:
     sizes = np.clip(np.hypot(*(np.indices((200, 200)) - 60)) * 0.06, 1.0, 8.0)
     mesh = mesh_region([[0, 0], [200, 0], [200, 200], [0, 200]], size=sizes)
-    edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    places = mesh.points[edges]
-    middles = places.mean(axis=1)
-    wanted = PictureField(sizes.astype(np.float32), np.ones(sizes.shape, bool)).metric(middles)[:, 0] ** -0.5
-    ratios = np.linalg.norm(places[:, 1] - places[:, 0], axis=1) / wanted
+    field = PictureField(sizes.astype(np.float32), np.ones(sizes.shape, bool))
+    ratios = edge_lengths(mesh) * field.metric(edges_of(mesh).mean(axis=1))[:, 0] ** 0.5
     assert ((ratios > 0.8) & (ratios < 1.25)).mean() > 0.9
     assert mesh.measures().mean_quality > 0.95
 
@@ -327,8 +327,7 @@ def test_corners_of_labels_are_kept_and_disks_stay_round() -> None:
     labels[10:30, 10:40] = 2
     labels[np.hypot(*(np.mgrid[:80, :80] - 54.5)) < 15] = 3
     mesh = mesh_labels(labels, edge_length=4)
-    for corner in ([10, 10], [40, 10], [40, 30], [10, 30], [0, 0], [80, 80]):
-        assert (np.abs(mesh.points - corner).max(axis=1) < 1e-9).any(), corner
+    assert has_vertices(mesh, [[10, 10], [40, 10], [40, 30], [10, 30], [0, 0], [80, 80]])
     areas = measure_triangles(mesh.points, mesh.triangles).areas
     assert areas[mesh.tags == 2].sum() == pytest.approx(600, rel=0.003)
     assert areas[mesh.tags == 3].sum() == pytest.approx((labels == 3).sum(), rel=0.003)
@@ -391,41 +390,25 @@ def test_energy_falls() -> None:
         ({"region": Box([0, 0], [1, 1], periodic=True), "n": 50}, "must not be periodic"),
         ({"region": Box([0, 0, 0], [1, 1, 1]), "n": 50}, "must be in the plane"),
         ({"region": L_SHAPE, "n": 50, "effort": "most"}, "effort='most' must be one of"),
+        ({"region": L_SHAPE, "size": "a"}, "size of type <U1 must be of integers"),
+        (
+            {"region": L_SHAPE, "n": 99, "fixed": [[0.5, 0.5], [0.5, 0.5 + 1e-12]]},
+            "fixed has points 0 and 1, nearer to",
+        ),
+        ({"labels": np.zeros((4, 4), int), "n": 9}, "labels must not be 0 everywhere"),
+        ({"labels": np.zeros((0, 4), int), "n": 9}, r"labels of shape \(0, 4\)"),
+        ({"labels": -np.ones((4, 4), int), "n": 9}, "labels in -1..-1 must be in"),
+        ({"labels": np.array([[1, 2], [3, 4]]), "n": 8}, "n=8 must be at least 9"),
+        ({"labels": 1 + np.indices((8, 8)).sum(axis=0) % 2, "n": 80}, "n=80 must be at least 81"),
+        ({"labels": np.array([[1, 2, 3, 1]]), "n": 9}, "n=9 must be at least 10"),
+        ({"labels": np.ones((2, 2), int), "size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
+        ({"labels": np.ones((2, 2), int), "n": 9, "tolerance": np.nan}, "tolerance=nan must be"),
+        ({"labels": np.full((4, 4), np.nan), "n": 9}, "labels of type float64 must be integers"),
     ],
 )
 def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        mesh_region(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("labels", "arguments", "message"),
-    [
-        (np.zeros((4, 4), int), {"n": 9}, "labels must not be 0 everywhere"),
-        (np.zeros((0, 4), int), {"n": 9}, r"labels of shape \(0, 4\)"),
-        (-np.ones((4, 4), int), {"n": 9}, "labels in -1..-1 must be in"),
-        (np.array([[1, 2], [3, 4]]), {"n": 8}, "n=8 must be at least 9"),
-        (1 + np.indices((8, 8)).sum(axis=0) % 2, {"n": 80}, "n=80 must be at least 81"),
-        (np.array([[1, 2, 3, 1]]), {"n": 9}, "n=9 must be at least 10"),
-        (np.ones((1, 1), int), {"n": 3}, "n=3 must be at least 4"),
-        (np.ones((2, 2), int), {"size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
-        (np.ones((2, 2), int), {"size": np.zeros((2, 2)), "n": 9}, "size is 0 at x=0, y=0"),
-        (np.ones((2, 2), int), {"edge_length": 0}, "edge_length=0 must be"),
-        (np.ones((2, 2), int), {"n": 9, "tolerance": np.nan}, "tolerance=nan must be"),
-    ],
-)
-def test_wrong_arguments_with_labels_are_named(
-    labels: NDArray[np.int_], arguments: dict[str, object], message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        mesh_labels(labels, **arguments)
-
-
-def test_sizes_are_numbers() -> None:
-    with pytest.raises(TypeError, match="size of type <U1 must be of integers"):
-        mesh_region(L_SHAPE, size="a")
-    with pytest.raises(TypeError, match="labels of type float64 must be integers"):
-        mesh_labels(np.full((4, 4), np.nan), n=9)
+    with pytest.raises((TypeError, ValueError), match=message):
+        (mesh_labels if "labels" in arguments else mesh_region)(**arguments)
 
 
 @pytest.mark.parametrize("mask", [np.ones((1, 1), bool), np.ones((1, 12), bool), np.eye(5, dtype=bool)])
@@ -455,11 +438,6 @@ def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
     labels = noisy_labels()
     best, balanced = (mesh_labels(labels, n=2500, effort=effort).qualities.mean() for effort in ("best", "balanced"))
     assert best >= balanced
-
-
-def test_fixed_points_at_one_place_are_refused() -> None:
-    with pytest.raises(ValueError, match="fixed has points 0 and 1, nearer to each other than"):
-        mesh_region(L_SHAPE, n=100, fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]])
 
 
 def blobs(seed: int) -> NDArray[np.int64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from functools import reduce
 
@@ -36,45 +35,6 @@ def signed_areas(mesh: Mesh) -> NDArray[np.float64]:
     corners = mesh.points[mesh.triangles]
     steps = corners[:, 1:] - corners[:, :1]
     return (steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]) / 2
-
-
-@st.composite
-def polygons(draw: st.DrawFn) -> shapely.Polygon:
-    """Draw a star-shaped polygon, its corners up to very sharp, with up to three star-shaped holes."""
-
-    def star(x: float, y: float, largest: float) -> shapely.Polygon:
-        n = draw(st.integers(3, 12))
-        radii = np.array(draw(st.lists(st.floats(0.15, 1), min_size=n, max_size=n))) * largest
-        turns = 2 * np.pi * (np.arange(n) + np.array(draw(st.lists(st.floats(0, 0.8), min_size=n, max_size=n)))) / n
-        return shapely.Polygon(np.stack([x + radii * np.cos(turns), y + radii * np.sin(turns)], axis=1))
-
-    whole = star(0, 0, 1)
-    for _ in range(draw(st.integers(0, 3))):
-        hole = star(draw(st.floats(-0.4, 0.4)), draw(st.floats(-0.4, 0.4)), draw(st.floats(0.02, 0.2)))
-        if hole.is_valid:
-            whole = shapely.difference(whole, hole)
-    parts = [part for part in shapely.get_parts(whole) if part.geom_type == "Polygon" and part.area > 1e-3]
-    return max(parts, key=lambda part: part.area) if parts else shapely.box(0, 0, 1, 1)
-
-
-@pytest.mark.slow
-@settings(max_examples=40, deadline=None)
-@given(polygons(), st.sampled_from([0.4, 0.15, 0.05]))
-def test_a_random_polygon_is_covered(polygon: shapely.Polygon, edge_length: float) -> None:
-    mesh = mesh_region(polygon, edge_length=edge_length, effort="fast")
-    assert (signed_areas(mesh) > 0).all()
-    assert signed_areas(mesh).sum() == pytest.approx(polygon.area, abs=0.03 * edge_length * polygon.length)
-
-
-@pytest.mark.slow
-@settings(max_examples=25, deadline=None)
-@given(polygons(), st.integers(3, 300))
-def test_a_random_number_of_vertices_is_met_or_refused(polygon: shapely.Polygon, n: int) -> None:
-    try:
-        found = str(len(mesh_region(polygon, n=n, effort="fast").points))
-    except ValueError as error:
-        found = str(error)
-    assert found == str(n) or "the vertices that the border needs" in found
 
 
 def hard_polygon(random: np.random.Generator) -> shapely.Geometry | NDArray[np.float64]:
@@ -214,15 +174,3 @@ def test_any_labels_have_a_mesh(seed: int, edge_length: float, tolerance: float)
     labels.flat[0] = 1
     mesh = mesh_labels(labels, edge_length=edge_length, tolerance=tolerance, effort="fast")
     assert mesh.area == pytest.approx((labels > 0).sum(), rel=1e-4)
-
-
-if __name__ == "__main__":  # python tests/meshes/test_random_polygons.py 1000: so many hard polygons
-    outcomes: dict[str, int] = {}
-    for seed in range(int(sys.argv[1])):
-        try:
-            outcome = outcome_of(seed)
-        except Exception as error:  # all are told, and the rest go on
-            outcome = "a fault"
-            print(f"seed {seed}: {error!r}", flush=True)
-        outcomes[outcome] = outcomes.get(outcome, 0) + 1
-    print(*(f"{count:5} {outcome}" for outcome, count in sorted(outcomes.items())), sep="\n")

@@ -36,15 +36,7 @@ def volume_of_surface(mesh: VolumeMesh) -> float:
 
 
 @pytest.mark.parametrize(
-    ("name", "n"),
-    [
-        pytest.param("sphere", 800, marks=pytest.mark.slow),
-        ("torus", 500),
-        pytest.param("gyroid", 3000, marks=pytest.mark.slow),
-        pytest.param("box", 800, marks=pytest.mark.slow),
-        pytest.param("two", 800, marks=pytest.mark.slow),
-        pytest.param("whole", 800, marks=pytest.mark.slow),
-    ],
+    ("name", "n"), [("torus", 500), *(pytest.param(name, 3000, marks=pytest.mark.slow) for name in shapes())]
 )
 def test_angles_are_wide_the_surface_is_a_manifold_and_the_volume_is_kept(name: str, n: int) -> None:
     mask = shapes()[name]

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference import cube
 
 from cvtimg import surface_points
 from cvtimg.halfedges import boundary_edges, measure_triangles
@@ -26,12 +27,6 @@ def sheet(height: float = 0.0) -> tuple[Points, Triangles]:
     """2 x 1, with a fold along y = 0.5 of the given height at one end, that has gone in the middle."""
     x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21), indexing="ij"))
     return np.stack([x, y, height * np.clip(1 - x, 0, None) * (1 - np.abs(2 * y - 1))], axis=1), grid(41, 21)
-
-
-def cube() -> tuple[Points, Triangles]:
-    corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
-    squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    return corners, np.array([[a, b, c] for a, b, c, _ in squares] + [[a, c, d] for a, _, c, d in squares])
 
 
 def sphere(noise: float) -> tuple[Points, Triangles]:

@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference import cube
 from scipy.spatial import ConvexHull, KDTree
 
 from cvtimg import surface_points
@@ -22,15 +23,6 @@ def ball(p: Points) -> Points:
 @pytest.fixture(scope="module")
 def on_torus() -> SurfacePoints:
     return surface_points(torus(), 1000)
-
-
-def cube() -> tuple[Points, NDArray[np.int32]]:
-    """Twelve triangles: what computer-aided design gives."""
-    corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
-    faces = ConvexHull(corners).simplices
-    inward = np.linalg.det(corners[faces] + 1e-3) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return corners, faces.astype(np.int32)
 
 
 def test_points_are_on_the_surface_and_triangles_have_its_shape(on_torus: SurfacePoints) -> None:
