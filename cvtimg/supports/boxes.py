@@ -16,22 +16,25 @@ from cvtimg.placement import Region
 
 _Floats = NDArray[np.float64]
 
-#: Radii may be larger than samples show by this share before boxes are halved.
-_MARGIN = 0.02
 #: Boxes at first, for each point; and all that are made.
 _BOXES_PER_POINT, _MOST_BOXES = 200, 1 << 20
-#: Times that boxes are halved at most.
-_HALVINGS = 8
-#: Points that each box sees the nearest of: so many, and so many per unit of the order.
-_FEW, _FEW_PER_ORDER = 28, 4
-#: Parts of what they can spare that balls give up in turn, so that the first do not take all.
-_PARTS = (0.3, 0.3, 0.5, 0.5, 1.0)
-#: Rounds in which balls grow and draw back: pairs still part after 16, hardly any after 48.
-_ROUNDS = 48
-#: Balls may grow to this times their first radius, so that others can shrink.
-_GROWTH = 1.5
 #: By this share, more than rounding, balls are apart that shall not meet.
 _APART = 1e-12
+
+
+class Tightening(NamedTuple):
+    """How near radii come to the least."""
+
+    margin: float = 0.02  # by this share they may be larger than samples show before boxes are halved,
+    halvings: int = 8  # so many times at most
+    few: int = 28  # points that each box sees the nearest of,
+    few_per_order: int = 4  # and more per unit of the order
+    parts: tuple[float, ...] = (0.3, 0.3, 0.5, 0.5, 1.0)  # of what they can spare that balls give up in turn
+    rounds: int = 48  # in which balls grow and draw back: pairs still part after 16, hardly any after 48
+    growth: float = 1.5  # to this times their first radius, so that others can shrink
+
+
+_HOW = Tightening()
 
 
 class Boxes(NamedTuple):
@@ -66,10 +69,10 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool)
     done, left = _looked_up(middles, sides, points, region, order), None
     radii = np.zeros(len(points))
     finished: list[Boxes] = []
-    for _ in range(_HALVINGS):
+    for _ in range(_HOW.halvings):
         if len(done.middles):
             _reach(radii, done.only(region.contains(done.middles)), order, beyond=False)
-        held = _depths(done, (1 + _MARGIN) * radii) >= order
+        held = _depths(done, (1 + _HOW.margin) * radii) >= order
         finished.append(done.only(held))
         left = done.only(~held)
         n_made = len(left.middles) * 2 ** points.shape[1]
@@ -78,7 +81,7 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool)
         sides = sides / 2
         done = _looked_up(_halved(left.middles, sides), sides, points, region, order)
         left = None
-    radii = (1 + _MARGIN) * radii
+    radii = (1 + _HOW.margin) * radii
     if left is None:
         left = done
     boxes = Boxes(*(np.concatenate(parts) for parts in zip(*finished, left, strict=True)))
@@ -97,7 +100,7 @@ def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region
 
     half = float(np.linalg.norm(sides)) / 2
     middles = middles[lies_in(region, middles, half * (1 + 1e-9))]
-    n_near = min(len(points), _FEW + _FEW_PER_ORDER * order)
+    n_near = min(len(points), _HOW.few + _HOW.few_per_order * order)
     distances, near = cKDTree(points).query(middles, n_near)
     distances, near = distances.reshape(len(middles), n_near), near.reshape(len(middles), n_near)
     return Boxes(middles, np.full(len(middles), half), near, distances)
@@ -121,11 +124,11 @@ def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Fl
     others, which costs nothing, and shrink by as much as parts them from one other.
     """
     cover = _Cover(points, radii, boxes, order)
-    for part in _PARTS:
+    for part in _HOW.parts:
         for ball in np.argsort(-cover.radii):
             cover.set(ball, cover.radii[ball] - part * (cover.radii[ball] - cover.least(ball)))
     random = np.random.default_rng(0)
-    for _ in range(_ROUNDS):
+    for _ in range(_HOW.rounds):
         for ball in random.permutation(len(points)):
             cover.grow(ball)
         for ball in random.permutation(len(points)):
@@ -143,7 +146,7 @@ class _Cover:
 
         self.radii = radii.copy()
         self._order = order
-        self._limits = _GROWTH * radii
+        self._limits = _HOW.growth * radii
         self._floors = np.zeros(len(points))
         _reach(self._floors, boxes, 1, beyond=True)
         self._floors = np.minimum(self._floors, radii)
