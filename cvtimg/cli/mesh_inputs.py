@@ -92,7 +92,8 @@ def _voxels(path: Path) -> NDArray[Any]:
     from cvtimg.labels.files import one_band
     from cvtimg.pictures import read_pages
 
-    values = np.load(path) if path.suffix.lower() == ".npy" else one_band(np.stack(read_pages(path).images))
+    values = np.load(path) if path.suffix.lower() == ".npy" else np.stack(read_pages(path).images)
+    values = one_band(values) if values.ndim == 4 else values
     if values.ndim != 3 or values.dtype.kind not in "bui":
         raise ValueError(f"has voxels of shape {values.shape} and type {values.dtype}, neither a mask nor labels")
     return values

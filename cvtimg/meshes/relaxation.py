@@ -63,9 +63,10 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
         there = _state(mesh, metric, isotropic)
         if len(memory) and there.energy > at.energy * (1 + _RISE):
             memory.clear()
-            mesh.restore(before)
-            mesh.move(_capped(at.steps, at.sizes))
-            there = _state(mesh, metric, isotropic)
+            if not isotropic:  # elsewhere a rise is small, and the way goes on from there
+                mesh.restore(before)
+                mesh.move(_capped(at.steps, at.sizes))
+                there = _state(mesh, metric, isotropic)
         else:
             # The masses here, for both: with a density, that learns better than the change of the gradient.
             memory.learn(done, there.masses(at.steps - there.steps))

@@ -82,27 +82,14 @@ class Supports(ReadOnly):
         True
         """
         from scipy.sparse import csr_array
-        from scipy.spatial import cKDTree
 
         where = check_places("places", places, self.points.shape[1])
-        found = cKDTree(where).query_ball_point(self.points, self.radii * (1 - 1e-12))
-        own = np.repeat(np.arange(len(found)), [len(row) for row in found])
-        rows = np.concatenate([np.asarray(row, np.intp) for row in found])
+        own, rows = _held(where, self.points, self.radii * (1 - 1e-12))
         shares = np.linalg.norm(where[rows] - self.points[own], axis=1) / self.radii[own]
-        return csr_array((shares, (rows, own)), shape=(len(where), len(found)))
+        return csr_array((shares, (rows, own)), shape=(len(where), len(self.points)))
 
     def plot(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Draw the disks, and the boundary of the region, to a .png or .svg file, whole or not at all; in the plane.
-
-        Raises
-        ------
-        ValueError
-            If the suffix is another, or the supports are not in the plane.
-        OSError
-            If the file cannot be written, or exists and `overwrite` is false.
-        ImportError
-            If matplotlib is not installed.
-        """
+        """Draw the disks, and the boundary of the region, to a .png or .svg file, whole or not at all; in the plane."""
         from cvtimg.plotting.charts import PLOT_SUFFIXES, draw_supports
 
         suffix = check_choice("suffix", Path(path).suffix.lower(), PLOT_SUFFIXES)
@@ -132,10 +119,6 @@ def support_radii(points: ArrayLike, region: Any, cover: int = 1, *, tighten: bo
     Returns
     -------
     Supports
-
-    See Also
-    --------
-    cvtimg.place_generators
 
     Notes
     -----
@@ -183,12 +166,17 @@ def _check_points(points: _Floats, region: Region) -> None:
 def _overlap(points: _Floats, radii: _Floats) -> Any:
     """Which balls meet, each itself among them."""
     from scipy.sparse import csr_array
-    from scipy.spatial import cKDTree
 
     # Of two balls that meet, the center of one lies within twice the radius of the larger one.
-    found = cKDTree(points).query_ball_point(points, 2 * radii)
-    own = np.repeat(np.arange(len(points)), [len(row) for row in found])
-    other = np.concatenate([np.asarray(row, np.intp) for row in found])
+    own, other = _held(points, points, 2 * radii)
     meet = (np.linalg.norm(points[own] - points[other], axis=1) < radii[own] + radii[other]) | (own == other)
     one_way = csr_array((np.ones(int(meet.sum()), bool), (own[meet], other[meet])), shape=(len(points), len(points)))
     return (one_way + one_way.T).astype(bool)
+
+
+def _held(places: _Floats, points: _Floats, radii: _Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return all pairs of a ball and of a place in it."""
+    from scipy.spatial import cKDTree
+
+    found = cKDTree(places).query_ball_point(points, radii)
+    return np.repeat(np.arange(len(found)), [len(row) for row in found]), np.concatenate(found).astype(np.intp)

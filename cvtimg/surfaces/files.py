@@ -27,10 +27,6 @@ def as_surface(surface: Any) -> Surface:
     surface : Surface, path, pair of arrays or mesh
         A Surface as it is; the path of a file that `read_surface` reads; arrays (vertices, faces); or an object with
         the attributes vertices and faces, as trimesh has.
-
-    Returns
-    -------
-    Surface
     """
     if isinstance(surface, Surface):
         return surface
@@ -70,11 +66,7 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     path : str or path-like
         .ply.
     name : str
-        Of the property.
-
-    Returns
-    -------
-    VertexDensity
+        Of the property, whose values are >= 0.
     """
     suffix = Path(path).suffix.lower()
     check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")

@@ -106,16 +106,7 @@ class ImplicitSurface(Surface):
 def torus(major: float = 1.0, minor: float = 0.4) -> ImplicitSurface:
     """Make a torus around the z axis.
 
-    Parameters
-    ----------
-    major : float
-        Radius of the circle in the middle of the tube.
-    minor : float
-        Radius of the tube, less than `major`.
-
-    Returns
-    -------
-    ImplicitSurface
+    Its tube has the radius `minor`, and the circle in the middle of it a larger one, `major`.
 
     Examples
     --------

@@ -117,14 +117,12 @@ def surface_points(
 
     Notes
     -----
-    Distances are those of space, not along the surface, and centers of mass are projected to it. Triangles are those of
-    the intrinsic Delaunay property: angles opposite to an edge add up to at most 180 degrees.
+    Distances are those of space, not along the surface, and centers of mass are projected to it. Angles opposite to an
+    edge add up to at most 180 degrees.
 
-    Creases, boundaries, and edges of three faces or more are features. Points at their corners stay; others divide the
-    curves between by the same density, and the rest is placed while these stay, in pieces that end at the curves.
-    Creases shorter than the distance of points are left out.
-
-    Where a boundary is free, cells end there, and triangles join points whose cells meet. This takes longer.
+    Creases, boundaries, and edges of three faces or more are features, but for creases shorter than the distance of
+    points. Points at their corners stay; others divide the curves between by the same density, and the rest is placed
+    while these stay. Where a boundary is free, cells end there; this takes longer.
 
     References
     ----------

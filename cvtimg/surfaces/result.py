@@ -26,18 +26,12 @@ class SurfaceMeasures:
         In degrees; 60 for equilateral triangles.
     n_obtuse : int
         Triangles with an angle above 90 degrees.
-    least_quality, mean_quality : float
-        2 r / R of triangles, for the radii of incircle and circumcircle; 1 if they are equilateral.
-    below_30 : float
-        Share of the triangles with an angle below 30 degrees.
-    euler_characteristic : int
-        Vertices minus edges plus triangles: 2 for a sphere, 0 for a torus.
-    is_closed : bool
-        Whether there is no boundary.
-    n_components : int
-        Parts that share no vertex.
-    n_borders : int
-        Closed curves that bound it: the rim of a sheet, and each hole of a scan.
+    least_quality, mean_quality, below_30 : float
+        2 r / R of triangles, for the radii of incircle and circumcircle; and the share with an angle below 30 degrees.
+    euler_characteristic, is_closed : int, bool
+        Vertices minus edges plus triangles, 2 for a sphere and 0 for a torus; and whether there is no boundary.
+    n_components, n_borders : int
+        Parts that share no vertex, and closed curves that bound them: the rim of a sheet, and each hole of a scan.
     """
 
     least_angle: float
@@ -60,10 +54,6 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
     points : (N, 3) array
     triangles : (T, 3) integer array
         Indices of points.
-
-    Returns
-    -------
-    SurfaceMeasures
 
     Examples
     --------
@@ -141,14 +131,9 @@ class SurfacePoints(ReadOnly):
         return measure_surface(self.points, self.triangles)
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write points and triangles to a file; the suffix picks the format.
+        """Write points and triangles to a file, which may replace one.
 
-        Parameters
-        ----------
-        path : str or path-like
-            .vtu (with the qualities of triangles), .obj, .ply, .stl or .msh; other formats need meshio.
-        overwrite : bool
-            Replace an existing file.
+        That is .vtu (with the qualities of triangles), .obj, or .ply, .stl, .msh and others by meshio.
         """
         tags = np.ones(len(self.triangles), np.int32)
         no_edges = np.empty((0, 2), np.int32)
