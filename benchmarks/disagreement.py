@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from common import ROOT, Rows, parser, run
 from numpy.typing import NDArray
 from skimage.draw import disk, ellipse, line
 
-from cvtimg import read_image, restore
+from cvtimg import denoise, read_image, restore
 from cvtimg.restoration import HIDDEN
 
 SAMPLES = ROOT / "sample_images"
@@ -74,10 +75,11 @@ def clipped_mean(versions: list[Floats]) -> Floats:
     return mean
 
 
-def compare(name: str, versions: list[Floats], clean: Floats, n_generators: int, **options: Any) -> dict[str, Any]:
+def compare(name: str, versions: list[Floats], clean: Floats, n_generators: int | None) -> dict[str, Any]:
     """Return a row: the name and the PSNR of every way."""
     found = {"median": np.median(versions, axis=0), f"mean, {CLIP:g} sigma": clipped_mean(versions)}
-    found |= {f"restore, {way}": restore(versions, n_generators, hidden=way, **options).image for way in HIDDEN}
+    verb = denoise if n_generators is None else partial(restore, n_generators=n_generators)
+    found |= {f"restore, {way}": verb(versions, hidden=way).image for way in HIDDEN}
     return {"": name, **{way: psnr(image, clean) for way, image in found.items()}}
 
 
@@ -89,9 +91,9 @@ def quality(given: argparse.Namespace) -> Rows:
         for noise in (0.05, 0.08):
             versions = exposures(clean, noise)
             rows.append(compare(f"{name}, noise {noise}, additions, k = 16", versions, clean, 16))
-            rows.append(compare("the same, detail, k = 64", versions, clean, 64, detail=True))
+            rows.append(compare("the same, detail", versions, clean, None))
             alike = [clean + noise * np.random.default_rng(seed).standard_normal(clean.shape) for seed in range(4)]
-            rows.append(compare(f"{name}, noise {noise}, no additions, detail", alike, clean, 64, detail=True))
+            rows.append(compare(f"{name}, noise {noise}, no additions, detail", alike, clean, None))
     clean = read_image(SAMPLES / "drawing.png") / 255
     versions, _ = damaged_versions(clean, 3, Damage(noise=0.15, occlusions=4), seed=2)
     return [*rows, compare("drawing, noise 0.15, painted over in one of three", versions, clean, 6)]

@@ -1,4 +1,4 @@
-"""Series of noisy photographs from an unsteady hand: `restore(..., align=True)` beside OpenCV and BM3D.
+"""Series of noisy photographs from an unsteady hand: `denoise(..., align=True)` beside OpenCV and BM3D.
 
 Each photograph of a folder is taken several times, moved by up to 5 pixels and turned by up to .7 degrees, at half its
 size, so that frames differ as those of a camera do. Prints how far the motion that was found is off, root mean square
@@ -6,14 +6,10 @@ over the frame in pixels; PSNR in dB, eight pixels from the borders; and process
 ECC, which is told the model, take the mean, and denoise it: by fastNlMeans at the best of several strengths, chosen by
 the truth, or by BM3D, which is told the noise, where its package, which is not free software, is installed.
 
-With --films, `restore_frames` on films of seven frames that pan over a photograph, before which a disc with a part of
-it moves, beside each frame by itself and OpenCV's fastNlMeansDenoisingColoredMulti over five frames at the best of
-several strengths: the middle three frames, everywhere and in the disc alone.
-
 Four frames with noise 18 are also measured with other exposures, which the rivals are told; with holes, where there are
 no rivals; and moved by homographies.
 
-    python benchmarks/handheld.py [--quick] [--films] FOLDER
+    python benchmarks/handheld.py [--quick] FOLDER
 """
 
 from __future__ import annotations
@@ -21,7 +17,6 @@ from __future__ import annotations
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -30,7 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import map_coordinates
 
-from cvtimg import restore, restore_frames
+from cvtimg import denoise
 
 Floats = NDArray[np.float64]
 
@@ -41,9 +36,6 @@ KINDS = ("", "other exposures", "holes", "homographies")
 LONGEST, LARGEST_ANGLE = 5.0, 0.7
 STRENGTHS = (1.5, 2.5, 4, 6, 9, 13)
 SIGMAS, COUNTS = (5, 18), (4, 8)
-#: Of films: noise, frames, those that are compared, pixels that the view and the disc move by from frame to frame.
-FILM_SIGMAS, N_FRAMES, COMPARED = (10, 20), 7, range(2, 5)
-PAN, ACROSS, RADIUS = (1.7, -0.6), (-3.3, 2.1), 30
 
 
 def scene(path: Path) -> Floats:
@@ -122,8 +114,8 @@ def measured(picture: Floats, sigma: float, n_frames: int, kind: str = "") -> di
         seen = gain * frame(picture, one) + sigma * rng.standard_normal(clean.shape)
         frames.append(np.clip(np.rint(seen), 0, 255).astype(np.uint8))
     masks = [rng.random(SHAPE) >= HOLES for _ in frames] if kind == "holes" else None
-    result, seconds = timed(lambda: restore(frames, masks=masks, detail=True, align=True))
-    alone = restore(frames[:1], masks=masks and masks[:1], detail=True)
+    result, seconds = timed(lambda: denoise(frames, masks=masks, align=True))
+    alone = denoise(frames[:1], masks=masks and masks[:1])
     found = {
         "off": max(map(off, result.transforms, motions)),
         "cvtimg": psnr(result.image, clean),
@@ -140,80 +132,26 @@ def measured(picture: Floats, sigma: float, n_frames: int, kind: str = "") -> di
     return {**found, "seconds": seconds, "seconds, ECC": ecc_seconds}
 
 
-def film(picture: Floats) -> list[tuple[Floats, NDArray[np.bool_]]]:
-    """Return what frames show, and where the disc is in each."""
-    y, x = np.indices(SHAPE).astype(float)
-    frames = []
-    for time in range(N_FRAMES):
-        pan, across = (np.array(speed) * (time - N_FRAMES // 2) for speed in (PAN, ACROSS))
-        view, thing = (frame(one, moved_by(by)) for one, by in ((picture, pan), (picture[::-1, ::-1], across)))
-        depth = RADIUS - np.hypot(x - SHAPE[1] / 2 - across[0], y - SHAPE[0] / 2 - across[1])
-        part = np.clip(depth + 0.5, 0, 1)[:, :, None]
-        frames.append((part * thing + (1 - part) * view, depth > 0))
-    return frames
-
-
-def moved_by(shift: Floats) -> Floats:
-    """(3, 3) translation."""
-    return np.block([[np.eye(2), shift[:, None]], [np.zeros((1, 2)), np.ones((1, 1))]])
-
-
-def measured_film(picture: Floats, sigma: float) -> dict[str, float]:
-    """Restore a film by all; PSNR in dB of the frames that are compared."""
-    rng = np.random.default_rng(0)
-    clean = film(picture)
-    frames = [
-        np.clip(np.rint(one + sigma * rng.standard_normal(one.shape)), 0, 255).astype(np.uint8) for one, _ in clean
-    ]
-
-    def of_film(images: Any) -> tuple[float, float]:
-        of_all = np.mean([psnr(images[at], clean[at][0]) for at in COMPARED])
-        apart = [np.square(np.asarray(images[at], np.float64) - clean[at][0])[clean[at][1]].mean() for at in COMPARED]
-        return float(of_all), float(10 * np.log10(255**2 / np.mean(apart)))
-
-    restored, seconds = timed(lambda: [one.image for one in restore_frames(frames)])
-    multi = [
-        {at: cv2.fastNlMeansDenoisingColoredMulti(frames, at, 5, None, h, h, 5, 15) for at in COMPARED}
-        for h in STRENGTHS
-    ]
-    ways = {
-        "cvtimg": restored,
-        "frame by frame": {at: restore([frames[at]], detail=True).image for at in COMPARED},
-        "OpenCV": max(multi, key=lambda images: of_film(images)[0]),
-    }
-    if find_spec("bm3d"):
-        bm3d = import_module("bm3d").bm3d_rgb
-        ways["BM3D"] = {at: 255 * bm3d(frames[at] / 255, sigma / 255) for at in COMPARED}
-    found = {name: of_film(images) for name, images in ways.items()}
-    in_disc = {f"{name}, disc": of_disc for name, (_, of_disc) in found.items()}
-    return {**{name: of_all for name, (of_all, _) in found.items()}, **in_disc, "seconds": seconds}
-
-
 def main() -> None:
     """Measure, print, write."""
     arguments = parser(__doc__)
     arguments.add_argument("folder", type=Path)
     arguments.add_argument("--case", default="", help="part of the names of series")
-    arguments.add_argument("--films", action="store_true", help="films instead of series")
     given = arguments.parse_args()
     pin_threads(given.threads)
     cv2.setNumThreads(1)
     print(machine())
     paths, rows = sorted(given.folder.glob("*.png"))[: 4 if given.quick else None], []
-    for sigma in FILM_SIGMAS if given.films else ():
-        found = [measured_film(scene(path), sigma) for path in paths]
-        print_means(f"film, noise {sigma}", [path.stem for path in paths], found, ".4g")
-        rows += [{"noise": sigma, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
     series = [(sigma, n_frames, "") for sigma in SIGMAS for n_frames in COUNTS]
     series += [(SIGMAS[-1], len(EXPOSURES), kind) for kind in KINDS[1:]]
-    for sigma, n_frames, kind in () if given.films else series:
+    for sigma, n_frames, kind in series:
         title = f"{n_frames} frames, noise {sigma}{kind and ', '}{kind}"
         if given.case in title:
             found = [measured(scene(path), sigma, n_frames, kind) for path in paths]
             print_means(title, [path.stem for path in paths], found, ".4g")
             about = {"frames": n_frames, "noise": sigma, "kind": kind}
             rows += [{**about, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
-    write_results("films" if given.films else "handheld", {"quick": given.quick}, rows)
+    write_results("handheld", {"quick": given.quick}, rows)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from scipy.ndimage import gaussian_filter
 from skimage import data
 from skimage.draw import disk, polygon
 
-from cvtimg import restore, tessellate
+from cvtimg import denoise, restore, tessellate
 from cvtimg._shared.choices import EffortName
 
 sys.path.append(str(ROOT / "sample_images"))
@@ -109,7 +109,8 @@ def blur_and_cluster(case: Case, given: Damaged) -> Floats:
 
 def reconstruction(case: Case, given: Damaged) -> Floats:
     """Restore the versions as they are."""
-    result = restore(given.versions, case.n_generators, masks=given.known, detail=case.detail)
+    how = {"masks": given.known}
+    result = denoise(given.versions, **how) if case.detail else restore(given.versions, case.n_generators, **how)
     return np.asarray(result.image, np.float64)
 
 
@@ -159,7 +160,7 @@ def photographs(paths: list[Path], n_damages: int, words: list[str] | None) -> l
             found += [_row(path.stem, *one.quality(clean, given), one.name) for one in denoisers]
             levels = [np.rint(255 * version).astype(np.uint8) for version in given.versions]
             for effort in EFFORTS:
-                call = partial(restore, levels, masks=given.known, detail=True, effort=effort)
+                call = partial(denoise, levels, masks=given.known, effort=effort)
                 result, seconds = timed(call, time.process_time)
                 found.append(_row(path.stem, psnr(result.image / 255, clean), seconds, f"cvtimg, {effort}"))
         names = [*(f"cvtimg, {effort}" for effort in EFFORTS), *(one.name for one in denoisers)]

@@ -24,7 +24,7 @@ from PIL import Image
 from scipy.ndimage import convolve, gaussian_filter
 from scipy.stats import poisson
 
-from cvtimg import restore
+from cvtimg import denoise
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator
@@ -115,8 +115,8 @@ def measured(
     tries = [cv2.fastNlMeansDenoisingColored(pixels, None, h, h, 5, 15) for h in STRENGTHS]
     found = {
         "noisy": psnr(pixels, clean),
-        "cvtimg": psnr(restore([noisy], detail=True).image, clean),
-        "cvtimg, as white": psnr(restore([noisy], detail=True, noise_like="white").image, clean),
+        "cvtimg": psnr(denoise([noisy]).image, clean),
+        "cvtimg, as white": psnr(denoise([noisy], noise_like="white").image, clean),
         "OpenCV": max(psnr(image, clean) for image in tries),
     }
     if light and find_spec("bm3d"):

@@ -47,7 +47,7 @@ from .placement.place import place_generators as place_generators
 from .quantization.images import quantize as quantize
 from .quantization.palette_search import find_palette as find_palette
 from .quantization.series import quantize_frames as quantize_frames
-from .restoration.films import restore_frames as restore_frames
+from .restoration.reconstruction import denoise as denoise
 from .restoration.reconstruction import restore as restore
 from .segmentation.grid_cells import superpixels as superpixels
 from .segmentation.hierarchy.building import segment_hierarchy as segment_hierarchy

@@ -55,7 +55,7 @@ def test_find_palette_takes_an_image() -> None:
         (lambda **wrong: cvtimg.segment(IMAGE, **wrong, k=3), r"segment\(\) .* 'k'; did you mean n_segments\?"),
         (lambda **wrong: cvtimg.stipple(IMAGE, **wrong, n=3), r"stipple\(\) .* 'n'; did you mean n_dots\?"),
         (lambda **wrong: cvtimg.design(4, 2, **wrong, seed=3), r"design\(\) .* 'seed'; did you mean rng\?"),
-        (lambda **wrong: cvtimg.restore([IMAGE], **wrong, averagin=3), r"'averagin'; did you mean averaging\?"),
+        (lambda **wrong: cvtimg.restore([IMAGE], **wrong, renormalise=3), r"'renormalise'; did you mean renormalize\?"),
         (lambda **wrong: cvtimg.mosaic(IMAGE, 9, **wrong, zoom=3), r"'zoom'; options are n_cells, .*shape"),
         (lambda **_: cvtimg.restore(IMAGE, 3), r"shape \(8, 9, 3\) must be a list of versions: .*list\(images\)"),  # type: ignore[arg-type]
         (lambda **_: cvtimg.read_image(IMAGE), "source of type ndarray must be a path, bytes or a binary file"),  # type: ignore[arg-type]

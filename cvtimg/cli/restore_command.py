@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from cvtimg.pictures import Pages
     from cvtimg.plotting.sheets import Panel
-    from cvtimg.restoration.reconstruction import Restoration
-    from cvtimg.segmentation import Averaging
+    from cvtimg.restoration import Denoised
 
 EXAMPLES = """\
   cvtimg restore scan_1.png scan_2.png scan_3.png -k 6 -o whole.png
@@ -35,9 +34,9 @@ EXAMPLES = """\
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
   cvtimg restore film.gif -o clean.gif
 """
+#: Arguments of `restore` alone, and of `denoise` alone.
+FOR_SEGMENTS, FOR_PATCHES = {"n_generators", "channels", "edge_weight", "renormalize"}, {"noise_like", "rng"}
 COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds", "output")
-#: Versions in a row of the sheet.
-_ACROSS = 4
 
 
 class VersionFiles(NamedTuple):
@@ -58,10 +57,8 @@ def restore(given: Given) -> int:
     flat colors; without -k, photographs get their detail back, as with --detail.
 
     Pages of a file are versions if their axis has no name, or is the one that --merge names. Other pages, such as the
-    planes of a stack, are restored one by one into a stack, -o FILE.tif; channels are bands of their pages.
-
-    Each frame of an animation, and each page along T, is restored from
-    --window of them around it, which are aligned; with -k, by itself.
+    planes of a stack and the frames of an animation, are restored one by one into a stack, -o FILE.tif, or
+    an animation; channels are bands of their pages.
     """
     outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
@@ -75,15 +72,21 @@ def restore(given: Given) -> int:
 def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> tuple[list[VersionFiles], Pages]:
     """Read the versions of each page of the result, and masks; report all that cannot be read."""
     from cvtimg._shared.pixels import not_black
-    from cvtimg.pictures import image_info, read_pages
+    from cvtimg.pictures import Pages, image_info, is_animated, read_frames, read_pages
 
     failed: Missing = []
+
+    def pages_of(path: Path) -> Pages:
+        if not is_animated(path):
+            return read_pages(path)
+        images = read_frames(path).images
+        return Pages(images, "T", (len(images),))
 
     def read(paths: Sequence[Path]) -> list[tuple[Path, Pages]]:
         found = []
         for path in paths:
             try:
-                found.append((path, read_pages(path)))
+                found.append((path, pages_of(path)))
             except OSError as error:
                 failed.append((str(path), error))
         return found
@@ -117,57 +120,60 @@ def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[s
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg.pictures import is_animated
     from cvtimg.pictures.formats.converted import RAW_SUFFIXES
 
     if given.space is None and all(path.suffix.lower() in RAW_SUFFIXES for path in task.sources):
         given = copy(given)
         given.space = "linear"  # in which a sensor is equally noisy, or as light is
-    if len(task.sources) == 1 and is_animated(task.source):
-        return _restore_film(task, stopwatch, given)
     versions, stack = _read(task.sources, given.mask or [], given.merge)
     if len(versions) > 1:
-        _check_room(task.outputs, len(versions))
+        _check_room(task, len(versions))
     stopwatch.lap("read")
-    alone = not given.mask and all(len(read.images) == 1 for read in versions)
-    if is_film := stack.axes == "T" and alone and _has_detail(given):
-        pages = [read.images[0] for read in versions]
-        done: list[tuple[Restoration, list[str]]]
-        done = [(one, []) for one in _restored_frames(pages, len(pages), given, versions[0].alpha)]
-    else:
-        done = [_restored(read, given) for read in versions]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        results, said = [], []
+        for read in versions:
+            results.append(_restored(read, given))
+            said += [given.worded(_with_names(str(one.message), read)) for one in caught]
+            caught.clear()
     stopwatch.lap("cluster")
-    results, notes = [result for result, _ in done], [note for _, noted in done for note in noted]
-    if results[0].detail and not given.detail and not is_film:
-        notes.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
-    if results[0].detail and not results[0].noisy:
-        notes.append(f"no noise found: {_in_8_bits(results[0])} levels of 8 bits; --noise S sets it")
-    notes += [*_given_twice(given.versions), *_write(task.outputs, results, versions[0], stack, given)]
-    stopwatch.lap("write")
     first = results[0]
+    has_segments = hasattr(first, "labels")
+    if not has_segments and not given.detail:
+        said.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
+    if not has_segments and not first.noisy:
+        said.append(f"no noise found: {_in_8_bits(first)} levels of 8 bits; --noise S sets it")
+    said += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
+    stopwatch.lap("write")
     return {
         "inputs": [name for read in versions for name in read.names],
-        "width": first.labels.shape[1],
-        "height": first.labels.shape[0],
+        "width": first.coverage.shape[1],
+        "height": first.coverage.shape[0],
         "channels": first.image.shape[2] if first.image.ndim == 3 else 1,
         **({"pages": len(results)} if len(results) > 1 else {}),
         "versions": len(versions[0].images),
-        "k": max(len(result.colors) for result in results),
         "unknown": sum(float((result.coverage == 0).mean()) for result in results) / len(results),
         "left_out": sum(float((result.left_out > 0).mean()) for result in results) / len(results),
         "noise": [noise for result in results for noise in _finite(result.noise)],
-        **(_noise_like(first) if first.detail else {}),
         "weights": first.weights.tolist(),
         "shifts": first.shifts.tolist(),
         "transforms": first.transforms.tolist(),
         "motion": list(first.models),
         **({} if first.exposures is None else {"exposures": first.exposures.tolist()}),
         "misfits": _finite(first.misfits),
-        "edge_weight": first.edge_weight,
+        **(_of_segments(results) if has_segments else _noise_like(first)),
+        **({"warning": "; ".join(dict.fromkeys(said))} if said else {}),
+    }
+
+
+def _of_segments(results: Sequence[Any]) -> dict[str, Any]:
+    """Return what a row tells of segments."""
+    return {
+        "k": max(len(result.colors) for result in results),
+        "edge_weight": results[0].edge_weight,
         "energy": sum(result.energy for result in results),
         "n_iter": max(len(result.energies) - 1 for result in results),
         "converged": all(result.converged for result in results),
-        **({"warning": "; ".join(dict.fromkeys(notes))} if notes else {}),
     }
 
 
@@ -176,76 +182,19 @@ def _finite(values: NDArray[np.float64]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
-def _restore_film(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    """Restore the frames of an animation."""
-    from cvtimg import quantize_frames
-    from cvtimg.pictures import read_frames, write_frames
-    from cvtimg.pictures.formats.animated import FRAME_WRITERS
-
-    output = task.outputs["-o"]
-    if len(task.outputs) > 1 or given.mask or output.suffix.lower() not in FRAME_WRITERS:
-        ways = f"-o FILE, where FILE ends in one of {', '.join(FRAME_WRITERS)}, and no masks"
-        raise ValueError(f"has several frames, which take {ways}")
-    noise: list[float | None] = []
-
-    def restored(images: Iterable[NDArray[Any]], n_frames: int) -> Iterator[NDArray[Any]]:
-        for result in _restored_frames(images, n_frames, given):
-            noise.append(_finite(result.noise)[0])
-            yield result.image
-
-    frames = read_frames(task.source)
-    stopwatch.lap("read")
-    clean = replace(frames, images=tuple(restored(frames.images, len(frames.images))))
-    stopwatch.lap("cluster")
-    if output.suffix.lower() == ".gif":
-        quantize_frames(clean, 256).save(output, overwrite=given.overwrite)
-    else:
-        write_frames(output, clean, overwrite=given.overwrite)
-    stopwatch.lap("write")
-    return {"frames": len(noise), "versions": _window(given), "noise": noise}
-
-
-def _restored_frames(
-    images: Iterable[NDArray[Any]], n_frames: int, given: Given, alpha: bool | None = None
-) -> Iterator[Restoration]:
-    """Restore each frame of a film from those around it, or by itself where segments are asked for."""
-    from cvtimg import restore_frames
-    from cvtimg._shared.progress import tell
-
-    # Outliers would be whatever moves.
-    hidden = "motion" if given.hidden == "outliers" else given.hidden
-    own = {"alpha": alpha, "averaging": _averaging(given), "detail": _has_detail(given), "align": given.motion}
-    how = {**given.arguments, **own, "hidden": hidden}
-    for number, result in enumerate(restore_frames(images, window=_window(given), **how), start=1):
-        tell(number / max(n_frames, number))
-        yield result
-
-
-def _has_detail(given: Given) -> bool:
-    """Tell whether frames are restored with their detail."""
-    return given.detail or _is_open(given)
-
-
-def _window(given: Given) -> int:
-    """Return the number of frames from which each is restored; segments are of one."""
-    return given.window if _has_detail(given) else 1
-
-
-def _noise_like(result: Restoration) -> dict[str, Any]:
+def _noise_like(result: Denoised) -> dict[str, Any]:
     """Say whether noise is white, or else its level in each band and how far neighbors share it; and how it grows."""
     import numpy as np
 
-    shared, lines = result.noise_shared, result.noise_lines
-    grows = {} if lines is None else {"noise_lines": lines.tolist()}
-    if shared is None:
+    grows = {} if result.noise_lines is None else {"noise_lines": result.noise_lines.tolist()}
+    if result.noise_shared is None:
         return {"noise_like": "white", **grows}
-    middle = len(shared) // 2
-    variance = np.einsum("cc->c", shared[middle, middle])
-    levels = np.sqrt(variance).tolist()
+    middle = len(result.noise_shared) // 2
+    levels = np.sqrt(np.diag(result.noise_shared[middle, middle])).tolist()
     return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors, **grows}
 
 
-def _in_8_bits(result: Restoration) -> str:
+def _in_8_bits(result: Denoised) -> str:
     """Write the noise of each version in levels of 8 bits; ? where it is unknown."""
     from cvtimg._shared.pixels import white_of
 
@@ -253,57 +202,49 @@ def _in_8_bits(result: Restoration) -> str:
     return ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
 
 
-def _check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
+def _check_room(task: Task, n_pages: int) -> None:
     """Refuse outputs that cannot hold several pages."""
+    from cvtimg.pictures import is_animated
+    from cvtimg.pictures.formats.animated import FRAME_WRITERS
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
-    for option, path in outputs.items():
+    for option, path in task.outputs.items():
         if option == "--sheet":
             raise ValueError(
                 f"has {n_pages} pages to restore one by one, and --sheet shows one; select it by --z or --t"
             )
-        if path.suffix.lower() not in PAGE_SUFFIXES:
-            ways = (
+        if path.suffix.lower() not in (FRAME_WRITERS if option == "-o" and is_animated(task.source) else PAGE_SUFFIXES):
+            way = (
                 f"name an output that can hold them, {option} FILE.tif; or --merge T or Z, if they are versions of one"
             )
-            raise ValueError(f"has {n_pages} pages to restore one by one: {ways}")
+            raise ValueError(f"has {n_pages} pages to restore one by one: {way}")
 
 
-def _restored(read: VersionFiles, given: Given) -> tuple[Restoration, list[str]]:
-    """Restore one image; also return what there is to say about it."""
-    from cvtimg import restore
+def _without(arguments: Mapping[str, Any], others: Collection[str]) -> dict[str, Any]:
+    return {name: value for name, value in arguments.items() if name not in others}
+
+
+def _restored(read: VersionFiles, given: Given) -> Denoised:
+    """Restore one image."""
+    from cvtimg import denoise, restore
+    from cvtimg.restoration import is_drawing
     from cvtimg.restoration.compression import with_tables
 
+    align = given.motion if given.align else False
+    about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha}
+    images: list[Any] = read.images
     try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", UserWarning)
-            detail = given.detail or ("auto" if _is_open(given) else False)
-            align = given.motion if given.align else False
-            about: dict[str, Any] = {
-                "masks": read.masks,
-                "alpha": read.alpha,
-                "averaging": _averaging(given),
-                "align": align,
-                "detail": detail,
-            }
-            pairs = zip(read.images, read.names, strict=True)
-            images = [with_tables(image, name) for image, name in pairs] if detail else read.images
-            result = restore(images, **about, **given.arguments)
+        # Unless something asks for segments, the picture decides.
+        is_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
+        if not (is_flat or given.detail):
+            is_flat = is_drawing(images[: 1 if align else None], nodata=given.nodata, **about)
+        if not is_flat:
+            images = [with_tables(image, name) for image, name in zip(images, read.names, strict=True)]
+            return denoise(images, align=align, **about, **_without(given.arguments, FOR_SEGMENTS))
+        some = _without(given.arguments, FOR_PATCHES if given.effort != "auto" else {*FOR_PATCHES, "effort"})
+        return restore(images, align=align, **about, **some)
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
-    return result, [given.worded(_with_names(str(one.message), read)) for one in caught]
-
-
-def _averaging(given: Given) -> Averaging | None:
-    from cvtimg.segmentation import Averaging
-
-    return None if given.averaging == "none" else Averaging(given.averaging, radius=given.radius)
-
-
-def _is_open(given: Given) -> bool:
-    """Tell whether nothing asks for segments, so that the picture decides."""
-    for_segments = (given.channels, given.averaging != "none", given.volume_power)
-    return given.number == "auto" and given.edge_weight == "auto" and not any(for_segments)
 
 
 def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
@@ -320,16 +261,16 @@ def _with_names(message: str, read: VersionFiles) -> str:
     return re.sub(r"masks\[(\d+)\]", lambda match: read.mask_names[int(match[1])], message)
 
 
-def _write(
-    outputs: Mapping[str, Path], results: Sequence[Restoration], read: VersionFiles, stack: Pages, given: Given
-) -> list[str]:
+def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages, given: Given) -> list[str]:
     """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
-    notes = _write_each(outputs["-o"], [result.image for result in results], stack, given)
+    outputs = task.outputs
+    notes = _write_each(outputs["-o"], [result.image for result in results], stack, task.source, given)
     if "--labels" in outputs:
         kind = np.uint8 if all(len(result.colors) < 256 for result in results) else np.uint16
-        _write_each(outputs["--labels"], [result.labels.astype(kind) for result in results], stack, given)
+        labels = [result.labels.astype(kind) for result in results]
+        _write_each(outputs["--labels"], labels, stack, task.source, given)
     if "--sheet" in outputs:
         from cvtimg import write_image
         from cvtimg.plotting.sheets import contact_sheet
@@ -338,22 +279,29 @@ def _write(
     return notes
 
 
-def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, given: Given) -> list[str]:
-    """Write an image, or the pages of a stack; return what there is to say about it."""
-    from cvtimg import write_image
-    from cvtimg.pictures import Metadata, write_pages
+def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, source: Any, given: Given) -> list[str]:
+    """Write an image, or the pages of a stack or animation; return what there is to say about it."""
+    from cvtimg import quantize_frames, write_image
+    from cvtimg.pictures import Metadata, read_frames, write_frames, write_pages
     from cvtimg.pictures.formats.encoding import as_stored
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
-    if len(images) > 1 or (stack.is_joined and path.suffix.lower() in PAGE_SUFFIXES):
+    if path.suffix.lower() in PAGE_SUFFIXES and (len(images) > 1 or stack.is_joined):
         write_pages(path, replace(stack, images=tuple(images), has_alpha=False), overwrite=given.overwrite)
-        return []
-    stored, notes = as_stored(images[0], path.suffix)
-    write_image(path, stored, metadata=Metadata.of_size(stack.pixel_size), overwrite=given.overwrite)
-    return notes
+    elif len(images) > 1:
+        frames = replace(read_frames(source), images=tuple(images))
+        if path.suffix.lower() == ".gif":
+            quantize_frames(frames, 256).save(path, overwrite=given.overwrite)
+        else:
+            write_frames(path, frames, overwrite=given.overwrite)
+    else:
+        stored, notes = as_stored(images[0], path.suffix)
+        write_image(path, stored, metadata=Metadata.of_size(stack.pixel_size), overwrite=given.overwrite)
+        return notes
+    return []
 
 
-def _panels(result: Restoration, read: VersionFiles, given: Given) -> list[list[Panel]]:
+def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[Panel]]:
     """Arrange the versions in rows, with the result below them."""
     import numpy as np
 
@@ -372,9 +320,9 @@ def _panels(result: Restoration, read: VersionFiles, given: Given) -> list[list[
         shown = np.concatenate([colors, alpha], axis=2).astype(stack.dtypes[number])
         about = f"{known.mean():.0%} known, noise {result.noise[number]:.3g}, weight {result.weights[number]:.2f}"
         panels.append(Panel(shown, (Path(name).name, about)))
-    count = f"{len(result.colors)} kinds of patches" if result.detail else f"{len(result.colors)} segments"
+    restored = f"restored: {len(result.colors)} segments" if hasattr(result, "colors") else "restored"
     unknown = f"{(result.coverage == 0).mean():.1%} was known in none"
-    rows = [panels[start : start + _ACROSS] for start in range(0, len(panels), _ACROSS)]
+    rows = [panels[start : start + 4] for start in range(0, len(panels), 4)]
     shares = (result.coverage - result.left_out) / len(panels)
     covered = Panel(np.rint(255 * shares).astype(np.uint8), ("versions used", "white: all, black: none"))
-    return [*rows, [Panel(result.image, (f"restored: {count}", unknown)), covered]]
+    return [*rows, [Panel(result.image, (restored, unknown)), covered]]

@@ -27,7 +27,7 @@ RESTORE = (
         "Versions of one image, of one size unless aligned: files, folders or patterns.", "VERSION...", name="versions"
     ),
     common.output(
-        "Write the restored image, or animation; - for standard output.",
+        "Write the restored image, stack or animation; - for standard output.",
         common.pictures,
         standard=".png",
         required=True,
@@ -35,10 +35,11 @@ RESTORE = (
     Option(
         "number",
         Whole(1, common.MAX_COLORS - 1, auto=True),  # more segments no file of labels holds
-        "Number of segments; auto picks it by the energy. With --detail, kinds of patches; auto is 32.",
+        "Number of segments; auto picks it by the energy.",
         "--segments -k",
         default="auto",
         keyword="n_generators",
+        excludes=("detail",),
     ).on_page("Segments", slider=(2, 64), log=True),
     Option(
         "mask", File(), "Image that is black where a version is missing; once per version, in their order.", many=True
@@ -47,12 +48,6 @@ RESTORE = (
         "merge",
         Choice(("T", "Z")),
         "Axis of a stack along which pages are versions of one image; others are restored page by page.",
-    ),
-    Option(
-        "window",
-        Whole(1, 31),
-        "Of an animation or pages along T: number of frames from which each is restored, those around it.",
-        default=5,
     ),
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
         "Value", slider=(0, 255), step=0.5, low=-1e9, high=1e9, default=0.0
@@ -69,7 +64,10 @@ RESTORE = (
         needs=("align",),
     ).on_page("Motion"),
     switch(
-        "channels", "Versions share segments but not colors, as channels do; the first is restored.", keyword="channels"
+        "channels",
+        "Versions share segments but not colors, as channels do; the first is restored.",
+        keyword="channels",
+        excludes=("detail",),
     ).on_page("Versions are channels", "They share segments but not colors; the first is restored."),
     switch(
         "detail",
@@ -117,27 +115,16 @@ RESTORE = (
         ),
         "How to undo the loss of contrast where some versions are painted over.",
         default="range",
+        excludes=("detail",),
     ).on_page("Contrast"),
-    replace(
-        common.AVERAGING,
-        kind=Choice(common.AVERAGING_NAMES, {"before": "of the versions, before", "after": "of the segments, after"}),
-    ).on_page("Averaging"),
-    Option(
-        "radius",
-        Real(above=0, high=1000),
-        "Standard deviation of the --averaging kernel.",
-        metavar="PIXELS",
-        default=2,
-        needs=("averaging",),
-    ).on_page("Radius", slider=(0.5, 20), step=0.5, unit="px", low=0.5),
     passed(
         "edge_weight",
         Real(0, auto=True),
         "Penalty for each pair of nearby pixels in different segments; auto follows the noise.",
         metavar="L|auto",
         default="auto",
+        excludes=("detail",),
     ).on_page("Edge weight", slider=(0, 200), step=0.5, high=10**6),
-    common.VOLUME_POWER,
     replace(
         common.SPACE, help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None
     ).on_page("Color space", default="rgb"),
@@ -148,7 +135,12 @@ RESTORE = (
         help=f"{common.EFFORT.help[:-1]}; auto: with --detail, less for large images.",
     ),
     replace(common.SEED, help="With --detail: seed of the sample of patches that large images are learned from."),
-    file("labels", "Write the segment of each pixel, from 1: .png, .tif or .npy.", (".png", ".tif", ".tiff", ".npy")),
+    file(
+        "labels",
+        "Write the segment of each pixel, from 1: .png, .tif or .npy.",
+        (".png", ".tif", ".tiff", ".npy"),
+        excludes=("detail",),
+    ),
     file("sheet", "Draw the versions and the restored image on one sheet, to compare."),
     common.MAX_PIXELS,
     *common.READING,

@@ -86,17 +86,15 @@ def measure_groups(
 
 
 def make_filters(
-    float[:, :, ::1] covariances,   # INOUT (last - first, R, R): 0 from P on; used up
-    const double[::1] variances,    # IN (G,): of the noise
-    float[:, :, ::1] filters,       # OUT (G, P, R)
-    Py_ssize_t first,               # IN
-    Py_ssize_t last,                # IN
+    float[:, :, ::1] covariances,  # INOUT (G, R, R): 0 from P on; used up
+    const double[::1] variances,   # IN (G,): of the noise
+    float[:, :, ::1] filters,      # OUT (G, P, R)
 ):
     """Make the Wiener filter of each group."""
     cdef Py_ssize_t g
     with nogil:
-        for g in range(first, last):
-            functions.make(&covariances[g - first, 0, 0], filters.shape[1], <float>variances[g], &filters[g, 0, 0])
+        for g in range(filters.shape[0]):
+            functions.make(&covariances[g, 0, 0], filters.shape[1], <float>variances[g], &filters[g, 0, 0])
 
 
 def filter_groups(

@@ -17,30 +17,30 @@ from numpy.typing import NDArray
 from cvtimg.restoration.versions import Floats, Versions
 
 _Bools = NDArray[np.bool_]
+_Doubles = NDArray[np.float64]
 
-#: Standard deviations of a Gaussian that noise exceeds at about one of 100,000 pixels.
-_RARE = 4.3
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
 _SIDES = (1, 3, 5)
-#: Windows are judged if they hold at least this share of known pixels.
-_FULL_ENOUGH = 0.3
-#: A pixel departs if more than this share of the known pixels of the 3 x 3 about it do.
-_MOST = 0.6
-#: Side of the windows of which no more than this share may depart from the first version, where motion is left out.
-_AROUND, _SOME = 7, 0.2
-#: Moved versions may differ by this part of the range of the pixels about.
-_SLACK = 0.5
-#: Pixels that are compared at once.
-_CHUNK = 1 << 18
-#: Boxes per channel in which colors are counted to find the background.
-_BOXES = 16
-#: Part of the standard deviation of noise that remains about the median of three or more versions.
-_ABOUT_MEDIAN = 0.88
-#: Rows of each of the bands of a large picture from which the usual departure is taken, and how many pixels.
-_SAMPLED_ROWS, _SAMPLED_PIXELS = 32, 1 << 20
 
 
-def without_outliers(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
+@dataclass(frozen=True, slots=True)
+class _Evidence:
+    """What is evidence of more than noise."""
+
+    rare: float = 4.3  # standard deviations of a Gaussian that one of 100,000 pixels exceeds
+    full: float = 0.3  # share of known pixels from which on a window is judged
+    most: float = 0.6  # share of the known pixels of the 3 x 3 about a pixel that depart, with which it departs too
+    moved: tuple[int, float] = (7, 0.2)  # side of windows of which no larger share departs but where something moved
+    slack: float = 0.5  # part of the range of the pixels about by which versions that were moved may differ
+    never: float = 20.0  # square of what differs from noise of one standard deviation in so many bands: never chance
+    share: float = 1e-3  # of additions, below which they are chance
+    judged: int = 256  # pixels that enough versions know, to measure the share
+
+
+_EVIDENCE = _Evidence()
+
+
+def without_outliers(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the median of all, which the majority decides."""
     # Versions that were `moved` show what is finer than the pixels differently, each at its place: where the median
     # varies from pixel to pixel, so may they.
@@ -59,37 +59,28 @@ def without_outliers(versions: Versions, noise: NDArray[np.float64], *, moved: b
     return _in_bands(versions, kept)
 
 
-def without_motion(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
+def without_motion(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the first, as it does where something moved by itself."""
     from scipy.ndimage import uniform_filter
 
-    sample = _sample(versions)
+    sample, (side, some) = _sample(versions), _EVIDENCE.moved
     scales = _scales(sample, sample.values[0], sample.known[0], np.hypot(noise, noise[0]))
 
     def kept(part: _Part) -> _Bools:
         departing = part.departing(part.values[0], scales, moved=moved) & part.known[0]
         # What moves agrees with what is behind it at some pixels, by chance.
-        share = uniform_filter(departing.astype(np.float32), (0, _AROUND, _AROUND), mode="constant")
-        return part.known & ~(departing | (share > _SOME))
+        share = uniform_filter(departing.astype(np.float32), (0, side, side), mode="constant")
+        return part.known & ~(departing | (share > some))
 
     return _in_bands(versions, kept)
 
 
-def _relief(image: Floats) -> Floats:
-    """(H, W, C) range of the pixels of an image within 3 x 3; 0 where one is unknown."""
-    from scipy.ndimage import maximum_filter, minimum_filter
-
-    sides = (3, 3, 1)
-    return np.nan_to_num(maximum_filter(image, sides) - minimum_filter(image, sides))
-
-
-def without_background(versions: Versions, noise: NDArray[np.float64], *, moved: bool = False) -> Versions:
+def without_background(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
     # most frequent color.
     background = _commonest_color(versions)
-    n_bands = len(background)
-    scales = np.repeat((noise[:, None] / _SIDES)[:, :, None], n_bands, axis=2).astype(np.float32)
+    scales = np.repeat((noise[:, None] / _SIDES)[:, :, None], len(background), axis=2).astype(np.float32)
 
     def kept(part: _Part) -> _Bools:
         shown = np.stack([part.departs(part.values[s] - background, s, scales[s]) for s in range(len(scales))])
@@ -115,6 +106,12 @@ class _Part:
     values: Floats
     known: _Bools
 
+    @classmethod
+    def of(cls, versions: Versions, rows: slice | NDArray[np.intp]) -> _Part:
+        """Take some rows."""
+        values = np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
+        return cls(values, np.moveaxis(versions.known[rows], 2, 0))
+
     @property
     def median(self) -> Floats:
         """(h, W, C) median of what is known of each pixel; NaN where nothing is."""
@@ -125,7 +122,12 @@ class _Part:
 
     def departing(self, reference: Floats, scales: Floats, *, moved: bool) -> _Bools:
         """(S, h, W) where each version departs from a reference, (h, W, C)."""
-        slack = _SLACK * _relief(reference) if moved else np.zeros(1, np.float32)
+        from scipy.ndimage import maximum_filter, minimum_filter
+
+        slack = np.zeros(1, np.float32)
+        if moved:  # the range of the pixels within 3 x 3; 0 where one is unknown
+            slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
+            slack = _EVIDENCE.slack * np.nan_to_num(slack)
         residuals = (values - reference for values in self.values)
         residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
         return np.stack([self.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
@@ -146,40 +148,40 @@ class _Part:
             mean = np.divide(sums, share[..., None], out=sums, where=share[..., None] > 0)
             # Beside what was added the mean departs too: the pixel itself must be likelier with it than without.
             likelier = np.square((residual - mean) / scales[0]).sum(axis=2) < alone
-            found |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _FULL_ENOUGH)
+            found |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _EVIDENCE.full)
         # A pixel among those that depart is taken to depart too: noise alone has brought it back.
         around = uniform_filter(found.astype(np.float32), 3, mode="constant")
-        found |= around > _MOST * uniform_filter(known.astype(np.float32), 3, mode="constant")
+        found |= around > _EVIDENCE.most * uniform_filter(known.astype(np.float32), 3, mode="constant")
         return found & known
 
 
-def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools]) -> Versions:
-    """Judge bands of rows, each with the rows around it that windows reach."""
+def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1 << 18) -> Versions:
+    """Judge bands of rows, of about so many values, each with the rows around it that windows reach."""
     height, width = versions.known.shape[:2]
-    halo, step = max(_SIDES) // 2 + 1 + _AROUND // 2, max(1, _CHUNK // (width * versions.n_versions))
+    halo, step = max(_SIDES) // 2 + 1 + _EVIDENCE.moved[0] // 2, max(1, most // (width * versions.n_versions))
     known = versions.known.copy()
     for first in range(0, height, step):
         last = min(first + step, height)
         above, below = max(first - halo, 0), min(last + halo, height)
-        part = _Part(_stacked(versions, slice(above, below)), np.moveaxis(versions.known[above:below], 2, 0))
-        known[first:last] = np.moveaxis(kept(part)[:, first - above : last - above], 0, 2)
+        part = kept(_Part.of(versions, slice(above, below)))
+        known[first:last] = np.moveaxis(part[:, first - above : last - above], 0, 2)
     return versions.knowing(known)
 
 
-def _stacked(versions: Versions, rows: slice | NDArray[np.intp]) -> Floats:
-    """(S, h, W, C) values of some rows."""
-    return np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
+def _sample(versions: Versions, most: int = 1 << 20, rows: int = 32) -> _Part:
+    """Return rows that tell the usual departure: all, or bands of a large picture."""
+    height, width = versions.known.shape[:2]
+    n_rows = min(max(most // (width * versions.n_versions), rows), height)
+    if n_rows == height:
+        return _Part.of(versions, slice(None))
+    tops = np.linspace(0, height - rows, n_rows // rows).astype(np.intp)
+    return _Part.of(versions, (tops[:, None] + np.arange(rows)).ravel())
 
 
-def _sample(versions: Versions) -> _Part:
-    """Return rows that tell the usual departure."""
-    rows = _sampled_rows(versions)
-    return _Part(_stacked(versions, rows), np.moveaxis(versions.known[rows], 2, 0))
-
-
-def _scales(part: _Part, reference: Floats, judged: _Bools, noise: NDArray[np.float64]) -> Floats:
+def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> Floats:
     """(S, sides, C) standard deviations by which the means of versions in windows depart from a reference anyway."""
-    # That is its noise, or more where versions differ all over: in exposure, or because they do not line up.
+    # That is its noise, or more where versions differ all over: in exposure, or because they do not line up. About the
+    # median of three or more versions, .88 of the noise is left.
     from scipy.ndimage import uniform_filter
 
     scales = np.empty((len(part.values), len(_SIDES), part.values.shape[3]), np.float32)
@@ -188,34 +190,92 @@ def _scales(part: _Part, reference: Floats, judged: _Bools, noise: NDArray[np.fl
         residual = np.where(seen[..., None], values - reference, np.float32(0))
         for number, side in enumerate(_SIDES):
             means = uniform_filter(residual, (side, side, 0)) if side > 1 else residual
-            known = means[seen]
-            usual = np.median(np.abs(known), axis=0) / (0.6745 * _ABOUT_MEDIAN) if len(known) else 0.0
+            usual = np.median(np.abs(means[seen]), axis=0) / (0.6745 * 0.88) if seen.any() else 0.0
             scales[version, number] = np.maximum(noise[version] / side, usual)
     return scales
 
 
-def _sampled_rows(versions: Versions) -> NDArray[np.intp]:
-    """Rows that tell the usual departure: all, or bands of a large picture."""
-    height, width = versions.known.shape[:2]
-    n_rows: int = min(max(_SAMPLED_PIXELS // (width * versions.n_versions), _SAMPLED_ROWS), height)
-    if n_rows == height:
-        return np.arange(height, dtype=np.intp)
-    tops = np.linspace(0, height - _SAMPLED_ROWS, n_rows // _SAMPLED_ROWS).astype(np.intp)
-    return (tops[:, None] + np.arange(_SAMPLED_ROWS)).ravel()
-
-
 def _largest_by_chance(n_dims: int) -> float:
-    """Return the square of white noise in `n_dims` dimensions, exceeded as rarely as `_RARE` deviations in one."""
-    # E. Wilson, M. Hilferty, PNAS 17 (1931) 684-688, doi 10.1073/pnas.17.12.684.
-    part = 2 / (9 * n_dims)
-    return float(n_dims * (1 - part + _RARE * np.sqrt(part)) ** 3)
+    """Return the square of white noise in `n_dims` dimensions that is exceeded as rarely as is rare in one."""
+    from scipy.stats import chi2, norm
+
+    return float(chi2.isf(norm.sf(_EVIDENCE.rare), n_dims))
 
 
-def _commonest_color(versions: Versions) -> Floats:
-    """(C,) mean of the fullest of 16 boxes per channel, over all that is known."""
+def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
+    """(C,) mean of the fullest of boxes, so many per channel, over all that is known."""
     n_bands = min(int(np.count_nonzero(versions.version_of == 0)), 3)
     rows = np.concatenate([versions.bands(s)[versions.known[:, :, s]] for s in range(versions.n_versions)])
     low, high = rows.min(axis=0), rows.max(axis=0)
-    boxes = np.minimum((rows - low) * (_BOXES / np.maximum(high - low, 1e-30)), _BOXES - 1).astype(np.int64)
-    number = boxes[:, :n_bands] @ [_BOXES**band for band in range(n_bands)]
+    places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)
+    number = places[:, :n_bands] @ [boxes**band for band in range(n_bands)]
     return rows[number == np.bincount(number).argmax()].mean(axis=0)
+
+
+# --- where the majority of versions cannot tell
+# Where three versions know a pixel, the majority finds what was added to one of them. How often that happens tells how
+# often it happens elsewhere. There, a value is left out if it is more likely to be an addition, which may have any
+# color, than the estimated image plus noise. Without evidence of additions nothing is left out, however poor the
+# estimate.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Suspicion:
+    """How often versions hold additions."""
+
+    shares: _Doubles  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
+    noise: _Doubles  # (S,): standard deviation of the noise of each version
+
+    @classmethod
+    def of(cls, versions: Versions, kept: Versions, noise: _Doubles) -> Suspicion | None:
+        """Measure how often the majority of `versions` has left each out of those `kept`; None if never."""
+        judged = (versions.coverage >= 3)[:, :, None] & versions.known
+        n_judged = np.count_nonzero(judged, axis=(0, 1))
+        shares = np.count_nonzero(judged & ~kept.known, axis=(0, 1)) / np.maximum(n_judged, 1)
+        evident = (shares > _EVIDENCE.share) & (n_judged >= _EVIDENCE.judged)
+        return cls(np.where(evident, np.minimum(shares, 0.5), 0.0), noise) if evident.any() else None
+
+    def kept(self, versions: Versions, estimate: Floats) -> Versions:
+        """Leave out values of suspected versions that the estimate and its errors nearby do not explain."""
+        known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
+        n_bands = estimate.shape[2]
+        for version in np.flatnonzero(self.shares):
+            squares = np.square(versions.bands(int(version)) - estimate).sum(axis=2)
+            alone, confirmed = self._compared(versions, int(version))
+            # Versions that disagree here: one of them holds an addition.
+            share = np.where(alone, self.shares[version], 0.5)
+            variance = self._variance(int(version), squares, versions.known[:, :, version], n_bands)
+            room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
+            likelier = np.log((1 - share) / share) + n_bands / 2 * room
+            known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
+        return versions.knowing(known)
+
+    def _variance(self, version: int, squares: Floats, seen: _Bools, n_bands: int, around: int = 5) -> Floats:
+        """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
+        from scipy.ndimage import uniform_filter
+
+        least = np.float32(self.noise[version] ** 2)
+        usual = np.where(seen, np.minimum(squares, _EVIDENCE.never * least * n_bands), 0) / n_bands
+        share = uniform_filter(seen.astype(np.float32), around, mode="constant")
+        mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
+        return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
+
+    def _compared(self, versions: Versions, version: int) -> tuple[_Bools, _Bools]:
+        """(H, W) where a version alone knows a pixel, and where another confirms what it shows."""
+        own, values = versions.known[:, :, version], versions.bands(version)
+        confirmed, others = np.zeros_like(own), np.zeros_like(own)
+        for other in range(versions.n_versions):
+            if other != version:
+                both = own & versions.known[:, :, other]
+                apart = np.square(values - versions.bands(other)).sum(axis=2)
+                variance = self.noise[version] ** 2 + self.noise[other] ** 2
+                confirmed |= both & (apart <= (_EVIDENCE.never + 2 * values.shape[2]) * variance)
+                others |= both
+        return own & ~others, confirmed
+
+
+def first_estimate(fused: Floats) -> Floats:
+    """(H, W, C) median of near pixels, which additions to single pixels do not reach."""
+    from scipy.ndimage import median_filter
+
+    return median_filter(fused, (3, 3, 1))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,26 +31,26 @@ _GENERATORS[4, :2, :2] = [[1, 0], [0, -1]]
 _GENERATORS[5, :2, :2] = [[0, 1], [1, 0]]
 _GENERATORS[6, 2, 0] = _GENERATORS[7, 2, 1] = -1
 
-#: The top of the pyramid is at most this long.
-_TOP = 192
-#: Blur, in pixels of each level, that removes noise which would outvote the image.
-_BLUR = 1.0
-#: Blurs between which the structure lies that phase correlation compares.
-_FINE, _COARSE = 1.0, 8.0
-#: Steps of least squares at each level, the length in pixels at which they end, and pixels that they look at.
-_STEPS, _SHORT, _SAMPLED = 12, 0.003, 1 << 16
-#: Differences of this many standard deviations count half.
-_OUTLYING = 3.0
-#: Images of less contrast than this, as a share of their values, have nothing to align; nor have fewer pixels.
-_FLAT, _FEWEST = 1e-5, 64
-#: A pixel is compared, and a moved pixel is known, if at least this share of what it is made from is.
-_COMPARED_FROM, _KNOWN_FROM = 0.3, 0.5
-#: A richer model must explain this many times what the Bayesian information criterion asks for.
-_CAUTION = 1.5
-#: No motion between versions changes areas by more than this factor.
-_LARGEST_ZOOM = 1.5
-#: Rows that are moved at once.
-_ROWS = 256
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """How motions are found."""
+
+    top: int = 192  # longest side, in pixels, of the top of the pyramid
+    blur: float = 1.0  # pixels of each level, which removes noise that would outvote the image
+    coarse: float = 8.0  # blur below which, down to one, the structure lies that phase correlation compares
+    steps: int = 12  # of least squares at each level
+    short: float = 0.003  # length of a step, in pixels, at which they end
+    sampled: int = 1 << 16  # pixels that they look at
+    outlying: float = 3.0  # standard deviations of differences that count half
+    flat: float = 1e-5  # contrast, as a share of the values, up to which there is nothing to align
+    fewest: int = 64  # pixels that can be aligned
+    compared: float = 0.3  # share of what a pixel is made from that must be known for it to be compared
+    caution: float = 1.5  # times what the Bayesian information criterion asks for, that a richer model must explain
+    zoom: float = 1.5  # factor by which no motion between versions changes areas
+
+
+_SEARCH = _Search()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,6 @@ class Alignment:
 
 def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]:
     """Find how versions moved and move them to the place of the first; pixels that this uncovers are unknown."""
-    # `model` is one of MODELS, or "auto" for the simplest that fits.
     # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for masked correlation; S.
     # Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
     from threadpoolctl import threadpool_limits
@@ -86,7 +85,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     for version in range(1, versions.n_versions):
         moving = _pyramid(versions, version)
         both = versions.known[:, :, 0] & versions.known[:, :, version]
-        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _FEWEST:
+        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _SEARCH.fewest:
             stuck += [f"images[{version}]"] if known[:, :, version].any() else []
             continue
         with threadpool_limits(1, user_api="blas"):  # the matrices are small
@@ -99,7 +98,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
         why = "one of them is of one color, or they know no pixels in common"
         names = ", ".join(stuck)
         warnings.warn(f"{names} cannot be aligned with images[0] and stay in place: {why}", UserWarning, stacklevel=4)
-    return versions.moved(values, known), Alignment(found.transforms, tuple(models))
+    return replace(versions, stack=tuple(values), known=known), Alignment(found.transforms, tuple(models))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,15 +113,15 @@ class _Level:
         """Blur an image by normalized convolution."""
         from scipy.ndimage import gaussian_filter
 
-        share = gaussian_filter(weight, _BLUR)
-        blurred = fill(gaussian_filter(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
+        share = gaussian_filter(weight, _SEARCH.blur)
+        blurred = fill(gaussian_filter(values * weight, _SEARCH.blur)[:, :, None], np.where(share > 1e-3, share, 0))
         return cls(blurred[:, :, 0], share)
 
     @property
     def is_flat(self) -> bool:
         """Whether there is nothing to align."""
-        seen = self.values[self.weight > _COMPARED_FROM]
-        return len(seen) < _FEWEST or float(np.ptp(seen)) <= _FLAT * float(np.abs(seen).max())
+        seen = self.values[self.weight > _SEARCH.compared]
+        return len(seen) < _SEARCH.fewest or float(np.ptp(seen)) <= _SEARCH.flat * float(np.abs(seen).max())
 
 
 def _pyramid(versions: Versions, version: int) -> list[_Level]:
@@ -130,7 +129,7 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
     values: Floats = versions.bands(version).mean(axis=2)
     weight = versions.known[:, :, version].astype(np.float32)
     levels = [_Level.of(values, weight)]
-    while max(values.shape) > _TOP:
+    while max(values.shape) > _SEARCH.top:
         height, width = (side // 2 * 2 for side in values.shape)
         parts = [(slice(down, height, 2), slice(right, width, 2)) for down in (0, 1) for right in (0, 1)]
         sums = np.sum([weight[part] for part in parts], axis=0)
@@ -164,13 +163,13 @@ def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
 
     correlate: Any = phase_cross_correlation
     one, other = (
-        gaussian_filter(level.values, _FINE) - gaussian_filter(level.values, _COARSE) for level in (fixed, moving)
+        gaussian_filter(level.values, 1) - gaussian_filter(level.values, _SEARCH.coarse) for level in (fixed, moving)
     )
     if min(fixed.weight.min(), moving.weight.min()) > 1 - 1e-3:
         window = np.outer(*(np.hanning(side + 2)[1:-1] for side in one.shape))
         shift, _, _ = correlate(one * window, other * window, normalization=None)
     else:
-        masks = (level.weight > _COMPARED_FROM for level in (fixed, moving))
+        masks = (level.weight > _SEARCH.compared for level in (fixed, moving))
         shift, _, _ = correlate(one, other, reference_mask=next(masks), moving_mask=next(masks))
     transform = np.eye(3)
     transform[:2, 2] = -np.asarray(shift, np.float64)[::-1]
@@ -185,7 +184,7 @@ def _simplest(pair: _Pair, transform: _Doubles) -> tuple[_Doubles, str]:
     used, best = "translation", pair.improved(shift, MODELS["translation"])
     for name in list(MODELS)[1:]:
         richer = pair.improved(transform if used == "translation" else best, MODELS[name])
-        asked = _CAUTION * (MODELS[name] - MODELS[used]) * np.log(pair.n_independent)
+        asked = _SEARCH.caution * (MODELS[name] - MODELS[used]) * np.log(pair.n_independent)
         if pair.evidence(best, richer) > asked:
             used, best = name, richer
     return best, used
@@ -211,11 +210,11 @@ class _Pair:
         from scipy.ndimage import spline_filter
 
         inner = np.zeros(fixed.values.shape, np.bool_)
-        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _COMPARED_FROM
+        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _SEARCH.compared
         chosen = np.flatnonzero(inner)
-        n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
-        if len(chosen) > _SAMPLED:
-            chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
+        n_independent = max(min(len(chosen) / (4 * np.pi * _SEARCH.blur**2), _SEARCH.sampled), 2)
+        if len(chosen) > _SEARCH.sampled:
+            chosen = np.sort(np.random.default_rng(0).choice(chosen, _SEARCH.sampled, replace=False))
         (down, right), (other_down, other_right) = _slopes(fixed.values), _slopes(moving.values)
         y, x = np.divmod(chosen, fixed.values.shape[1])
         return cls(
@@ -242,7 +241,7 @@ class _Pair:
         weights = inside * self.weights
         if self.other_weight is not None:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
-        return at, values, np.where(weights > _COMPARED_FROM**2, weights, 0)
+        return at, values, np.where(weights > _SEARCH.compared**2, weights, 0)
 
     def improved(self, transform: _Doubles, n_generators: int) -> _Doubles:
         """Take steps of least squares along some generators; the transform as it was if they lead nowhere."""
@@ -255,9 +254,9 @@ class _Pair:
         from_unit = np.linalg.inv(to_unit)
         x, y = _mapped(to_unit, *self.places)
         current, gain, offset = transform, 1.0, 0.0
-        for _ in range(_STEPS):
+        for _ in range(_SEARCH.steps):
             at, seen, weights = self.seen(current)
-            if np.count_nonzero(weights) < _FEWEST:
+            if np.count_nonzero(weights) < _SEARCH.fewest:
                 return transform
             slopes = np.stack([map_coordinates(slope, at, order=1, mode="nearest") for slope in self.other_slopes])
             along_x, along_y = half * (self.slopes + gain * (current[:2, :2].T @ slopes)) / 2
@@ -274,9 +273,9 @@ class _Pair:
             current = current @ from_unit @ motion @ to_unit
             current /= current[2, 2]
             zoom = np.linalg.det(current[:2, :2])
-            if not 1 / _LARGEST_ZOOM < zoom < _LARGEST_ZOOM:
+            if not 1 / _SEARCH.zoom < zoom < _SEARCH.zoom:
                 return transform
-            if np.abs(step[:n_generators]).max() * half < _SHORT:
+            if np.abs(step[:n_generators]).max() * half < _SEARCH.short:
                 break
         return current
 
@@ -286,7 +285,9 @@ class _Pair:
         both = np.minimum(seen, also_seen)
         left, right = (self._apart(values, both) for values in (one, other))
         scale = _scale(left)
-        costs = [_OUTLYING**2 * np.log1p((apart / (_OUTLYING * scale)) ** 2).mean() for apart in (left, right)]
+        costs = [
+            _SEARCH.outlying**2 * np.log1p((apart / (_SEARCH.outlying * scale)) ** 2).mean() for apart in (left, right)
+        ]
         return float(self.n_independent * (costs[0] - costs[1]))
 
     def _apart(self, values: Floats, weights: Floats) -> Floats:
@@ -315,7 +316,7 @@ def _scale(apart: Floats) -> float:
 
 def _robust(apart: Floats, scale: float) -> Floats:
     """Weight of differences: half at some standard deviations."""
-    return np.reciprocal(1 + np.square(apart / (_OUTLYING * scale))).astype(np.float32, copy=False)
+    return np.reciprocal(1 + np.square(apart / (_SEARCH.outlying * scale))).astype(np.float32, copy=False)
 
 
 def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:
@@ -335,7 +336,7 @@ def _moved(bands: Floats, known: _Bools, transform: _Doubles) -> tuple[Floats, _
     sources = [band if is_whole else spline_filter(band, 3, np.float32, mode="nearest") for band in filled.T]
     moved, still_known, share = np.zeros_like(bands), np.zeros_like(known), known.astype(np.float32)
     for rows, at in _places(transform, known.shape):
-        still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= _KNOWN_FROM
+        still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= 0.5
         for band, source in enumerate(sources):
             values = map_coordinates(source.T, at, order=order, mode="nearest", prefilter=False)
             moved[rows, :, band] = np.where(still_known[rows], values, 0)
@@ -363,10 +364,10 @@ def own_pixels(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floa
     return moved, still_known
 
 
-def _places(transform: _Doubles, shape: tuple[int, ...]) -> Iterator[tuple[slice, _Doubles]]:
-    """Rows of the first version, and (2, R, W) rows and columns at which another shows them."""
-    for start in range(0, shape[0], _ROWS):
-        rows = slice(start, min(start + _ROWS, shape[0]))
+def _places(transform: _Doubles, shape: tuple[int, ...], n: int = 256) -> Iterator[tuple[slice, _Doubles]]:
+    """Rows of the first version, `n` at a time, and (2, R, W) rows and columns at which another shows them."""
+    for start in range(0, shape[0], n):
+        rows = slice(start, min(start + n, shape[0]))
         y, x = np.mgrid[rows, : shape[1]].astype(np.float64)
         x, y = _mapped(transform, x, y)
         yield rows, np.stack([y, x])

@@ -32,8 +32,7 @@ class Bend:
 
     def lines(self, variance: float) -> _Doubles:
         """(C, 2) constant and slope of the variance of noise that has this variance once it is bent."""
-        scale = self._roots[2]
-        return np.stack([self.constant, self.slope], axis=1) * (variance / scale**2)[:, None]
+        return np.stack([self.constant, self.slope], axis=1) * (variance / self._roots[2] ** 2)[:, None]
 
     def unit(self, values: NDArray[np.float32]) -> float:
         """Root mean square noise at levels, (..., C), for noise of one once they are bent."""

@@ -17,34 +17,35 @@ from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
-from cvtimg.restoration.spectrum import SharedNoise
+from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import Floats
 
 _Doubles = NDArray[np.float64]
+#: Every covariance has this part of its trace in all directions, so that float32 is precise enough.
+_PRECISE = 1e-7
 
-#: Covariances of a thread in memory at once.
-_CHUNK = 64
-#: The estimate has lost some detail, so its covariances are raised by this.
-_GAIN = 1.1
-#: So often, power of this many times that of the noise is halved in the covariance of noisy patches; and more where
-#: patches are few, because their noise is uneven.
-_BENDS, _BENT, _UNEVENLY = 2, 1.2, 0.7
-#: Added to the variance that a filter leaves, as a share of that of the noise: no patch is trusted without limit.
-_LEFT_ANYWAY = 0.02
-#: Every covariance has this share of the variance of noise in all directions, so that its inverse exists, and this part
-#: of its trace, so that float32 is precise enough.
-_RIDGE, _PRECISE = 1e-4, 1e-7
-#: Filters are applied this often, each time to an image whose noisier pixels are drawn to the last; and once where all
-#: but this share of the pixels are known to within this factor of the usual precision.
-_ROUNDS, _UNEVEN, _EVEN = 2, 0.02, 0.5
-#: Filters of so many blocks are kept for another round.
-_KEPT = 4
-#: Unknown pixels, filled from nearby, are taken to have this times less precision than those known around them.
-_FILLED = 0.4
-#: Side, in pixels, of the windows in which the usual precision is found.
-_NEAR = 15
-#: Pixels known better than the mean of their group by more than this factor would make rounds diverge.
-_LARGEST_STEP = 1.9
+
+@dataclass(frozen=True, slots=True)
+class _Filtering:
+    """How patches are filtered."""
+
+    gain: float = 1.1  # of covariances of the estimate, which has lost some detail
+    #: Twice, power of so many times that of the noise is halved in the covariance of noisy patches; and more where
+    #: patches are few, because their noise is uneven.
+    bent: float = 1.2
+    unevenly: float = 0.7
+    left: float = 0.02  # added to the variance that a filter leaves, as a share of that of the noise: none is perfect
+    ridge: float = 1e-4  # share of the variance of noise that every covariance has, so that it has an inverse
+    #: Filters are applied twice, to an image whose noisier pixels are drawn to the last; or once where all but this
+    #: share of the pixels are known to within half the usual precision.
+    uneven: float = 0.02
+    kept: int = 4  # blocks, of which filters are kept for another round
+    filled: float = 0.4  # precision of unknown pixels, filled from nearby, as a part of that of those around them
+    near: int = 15  # side, in pixels, of the windows in which the usual precision is found
+    step: float = 1.9  # times that pixels may be known better than the mean of their group; rounds would diverge at 2
+
+
+_FILTERING = _Filtering()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,10 +66,8 @@ class Noisy:
 
     def part(self, block: PatchBlock) -> Noisy:
         """Return a block with its own border."""
-        here = _with_border(block)
-        values, estimate, precision = (
-            np.ascontiguousarray(image[here]) for image in (self.values, self.estimate, self.precision)
-        )
+        images = self.values, self.estimate, self.precision
+        values, estimate, precision = (np.ascontiguousarray(image[block.bordered]) for image in images)
         return Noisy(values, estimate, precision, self.shared)
 
     def bands(self, chosen: slice) -> Noisy:
@@ -85,34 +84,38 @@ class PatchBlock:
     columns: slice
     groups: Groups
 
+    @property
+    def bordered(self) -> tuple[slice, slice]:
+        """Where the block and its border lie in an image with a border."""
+        return slice(self.rows.start, self.rows.stop + 2 * REACH), slice(
+            self.columns.start, self.columns.stop + 2 * REACH
+        )
+
 
 def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats:
     """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
     # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
-    estimate = noisy.estimate
-    usual = noisy.usual_variance
-    rounds = 1 if np.mean(noisy.precision < _EVEN / usual) <= _UNEVEN else _ROUNDS
+    estimate, usual, inner = noisy.estimate, noisy.usual_variance, slice(REACH, -REACH)
+    rounds = 1 if np.mean(noisy.precision < 0.5 / usual) <= _FILTERING.uneven else 2
 
-    def filtering_of(block: PatchBlock) -> _Filtering:
-        return _Filtering.of(noisy.part(block), block, from_estimate, usual)
+    def filters_of(block: PatchBlock) -> _Filters:
+        return _Filters.of(noisy.part(block), block, from_estimate, usual)
 
     # The filters of a large image are made again for each round: together they would fill the memory.
-    kept = list(side_by_side(filtering_of, blocks)) if rounds > 1 and len(blocks) <= _KEPT else []
+    kept = list(side_by_side(filters_of, blocks)) if rounds > 1 and len(blocks) <= _FILTERING.kept else []
     for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
         change = noisy.precision[:, :, None] * (noisy.values - estimate)
-        total = np.zeros_like(estimate)
-        weight = np.zeros_like(noisy.precision)
+        total, weight = np.zeros_like(estimate), np.zeros_like(noisy.precision)
 
         def sums_of(number: int, estimate: Floats = estimate, change: Floats = change) -> tuple[Floats, Floats]:
-            return (kept[number] if kept else filtering_of(blocks[number])).sums(estimate, change)
+            return (kept[number] if kept else filters_of(blocks[number])).sums(estimate, change)
 
         for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
-            total[_with_border(block)] += sums
-            weight[_with_border(block)] += weights
-        inner = slice(REACH, -REACH)
+            total[block.bordered] += sums
+            weight[block.bordered] += weights
         joined = total[inner, inner] / weight[inner, inner, None]
         estimate = estimate.copy()
         estimate[inner, inner] = joined
@@ -120,44 +123,77 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Filtering:
-    """A block with its filters, the variances of the noise in its groups, and the (G, 25) weight of their pixels."""
+class _Filters:
+    """A block with the filters of its groups."""
 
     block: PatchBlock
-    filters: _Filters
-    variances: _Doubles
-    trust: Floats
+    means: Floats  # (G, P): mean patches
+    matrices: Floats  # (G, P, R): filters; columns from P on are 0
+    variances: _Doubles  # (G,): of the noise
+    trust: Floats  # (G, 25): weight of the pixels of filtered patches
 
     @classmethod
-    def of(cls, part: Noisy, block: PatchBlock, from_estimate: bool, usual: float) -> _Filtering:
+    def of(cls, noisy: Noisy, block: PatchBlock, from_estimate: bool, usual: float) -> _Filters:
         """Make the filters of a block from its part of an image."""
-        variances = _variances(part.precision, block.groups, usual)
-        filters = _Filters.of(part, block.groups, variances, from_estimate)
-        # Weighted by the inverse of the variance that the filters leave, relative to that of all.
-        trust = usual / variances[:, None] / (filters.left() + _LEFT_ANYWAY)
-        return cls(block, filters, variances, trust.astype(np.float32))
+        groups, known = block.groups, noisy.precision[:, :, None] > 0
+        variances = _variances(noisy.precision, groups, usual)
+        image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
+        image = np.ascontiguousarray(image, np.float32)
+        size = SIDE**2 * image.shape[2]
+        columns = -(-size // 16) * 16
+        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
+        noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
+        shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
+        # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
+        factor = None if shared is None else np.linalg.cholesky(shared)
+        whiten = None if factor is None else np.linalg.inv(factor)
+
+        def make(first: int, last: int, chunk: int = 64) -> None:
+            for start in range(first, last, chunk):
+                stop = min(start + chunk, last)
+                here = slice(start, stop)
+                padded = np.empty((stop - start, columns, columns), np.float32)
+                covariances = padded[:, :size, :size]
+                _patches.measure_groups(image, groups.order, groups.bounds, means, padded, start, stop)
+                if whiten is not None:
+                    covariances[:] = whiten @ covariances @ whiten.T
+                if noise is None:
+                    covariances *= _FILTERING.gain
+                else:
+                    _lessen_noise(padded, noise[here], variances[here], groups.sizes[here])
+                diagonal = np.einsum("gii->gi", covariances)
+                diagonal += np.maximum(_FILTERING.ridge * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
+                _make_filters(padded, variances[here], matrices[here])
+                if factor is not None and whiten is not None:
+                    matrices[here, :, :size] = (whiten.T @ matrices[here, :, :size] @ factor.T).astype(np.float32)
+
+        in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
+        # The variance that remains at each place of a patch, as a share of that of the noise.
+        inner = matrices[:, :, :size]
+        left = np.einsum("gii->gi", inner) if shared is None else np.einsum("gij,ij->gj", inner, np.float32(shared))
+        left = left.reshape(len(left), SIDE**2, -1).mean(axis=2)
+        trust = usual / variances[:, None] / (left + _FILTERING.left)
+        return cls(block, means, matrices, variances, trust.astype(np.float32))
 
     def sums(self, estimate: Floats, change: Floats) -> tuple[Floats, Floats]:
         """Weighted sums of the filtered patches, and their weights, in the block and its border."""
-        here = _with_border(self.block)
-        groups, shape = self.block.groups, (self.block.rows, self.block.columns)
-        height, width = (side.stop - side.start for side in shape)
-        own_estimate, own_change = np.ascontiguousarray(estimate[here]), np.ascontiguousarray(change[here])
-        patches = self.filters.applied(own_estimate, own_change, groups, self.variances)
+        groups, size = self.block.groups, self.means.shape[1]
+        image, own_change = (np.ascontiguousarray(one[self.block.bordered]) for one in (estimate, change))
+        patches = np.empty((len(groups.order), size), np.float32)
+        height, width = (side - 2 * REACH for side in image.shape[:2])
         group_of = groups.of_pixels().reshape(height, width)
-        sums, weights = np.empty_like(own_estimate), np.empty(own_estimate.shape[:2], np.float32)
+        sums, weights = np.empty_like(image), np.empty(image.shape[:2], np.float32)
+        about = groups.order, groups.bounds, self.means, self.matrices
+
+        def apply(first: int, last: int) -> None:
+            _patches.filter_groups(image, own_change, self.variances, *about, patches, first, last)
 
         def join(first: int, last: int) -> None:
             _patches.join_patches(patches, group_of, self.trust, sums, weights, first, last)
 
+        in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         in_parts(join, len(sums), work=patches.size)
         return sums, weights
-
-
-def _with_border(block: PatchBlock) -> tuple[slice, slice]:
-    """Return where a block and its border lie in an image with a border."""
-    rows, columns = block.rows, block.columns
-    return slice(rows.start, rows.stop + 2 * REACH), slice(columns.start, columns.stop + 2 * REACH)
 
 
 def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
@@ -171,102 +207,26 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     total = groups.sums(around(uniform_filter(precision, SIDE)))
     best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
-    return np.minimum(variances, _LARGEST_STEP / np.maximum(best.astype(np.float64), 1e-30))
+    return np.minimum(variances, _FILTERING.step / np.maximum(best.astype(np.float64), 1e-30))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Filters:
-    """The (G, P) mean patch and the (G, P, R) filter of each group; columns from P on are 0."""
-
-    means: Floats
-    matrices: Floats
-    shared: _Doubles | None  # (P, P): covariance of the noise, of mean variance 1; None where it is white
-
-    @classmethod
-    def of(cls, noisy: Noisy, groups: Groups, variances: _Doubles, from_estimate: bool) -> _Filters:
-        known = noisy.precision[:, :, None] > 0
-        image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
-        image = np.ascontiguousarray(image, np.float32)
-        size = SIDE**2 * image.shape[2]
-        columns = -(-size // 16) * 16
-        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
-        noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
-        shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
-        factor = None if shared is None else np.asarray(np.linalg.cholesky(shared), np.float64)
-
-        def make(first: int, last: int) -> None:
-            for start in range(first, last, _CHUNK):
-                stop = min(start + _CHUNK, last)
-                here = slice(start, stop)
-                padded = np.empty((stop - start, columns, columns), np.float32)
-                covariances = padded[:, :size, :size]
-                _patches.measure_groups(image, groups.order, groups.bounds, means, padded, start, stop)
-                if factor is not None:
-                    covariances[:] = _whitened(covariances, factor)
-                if noise is None:
-                    covariances *= _GAIN
-                else:
-                    _lessen_noise(padded, noise[here], variances[here], groups.sizes[here])
-                diagonal = np.einsum("gii->gi", covariances)
-                diagonal += np.maximum(_RIDGE * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
-                _patches.make_filters(padded, variances, matrices, start, stop)
-                _pass_singular(matrices[here])
-                if factor is not None:
-                    _unwhiten(matrices[here, :, :size], factor)
-
-        in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
-        return cls(means, matrices, shared)
-
-    def left(self) -> Floats:
-        """(G, 25) variance that remains at each place of a patch, as a share of that of the noise."""
-        size = self.means.shape[1]
-        matrices = self.matrices[:, :, :size]
-        if self.shared is None:
-            diagonal = np.einsum("gii->gi", matrices)
-        else:
-            diagonal = np.einsum("gij,ij->gj", matrices, self.shared.astype(np.float32))
-        return diagonal.reshape(len(diagonal), SIDE**2, -1).mean(axis=2)
-
-    def applied(self, image: Floats, change: Floats, groups: Groups, steps: _Doubles) -> Floats:
-        """(N, P) filtered patches of the image plus `steps` of each group times the change."""
-        size = self.means.shape[1]
-        patches = np.empty((len(groups.order), size), np.float32)
-        order, bounds = groups.order, groups.bounds
-
-        def apply(first: int, last: int) -> None:
-            _patches.filter_groups(image, change, steps, order, bounds, self.means, self.matrices, patches, first, last)
-
-        in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
-        return patches
-
-
-def _pass_singular(filters: Floats) -> None:
-    """Let everything pass where noise is so far below what is shown that float32 cannot invert a covariance."""
+def _make_filters(covariances: Floats, variances: _Doubles, filters: Floats) -> None:
+    """Make the (G, P, R) Wiener filters of covariances, (G, R, R), which are used up."""
+    _patches.make_filters(covariances, variances, filters)
+    # Where noise is so far below what is shown that float32 cannot invert a covariance, everything passes.
     singular = ~np.isfinite(filters.sum(axis=(1, 2)))
     filters[singular] = np.eye(*filters.shape[1:], dtype=np.float32)
-
-
-def _whitened(covariances: Floats, factor: _Doubles) -> _Doubles:
-    """Covariances of patches divided by the factor, which white noise is multiplied by to become theirs."""
-    whiten = np.linalg.inv(factor)
-    return np.asarray(whiten @ covariances @ whiten.T)
-
-
-def _unwhiten(filters: Floats, factor: _Doubles) -> None:
-    """Turn filters of patches divided by the factor into filters of patches; both multiply rows from the right."""
-    whiten = np.linalg.inv(factor).astype(np.float32)
-    filters[:] = whiten.T @ filters @ factor.T.astype(np.float32)
 
 
 def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:
     """(G, P) variance of the noise at each place of the patches of each group."""
     from scipy.ndimage import uniform_filter
 
-    usual = uniform_filter((precision > 0).astype(np.float32), _NEAR)
-    near = uniform_filter(precision, _NEAR)
+    usual = uniform_filter((precision > 0).astype(np.float32), _FILTERING.near)
+    near = uniform_filter(precision, _FILTERING.near)
     anywhere = precision.mean() / max((precision > 0).mean(), 1e-30)
     least = np.divide(near, usual, out=np.full_like(near, anywhere), where=usual > 1e-3)
-    variance = 1 / np.maximum(precision, _FILLED * np.maximum(least, 1e-3 * anywhere))
+    variance = 1 / np.maximum(precision, _FILTERING.filled * np.maximum(least, 1e-3 * anywhere))
     patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)
     return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
 
@@ -278,9 +238,8 @@ def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles, siz
     size = noise.shape[1]
     diagonal = np.einsum("gii->gi", covariances)[:, :size]
     diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
-    bends = _BENT * variances * (1 + _UNEVENLY * np.sqrt(size / sizes))
+    bends = _FILTERING.bent * variances * (1 + _FILTERING.unevenly * np.sqrt(size / sizes))
     filters = np.empty_like(covariances[:, :size])
-    for _ in range(_BENDS):
-        _patches.make_filters(covariances.copy(), bends, filters, 0, len(filters))
-        _pass_singular(filters)
+    for _ in range(2):
+        _make_filters(covariances.copy(), bends, filters)
         covariances[:, :size] -= bends[:, None, None].astype(np.float32) * filters

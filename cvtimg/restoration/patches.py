@@ -23,15 +23,10 @@ from cvtimg.restoration.versions import Floats
 REACH = 2
 SIDE = 2 * REACH + 1
 
-#: Patches are compared by this many principal components, found from this many patches.
-_N_COMPONENTS = 16
+#: Number of patches from which principal components are found.
 _N_SAMPLES = 1 << 14
 #: Lightness and opponent colors, as columns. Chroma counts double: it varies less, so noise hides less of what differs.
 _OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6])).astype(np.float32)
-#: This many axes are filtered together; noise of bands within this factor is equal.
-_MOST_BANDS, _EQUAL = 4, 1.25
-#: Number of patches in memory at once while features are found.
-_CHUNK = 1 << 15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,13 +37,13 @@ class Axes:
     slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
-    def of(cls, noise_by_band: list[NDArray[np.float64]], image: Floats) -> Axes:
-        """Give bands, (C,) in each version, equal noise and, if they are many, put what they share before the rest."""
+    def of(cls, noise_by_band: list[NDArray[np.float64]], image: Floats, most: int = 4) -> Axes:
+        """Give bands, (C,) in each version, equal noise; of more than `most`, put what they share first."""
         n_bands = image.shape[2]
-        slices = tuple(slice(first, first + _MOST_BANDS) for first in range(0, n_bands, _MOST_BANDS))
+        slices = tuple(slice(first, first + most) for first in range(0, n_bands, most))
         noise = np.stack(noise_by_band)
         least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
-        equal = least.max() <= _EQUAL * least.min()
+        equal = least.max() <= 1.25 * least.min()
         if equal and len(slices) == 1:
             return cls(None, slices)
         scales = np.ones(n_bands) if equal else np.sqrt(np.mean(least**2)) / least
@@ -80,7 +75,7 @@ class Kinds:
     generators: NDArray[np.float64]  # (K, D): kinds of patches, in these components
 
     @classmethod
-    def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator) -> Kinds:
+    def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator, n_components: int = 16) -> Kinds:
         """Find kinds of patches from some patches of an image with a border of `REACH` pixels."""
         patches = windows(bordered)
         n_pixels = patches.shape[0] * patches.shape[1]
@@ -89,7 +84,7 @@ class Kinds:
         mean = sample.mean(axis=0)
         sample = sample - mean
         _, axes = np.linalg.eigh(product(sample.T, sample).astype(np.float64))
-        basis = axes[:, -_N_COMPONENTS:].astype(np.float32)
+        basis = axes[:, -n_components:].astype(np.float32)
         points = product(sample, basis)
         try:
             found = tessellate(points, n_generators, effort="fast", rng=rng)
@@ -97,24 +92,22 @@ class Kinds:
             found = tessellate(points, error.n_distinct, effort="fast", rng=rng)
         return cls(mean, basis, found.generators)
 
-    def features(self, bordered: Floats) -> Floats:
-        """(N, D) features of the patches of an image with a border of `REACH` pixels."""
+    def features(self, bordered: Floats, chunk: int = 1 << 15) -> Floats:
+        """(N, D) features of the patches of an image with a border of `REACH` pixels, about `chunk` at a time."""
         patches = windows(bordered)
         height, width = patches.shape[:2]
         found = np.empty((height, width, self.basis.shape[1]), np.float32)
-        step = max(1, _CHUNK // width)
+        step = max(1, chunk // width)
         for top in range(0, height, step):
             rows = slice(top, top + step)
             apart = patches[rows].reshape(-1, len(self.mean)) - self.mean
             found[rows] = product(apart, self.basis).reshape(-1, width, self.basis.shape[1])
         return found.reshape(height * width, -1)
 
-    def label(self, features: Floats) -> tuple[NDArray[np.int32], Floats]:
-        """(N,) kind of each patch, from 0, and (N,) its squared distance to the generator."""
+    def label(self, features: Floats) -> NDArray[np.int32]:
+        """(N,) kind of each patch, from 0."""
         points = pack(features, np.ones(len(features)), center=np.zeros(features.shape[1]))
-        labels = assign(points, points.frame.inward(self.generators))[: points.n_points]
-        apart = features - self.generators.astype(np.float32)[labels]
-        return labels, np.einsum("nd,nd->n", apart, apart)
+        return assign(points, points.frame.inward(self.generators))[: points.n_points]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

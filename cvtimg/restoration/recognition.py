@@ -2,32 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cvtimg.engine import tessellate
-from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.versions import fuse
-
-#: Blur, in pixels, that removes most of the noise.
-_BLUR = 2.0
-#: Colors of a drawing, the share of pixels, those farthest from edges, that must have them, and pixels looked at.
-_COLORS, _AWAY_FROM_EDGES, _SAMPLED = 12, 0.5, 1 << 13
-#: What colors leave, as a part of the variance of noise: drawings up to 0.6; photographs 3 to 200 if the
-#: noise is below 20 levels of 8 bits, and 1 or less if it hides what is faint.
-_LEFT = 1.0
+from cvtimg.restoration.noise import mean_noise, noise_of_bands
+from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
 
-def is_drawing(evidence: Evidence) -> bool:
-    """Tell whether versions show a drawing in a few flat colors, as far as their noise lets see."""
+@dataclass(frozen=True, slots=True)
+class _Flat:
+    """What a drawing is."""
+
+    blur: float = 2.0  # pixels, which removes most of the noise
+    colors: int = 12  # at most, that
+    away: float = 0.5  # of the pixels, those farthest from edges, have, but for
+    left: float = 1.0  # times the variance of noise: drawings up to 0.6, photographs from 3 on or hidden by the noise
+    sampled: int = 1 << 13  # pixels
+
+
+def is_drawing(
+    images: Sequence[Any],
+    *,
+    masks: Sequence[ArrayLike | None] | None = None,
+    nodata: float | None = None,
+    alpha: bool | None = None,
+    flat: _Flat = _Flat(),
+) -> bool:
+    """Tell whether versions show a drawing in a few flat colors, for `restore`, and not a photograph, for `denoise`.
+
+    Parameters
+    ----------
+    images, masks, nodata, alpha
+        As in `restore`. Of versions that are out of place, give the first alone.
+
+    Returns
+    -------
+    bool
+        As far as noise lets see: a drawing where it hides what is faint.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.restoration import is_drawing
+    >>> is_drawing([np.eye(32)])
+    True
+    """
     from scipy.ndimage import gaussian_gradient_magnitude
 
-    picture, weight = fuse(evidence.placed, evidence.trust, _BLUR)
+    versions = stack_versions(images, masks, nodata, alpha=alpha)
+    noise = mean_noise(noise_of_bands(versions))
+    trust = trust_in(versions, None, noise)
+    picture, weight = fuse(versions, trust, flat.blur)
     slopes = sum(np.square(gaussian_gradient_magnitude(band, 1.0)) for band in np.moveaxis(picture, 2, 0))
     slope = np.asarray(slopes).ravel()
-    rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, _AWAY_FROM_EDGES)]
-    rows = rows[:: -(-len(rows) // _SAMPLED)].astype(np.float64)
-    cells = tessellate(rows, min(_COLORS, len(np.unique(rows, axis=0))), effort="fast")
+    rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, flat.away)]
+    rows = rows[:: -(-len(rows) // flat.sampled)].astype(np.float64)
+    cells = tessellate(rows, min(flat.colors, len(np.unique(rows, axis=0))), effort="fast")
     left = np.square(rows - cells.generators[cells.labels]).mean()
-    noise = evidence.variances(evidence.placed)[0] / max(float(weight.mean()), 1e-9) / (4 * np.pi * _BLUR**2)
-    rounding = (evidence.placed.rounding / 2) ** 2  # half of what a level of 8 bits is
-    return bool(left <= _LEFT * (noise + rounding))
+    noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
+    noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * flat.blur**2
+    return bool(left <= flat.left * (noisy + (versions.rounding / 2) ** 2))  # a level of 8 bits is lost by rounding

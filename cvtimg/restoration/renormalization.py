@@ -15,10 +15,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 _Doubles = NDArray[np.float64]
 
-#: A segment tells the level of a version if it holds at least this share of what the version knows.
-_LEAST_SHARE = 1e-3
-_NOTHING = 1e-12
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
@@ -56,16 +52,14 @@ def range_colors(levels: Levels) -> _Doubles:
     """(K, C) median over the versions of the level that each segment has in that version alone."""
     # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
     # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
-    # pixels, which are the noisiest. A segment that is too small in every version keeps its mean.
-    colors = mean_colors(levels)
-    settled = []
+    # pixels, which are the noisiest. A segment that has less than a thousandth of every version keeps its mean.
+    colors, told = mean_colors(levels), []
     for version in range(len(levels.values)):
         means, masses = levels.alone(version)
-        enough = masses >= max(_LEAST_SHARE * float(masses.sum(axis=0).max()), _NOTHING)
-        settled.append(np.where(enough, means, np.nan))
-    told = np.stack(settled)
+        enough = masses >= max(1e-3 * float(masses.sum(axis=0).max()), 1e-12)
+        told.append(np.where(enough, means, np.nan))
     some = ~np.isnan(told).all(axis=(0, 2))
-    colors[some] = np.nanmedian(told[:, some], axis=0)
+    colors[some] = np.nanmedian(np.array(told)[:, some], axis=0)
     return colors
 
 

@@ -1,4 +1,4 @@
-"""The result of a restoration, and how segments found in the stacked space become one."""
+"""Results of restoration, and how segments found in the stacked space become one."""
 
 from __future__ import annotations
 
@@ -16,24 +16,17 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.versions import Floats, Versions
+from cvtimg.restoration.versions import Versions
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Restoration(ReadOnly):
-    """An image restored from several versions.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Denoised(ReadOnly):
+    """An image made of several versions, or of one.
 
     Attributes
     ----------
     image : (H, W) or (H, W, C) array
-        The restored image, of the shape and type of the first version, without alpha.
-    labels : (H, W) int32 array
-        Segment of each pixel, 1..K, from dark to bright. K can be less than requested, because segments can vanish.
-    generators : (K, S, C) float64 array
-        Mean of each segment in each version, in the units of the versions; NaN where a version does not know the
-        segment, and in bands that it does not have.
-    colors : (K, C) float64 array
-        Color of each segment, after renormalization.
+        The image, of the shape and type of the first version, without alpha.
     coverage : (H, W) int32 array
         Number of versions that know each pixel.
     left_out : (H, W) int32 array
@@ -42,13 +35,13 @@ class Restoration(ReadOnly):
         Standard deviation of the noise of each version, given or estimated, in the units of its color space; NaN where
         too little is known to estimate it.
     noise_shared : (2 L + 1, 2 L + 1, C, C) float64 array or None
-        Autocovariance of the noise over rows, columns and bands, if `detail` was asked for and pixels next to each
-        other share noise; in its middle, the covariance of the bands of a pixel. None where noise is white.
+        Autocovariance of the noise over rows, columns and bands, if pixels next to each other share noise; in its
+        middle, the covariance of the bands of a pixel. None where noise is white or was taken to be.
     noise_lines : (C, 2) float64 array or None
         Variance of the noise of weight 1 in each band, as a constant and a slope: constant + slope x level. None where
-        noise is even, or `detail` was not asked for.
+        noise is even or was taken to be.
     noisy : bool
-        Whether there is noise to take away: more than rounding to integers leaves, or what was given. If not, `detail`
+        Whether there is noise to take away: more than rounding to integers leaves, or what was given. If not, `denoise`
         returns the version itself, or the mean of several.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
@@ -63,23 +56,9 @@ class Restoration(ReadOnly):
     misfits : (S,) float64 array
         What each version, in place, differs by from the one that most fit, less noise, as a part of the fine structure:
         0 where it is the same, about 2 for another image. Above 0.25, versions do not fit. NaN for channels.
-    detail : bool
-        Whether detail was restored, and `labels` are kinds of patches.
-    edge_weight : float
-        Penalty for each pair of near pixels in different segments, in squared 8-bit levels.
-    energy : float
-        Sum over pixels and versions of weight times squared distance to the generator, plus the penalties of edges;
-        with `detail`, of the squared distances of patches to their generators.
-    energies : tuple of float
-        Energy before each sweep and at the end; it never rises.
-    converged : bool
-        Whether the segments converged.
     """
 
     image: NDArray[Any]
-    labels: NDArray[np.int32]
-    generators: NDArray[np.float64]
-    colors: NDArray[np.float64]
     coverage: NDArray[np.int32]
     left_out: NDArray[np.int32]
     noise: NDArray[np.float64]
@@ -92,11 +71,31 @@ class Restoration(ReadOnly):
     exposures: NDArray[np.float64] | None
     models: tuple[str, ...]
     misfits: NDArray[np.float64]
-    detail: bool
-    edge_weight: float
-    energy: float
-    energies: tuple[float, ...]
-    converged: bool
+
+    @classmethod
+    def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Any:
+        """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
+        versions, noise = evidence.placed, evidence.noise
+        bend = versions.bend
+        straight = bend.straight(places) if bend else places
+        rows = from_space(straight.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtype)
+        shape = places.shape[:2]
+        return cls(
+            image=rows.reshape(shape if versions.grey else places.shape),
+            coverage=versions.coverage,
+            left_out=versions.coverage - used.coverage,
+            noise=noise.levels * noise.unit,
+            noise_shared=noise.shared.autocovariance * noise.unit**2 if noise.shared else None,
+            noise_lines=bend.lines(evidence.variances(versions)[0]) if bend else None,
+            noisy=noise.is_seen,
+            weights=evidence.trust,
+            shifts=evidence.alignment.shifts(shape),
+            transforms=evidence.alignment.transforms,
+            exposures=versions.tones,
+            models=evidence.alignment.models,
+            misfits=evidence.misfits,
+            **more,
+        )
 
     @property
     def noise_neighbors(self) -> float:
@@ -108,7 +107,7 @@ class Restoration(ReadOnly):
         return float(near / here)
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the restored image, as `write_image` does."""
+        """Write the image, as `write_image` does."""
         write_image(path, self.image, overwrite=overwrite)
 
     def _repr_png_(self) -> bytes:
@@ -120,68 +119,83 @@ class Restoration(ReadOnly):
         height, width = self.image.shape[:2]
         noise = ", ".join(f"{one:.3g}" for one in self.noise[:8]) + (", ..." if len(self.noise) > 8 else "")
         return (
-            f"Restoration({width} x {height} pixels of {self.image.dtype} from {len(self.weights)} versions, "
-            f"{len(self.colors)} segments, noise=[{noise}], unknown={(self.coverage == 0).mean():.2%}, "
-            f"left_out={(self.left_out > 0).mean():.2%})"
+            f"{type(self).__name__}({width} x {height} pixels of {self.image.dtype} from {len(self.weights)} versions, "
+            f"noise=[{noise}], unknown={(self.coverage == 0).mean():.2%}, left_out={(self.left_out > 0).mean():.2%})"
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
+class Restoration(Denoised):
+    """An image in flat segments, restored from several versions. It has all of `Denoised`, and what follows.
+
+    Attributes
+    ----------
+    labels : (H, W) int32 array
+        Segment of each pixel, 1..K, from dark to bright. K can be less than requested, because segments can vanish.
+    generators : (K, S, C) float64 array
+        Mean of each segment in each version, in the units of the versions; NaN where a version does not know the
+        segment, and in bands that it does not have.
+    colors : (K, C) float64 array
+        Color of each segment, after renormalization.
+    edge_weight : float
+        Penalty for each pair of near pixels in different segments, in squared 8-bit levels.
+    energies : tuple of float
+        Energy before each sweep and at the end, which never rises: the sum over pixels and versions of weight times
+        squared distance to the generator, plus the penalties of edges.
+    converged : bool
+        Whether the segments converged.
+    """
+
+    labels: NDArray[np.int32]
+    generators: NDArray[np.float64]
+    colors: NDArray[np.float64]
+    edge_weight: float
+    energies: tuple[float, ...]
+    converged: bool
+
+    @property
+    def energy(self) -> float:
+        """Energy at the end."""
+        return self.energies[-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Segments in the stacked space, in any order; versions used at each pixel; and an image not made of segments."""
+    """Segments in the stacked space, in any order, and the versions used at each pixel."""
 
     labels: NDArray[np.int32]
     generators: NDArray[np.float64]
     masses: NDArray[np.float64]
     colors: NDArray[np.float64]
     energies: tuple[float, ...]
-    used: NDArray[np.int32]
-    edge_weight: float = 0.0
-    converged: bool = True
-    image: Floats | None = None
+    converged: bool
+    used: Versions
+    edge_weight: float
 
 
 def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
     """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
-    versions = evidence.placed
-    deep = np.dtype(np.float64)
-    white = peak(versions.dtype) if space != "rgb" else 1.0
-    n_left = np.bincount(found.labels.ravel(), minlength=len(found.colors) + 1)[1:]
-    bend = versions.bend
-    straight = bend.straight if bend else np.asarray
-    colors = from_space(straight(found.colors), space, deep) * white
+    white = peak(evidence.placed.dtype) if space != "rgb" else 1.0
+    colors = from_space(found.colors, space, np.dtype(np.float64)) * white
     order = np.lexsort((*colors.T[::-1], colors.sum(axis=1)))
-    order = order[n_left[order] > 0]
+    order = order[np.bincount(found.labels.ravel(), minlength=len(colors) + 1)[1:][order] > 0]
     rank = np.zeros(len(colors) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[found.labels]
-    places = straight(found.colors[order][labels - 1] if found.image is None else found.image)
-    rows = from_space(places.reshape(labels.size, -1).astype(np.float64), space, versions.dtype)
-    image = rows.reshape(labels.shape if versions.grey else (*labels.shape, -1))
     generators = np.where(found.masses > 0, found.generators, np.nan)[order]
-    return Restoration(
-        image=image,
+    result: Restoration = Restoration.of(
+        found.colors[order][labels - 1],
+        found.used,
+        evidence,
+        space,
         labels=labels,
-        generators=_by_version(generators, versions, space),
+        generators=_by_version(generators, evidence.placed, space),
         colors=colors[order],
-        coverage=versions.coverage,
-        left_out=versions.coverage - found.used,
-        noise=evidence.noise * evidence.unit,
-        noise_shared=evidence.shared.autocovariance * evidence.unit**2 if evidence.shared else None,
-        noise_lines=bend.lines(evidence.variances(versions)[0]) if bend else None,
-        noisy=evidence.is_noisy,
-        weights=evidence.trust,
-        shifts=evidence.alignment.shifts(labels.shape),
-        transforms=evidence.alignment.transforms,
-        exposures=versions.tones,
-        models=evidence.alignment.models,
-        misfits=evidence.misfits,
-        detail=found.image is not None,
         edge_weight=found.edge_weight,
-        energy=found.energies[-1],
         energies=found.energies,
         converged=found.converged,
     )
+    return result
 
 
 def _by_version(generators: NDArray[np.float64], versions: Versions, space: SpaceName) -> NDArray[np.float64]:
@@ -190,7 +204,6 @@ def _by_version(generators: NDArray[np.float64], versions: Versions, space: Spac
     apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
     for version, n in enumerate(n_bands):
         places = generators[:, versions.version_of == version]
-        places = versions.bend.straight(places) if versions.bend else places
         known = ~np.isnan(places).any(axis=1)
         white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
         apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white

@@ -16,12 +16,8 @@ from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.restoration.anscombe import Bend
 from cvtimg.restoration.compression import Rounding
-from cvtimg.segmentation.averaging import Averaging, averaged
 
 Floats = NDArray[np.float32]
-
-#: Noise below this share of the range is that of rounding to 8 bits: no version gets more weight than it gives.
-_FINEST_NOISE = 1 / 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +70,11 @@ class Versions:
         """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
         return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
 
+    def is_inside(self, levels: Floats, margin: float) -> NDArray[np.bool_]:
+        """Tell which levels are farther from black and white than a margin, if they have such ends."""
+        white = np.inf if self.white is None else self.white
+        return (levels >= (margin if self.white else -np.inf)) & (levels <= white - margin)
+
     def only(self, version: int) -> Versions:
         """Return one version by itself."""
         return replace(
@@ -86,19 +87,15 @@ class Versions:
             tones=None if self.tones is None else self.tones[[version]],
         )
 
-    def moved(self, values: Sequence[Floats], known: NDArray[np.bool_]) -> Versions:
-        """Return other values at other places, of the same kind."""
-        return replace(self, stack=tuple(values), known=known)
-
     def knowing(self, known: NDArray[np.bool_]) -> Versions:
         """Return the same versions where they are still known."""
         return replace(self, known=known)
 
     @property
     def rounding(self) -> float:
-        """Standard deviation that no noise is taken to be below."""
-        ends = [(float(values.min()), float(values.max())) for values in self.stack]
-        return _FINEST_NOISE * (max(high for _, high in ends) - min(low for low, _ in ends) or 1.0)
+        """Standard deviation that no noise is taken to be below: a level of 8 bits, of the range that is used."""
+        span = max(float(values.max()) for values in self.stack) - min(float(values.min()) for values in self.stack)
+        return (span or 1.0) / 256
 
     @property
     def unseen(self) -> float:
@@ -179,15 +176,14 @@ def _fitted(
 def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """(H, W, C) values of a version, and where they are known by its own mask, NaN, alpha and nodata."""
     array = array_of(image)
-    known: NDArray[np.bool_] = np.ones(array.shape[:2], np.bool_)
-    if isinstance(image, np.ma.MaskedArray) and array.ndim in (2, 3):
-        known &= ~np.ma.getmaskarray(image).reshape(*known.shape, -1).any(axis=2)
-        array = np.where(np.ma.getmaskarray(image), array.dtype.type(0), array)
-    if array.dtype.kind == "f" and array.ndim in (2, 3):
-        known &= ~np.isnan(array.reshape(*known.shape, -1)).any(axis=2)
-        array = np.where(np.isnan(array), array.dtype.type(0), array)
-    checked = check_image(f"images[{number}]", array)
-    values = checked.reshape(*known.shape, -1)
+    missing: NDArray[np.bool_] = (
+        np.ma.getmaskarray(image) if isinstance(image, np.ma.MaskedArray) else np.zeros(array.shape, np.bool_)
+    )
+    if array.dtype.kind == "f":
+        missing = missing | np.isnan(array)
+    values = check_image(f"images[{number}]", np.where(missing, array.dtype.type(0), array) if missing.any() else array)
+    values = values.reshape(*values.shape[:2], -1)
+    known = np.logical_not(missing.reshape(values.shape).any(axis=2))
     if alpha is not False and has_alpha(values.shape[2]):
         known &= values[:, :, -1] > 0
         values = values[:, :, :-1]
@@ -207,13 +203,6 @@ def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> 
         rows = np.clip(rows, 0, 1)  # noise leaves the gamut, and the other spaces need it
     places = to_space(rows, space).reshape(values.shape)
     return np.where(known[:, :, None], places, 0).astype(np.float32)
-
-
-def averaged_versions(versions: Versions, averaging: Averaging) -> Versions:
-    """Average the known pixels of each version."""
-    known = np.moveaxis(versions.known, 2, 0)
-    values = [averaged(versions.bands(version), averaging, seen) for version, seen in enumerate(known)]
-    return versions.moved([one.astype(np.float32) for one in values], versions.known)
 
 
 def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:

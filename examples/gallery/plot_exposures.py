@@ -41,9 +41,9 @@ scene = crop(0, 0, 0).round().clip(0, 255).astype(np.uint8)
 exposures = [exposure(0, 0, 0), exposure(3, -2, 0.7), exposure(-2, 4, -0.5)]
 
 # %%
-# ``align=True`` moves every exposure to the first, and ``detail=True`` is for photographs.
+# ``denoise`` is for photographs, and ``align=True`` moves every exposure to the first.
 
-merged = cvtimg.restore(exposures, align=True, detail=True)
+merged = cvtimg.denoise(exposures, align=True)
 mean = np.mean(exposures, axis=0).round().astype(np.uint8)
 
 

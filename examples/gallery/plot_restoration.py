@@ -42,7 +42,7 @@ second_row = [Panel(levels(version), ("parts painted over, no mask, noise",)) fo
 second_row.append(Panel(levels(cvtimg.restore(versions, 6).image), ("restored: 6 segments",)))
 
 # %%
-# Photographs have no flat colors: ``detail=True`` restores them from patches.
+# Photographs have no flat colors: ``denoise`` restores them from patches.
 
 clean = cvtimg.read_image(SAMPLES / "chelsea.png")[20:212, 100:356]
 versions, known = damaged_versions(clean / 255, 3, Damage(noise=0.1, holes=0.3, scratches=1), seed=0)
@@ -50,8 +50,8 @@ third_row = [
     Panel(np.dstack([levels(version), np.uint8(255) * mask]), ("30 % holes, a scratch, noise",))
     for version, mask in zip(versions, known, strict=True)
 ]
-restored = cvtimg.restore(versions, masks=known, detail=True)
-third_row.append(Panel(levels(restored.image), ("restored with detail=True",)))
+restored = cvtimg.denoise(versions, masks=known)
+third_row.append(Panel(levels(restored.image), ("restored by denoise",)))
 
 # %%
 

@@ -64,7 +64,7 @@ def test_nobody_is_told_outside() -> None:
         lambda: cvtimg.stipple(IMAGE, 200),
         lambda: cvtimg.stipple(IMAGE, 200, layers="cmyk"),
         lambda: cvtimg.mosaic(IMAGE, 80, effort="fast"),
-        lambda: cvtimg.restore([IMAGE], detail=True, effort="fast"),
+        lambda: cvtimg.denoise([IMAGE], effort="fast"),
         lambda: cvtimg.restore([IMAGE], 3),
         lambda: cvtimg.quantize(IMAGE, psnr=22),
         lambda: cvtimg.segment(IMAGE, "auto", edge_weight=20),
@@ -90,6 +90,6 @@ def test_little_is_told_before_the_first_pass_over_patches(monkeypatch: pytest.M
 
     monkeypatch.setattr(detail, "_pass", passed)
     with watched(told.append):
-        cvtimg.restore([IMAGE], detail=True, effort="fast")
+        cvtimg.denoise([IMAGE], effort="fast")
     assert before[0] < 0.3
     assert len(set(before)) == len(before)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from damaging import card, damage, psnr, two_phases
 from numpy.typing import NDArray
 from skimage.draw import disk, ellipse, line
 
-from cvtimg import read_image, restore
+from cvtimg import denoise, read_image, restore
 from cvtimg.restoration import agreement
 from cvtimg.restoration.agreement import without_background, without_motion, without_outliers
 from cvtimg.restoration.versions import stack_versions
@@ -35,15 +37,14 @@ def exposures(clean: NDArray[np.float64], sigma: float, seed: int = 0) -> list[N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"detail": True}], ids=str)
-def test_what_is_added_in_one_exposure_is_left_out(options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("verb", [partial(restore, n_generators=16), denoise])
+def test_what_is_added_in_one_exposure_is_left_out(verb: Callable[..., Any]) -> None:
     clean = read_image(SAMPLES / "europe_night.png")[20:260, 100:400] / 255
     versions = exposures(clean, 0.08)
     median = psnr(np.median(versions, axis=0), clean)
-    options = {"effort": "fast", **options}
-    result = restore(versions, 16, **options)
+    result = verb(versions, effort="fast")
     assert psnr(result.image, clean) > median + 1
-    assert psnr(restore(versions, 16, hidden=None, **options).image, clean) < psnr(result.image, clean) - 3
+    assert psnr(verb(versions, effort="fast", hidden=None).image, clean) < psnr(result.image, clean) - 3
     np.testing.assert_array_equal(result.coverage, 4)
     assert 0.03 < (result.left_out > 0).mean() < 0.12
 
@@ -108,7 +109,7 @@ def test_bands_of_rows_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> No
     for leave_out in (without_outliers, without_background, without_motion):
         whole = leave_out(stack, noise).known
         with monkeypatch.context() as patch:
-            patch.setattr(agreement, "_CHUNK", 64 * 4 * 7)
+            patch.setattr(agreement, "_in_bands", partial(agreement._in_bands, most=64 * 4 * 7))
             np.testing.assert_array_equal(leave_out(stack, noise).known, whole)
         assert (whole != stack.known).any()
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import shift as moved_by
 from skimage.transform import ProjectiveTransform, warp
 
-from cvtimg import restore
+from cvtimg import denoise, restore
 from cvtimg.restoration.alignment import MODELS, align, own_pixels
 from cvtimg.restoration.exposure import exposures
 from cvtimg.restoration.versions import stack_versions
@@ -64,8 +64,8 @@ def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDA
     versions = [noisy((0, 0))] + [noisy((down, right)) for down, right in shifts[1:]]
     inner = slice(6, -6)
     with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] .* may spoil the result"):
-        blind = restore(versions, 24, detail=True, hidden="none")
-    result = restore(versions, 24, detail=True, align=True)
+        blind = denoise(versions, hidden="none")
+    result = denoise(versions, align=True)
     np.testing.assert_allclose(result.shifts, np.negative(shifts), atol=0.15)
     assert (
         psnr(result.image[inner, inner], clean[inner, inner]) > psnr(blind.image[inner, inner], clean[inner, inner]) + 3
@@ -180,7 +180,7 @@ def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(
     frames = [
         np.clip(np.rint(look + sigma * rng.standard_normal(look.shape)), 0, 255).astype(np.uint8) for look in looks
     ]
-    alone, together = (restore(some, detail=True, align=some is frames).image for some in (frames[:1], frames))
+    alone, together = (denoise(some, align=some is frames).image for some in (frames[:1], frames))
     inner = slice(6, -6)
     scores = [psnr(image[inner, inner] / 255, looks[0][inner, inner] / 255) for image in (alone, together)]
     assert scores[1] > scores[0] + (-0.3 if sigma < 10 else 0.8)
@@ -207,7 +207,7 @@ def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(pho
 def test_clean_frames_after_a_noisy_one_count_in_full(photograph: NDArray[Any]) -> None:
     clean = photograph[20:116, 20:132]
     noisy = np.clip(clean + np.random.default_rng(0).normal(0, 12, clean.shape), 0, 255).astype(np.uint8)
-    image = restore([noisy, clean, clean // 2 * 2], detail=True, align=True, effort="fast").image
+    image = denoise([noisy, clean, clean // 2 * 2], align=True, effort="fast").image
     assert psnr(image / 255, clean / 255) > 37
 
 
@@ -230,7 +230,7 @@ def test_frames_of_other_exposure_are_as_good_as_others(photograph: NDArray[Any]
     for gains in ([1, 1, 1], [1, 0.7, 1.4]):
         seen = [gain * look + one for gain, look, one in zip(gains, looks, noise, strict=True)]
         frames = [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in seen]
-        result = restore(frames, detail=True, align=True, effort="fast")
+        result = denoise(frames, align=True, effort="fast")
         assert result.exposures is not None
         np.testing.assert_allclose(result.exposures[:, :, 0], np.tile(1 / np.array(gains), (3, 1)).T, rtol=0.03)
         scores.append(psnr(result.image[16:-16, 16:-16] / 255, looks[0][16:-16, 16:-16] / 255))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from damaging import damage, psnr
 from numpy.typing import NDArray
 
-from cvtimg import restore
+from cvtimg import denoise
 from cvtimg.restoration import detail
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 
@@ -30,7 +31,7 @@ def as_bytes(image: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
-    image = restore(images, detail=True, **{"effort": "fast"} | options).image
+    image = denoise(images, **{"effort": "fast"} | options).image
     return image / (255 if image.dtype == np.uint8 else 1)
 
 
@@ -81,7 +82,7 @@ def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any
     wide = photograph[24:168, 48:208] / 255 * 0.3
     looks = [moved_by(wide, (*shift, 0), order=3, mode="nearest")[16:-16, 16:-16] for shift in shifts]
     images = [as_bytes(noisy(look, 0.1, seed)) for seed, look in enumerate(looks)]
-    found = restore(images, detail=True, align=True)
+    found = denoise(images, align=True)
     np.testing.assert_allclose(found.shifts, np.negative(shifts), atol=0.4)
     as_if_not_clipped = restored([image / 255 for image in images], align=True)
     inner = (slice(6, -6), slice(6, -6))
@@ -139,7 +140,7 @@ def test_blocks_in_which_patches_are_grouped_leave_no_seams(
 ) -> None:
     image = noisy(clean, 0.1)
     whole = restored([image])
-    monkeypatch.setattr(detail, "_BLOCK", 48)
+    monkeypatch.setattr(detail, "EFFORT", replace(detail.EFFORT, block=48))
     in_blocks = restored([image])
     assert (in_blocks != whole).any()
     assert psnr(in_blocks, clean) > psnr(whole, clean) - 1.5  # these blocks are tiny
@@ -161,7 +162,7 @@ def test_the_automatic_effort_is_less_for_larger_images(
         (((n_pixels - 1, "best"), (n_pixels, "balanced")), "balanced"),
         (((n_pixels - 2, "best"), (n_pixels - 1, "balanced")), "fast"),
     ):
-        monkeypatch.setattr(detail, "_AFFORDABLE", limits)
+        monkeypatch.setattr(detail, "EFFORT", replace(detail.EFFORT, affordable=limits))
         np.testing.assert_array_equal(restored([image], effort="auto"), restored([image], effort=effort))
 
 
@@ -189,4 +190,4 @@ def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
 
 def test_an_image_of_one_color_stays_as_it_is() -> None:
     flat = np.full((24, 32, 3), 80, np.uint8)
-    np.testing.assert_array_equal(restore([flat], detail=True, effort="fast").image, flat)
+    np.testing.assert_array_equal(denoise([flat], effort="fast").image, flat)

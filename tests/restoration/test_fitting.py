@@ -11,8 +11,8 @@ from damaging import psnr
 from numpy.typing import NDArray
 from skimage.transform import EuclideanTransform, warp
 
-from cvtimg import restore
-from cvtimg.restoration.evidence import MOST_MISFIT, misfits
+from cvtimg import denoise, restore
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.versions import stack_versions
 
@@ -50,8 +50,8 @@ def test_turned_frames_are_left_out_with_a_warning(
     turned_series: list[NDArray[np.uint8]], photograph: NDArray[Any], align: Any
 ) -> None:
     with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] cannot be laid over images\[0\] and are left out"):
-        result = restore(turned_series, detail=True, align=align, effort="fast")
-    alone = restore(turned_series[:1], detail=True, effort="fast")
+        result = denoise(turned_series, align=align, effort="fast")
+    alone = denoise(turned_series[:1], effort="fast")
     truth = photograph / 255
     assert psnr(result.image / 255, truth) > psnr(alone.image / 255, truth) - 0.1
     assert (result.left_out[100:150, 100:150] == 2).all()
@@ -112,13 +112,13 @@ def test_one_version_to_align_is_told() -> None:
 def test_a_copy_is_told_and_counts_once_for_detail(photograph: NDArray[Any]) -> None:
     image = noisy(photograph[:40, :40])
     with pytest.warns(UserWarning, match=r"images\[1\] is a copy of images\[0\] and counts once"):
-        twice = restore([image, image], detail=True, effort="fast")
-    np.testing.assert_array_equal(twice.image, restore([image], detail=True, effort="fast").image)
+        twice = denoise([image, image], effort="fast")
+    np.testing.assert_array_equal(twice.image, denoise([image], effort="fast").image)
 
 
 @pytest.mark.parametrize("size", [1, 3])
 def test_detail_takes_images_of_few_pixels(size: int) -> None:
-    assert restore([noisy(np.full((size, size), 90))], detail=True).image.shape == (size, size)
+    assert denoise([noisy(np.full((size, size), 90))]).image.shape == (size, size)
 
 
 def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> None:
@@ -131,11 +131,11 @@ def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> N
 def test_what_small_versions_of_another_image_differ_by_is_not_their_noise(photograph: NDArray[Any]) -> None:
     small = photograph[40:136, 40:136]
     with pytest.warns(UserWarning, match=r"images\[1\] cannot be laid over images\[0\]"):
-        restore([noisy(small), noisy(small[::-1])], 8, detail=True, effort="fast")
+        denoise([noisy(small), noisy(small[::-1])], effort="fast")
 
 
 def test_copies_of_a_flat_image_stay_as_they_are() -> None:
     flat = np.full((3, 9), 90, np.uint8)
     with pytest.warns(UserWarning, match="counts once"):
-        found = restore([flat, flat], detail="auto", align=True)
+        found = denoise([flat, flat], align=True)
     np.testing.assert_array_equal(found.image, flat)

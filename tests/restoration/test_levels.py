@@ -9,9 +9,9 @@ import pytest
 from damaging import psnr
 from numpy.typing import NDArray
 
-from cvtimg import restore
+from cvtimg import denoise
 from cvtimg.restoration.anscombe import Bend
-from cvtimg.restoration.levels import bend_of
+from cvtimg.restoration.noise import bend_of
 from cvtimg.restoration.versions import stack_versions
 
 
@@ -62,7 +62,7 @@ def test_even_noise_in_a_photograph_is_even(photograph: NDArray[Any], sigma: flo
 def test_noise_of_light_is_removed_and_told(photograph: NDArray[Any]) -> None:
     clean = photograph[:192]
     noisy = grainy(clean, 16, 2)
-    found, white = (restore([noisy], detail=True, effort="fast", noise_like=kind) for kind in ("auto", "white"))
+    found, white = (denoise([noisy], effort="fast", noise_like=kind) for kind in ("auto", "white"))
     assert white.noise_lines is None
     assert found.noise_lines is not None
     np.testing.assert_allclose(found.noise_lines @ [1, 120], 16 + 2 * 120, rtol=0.3)
@@ -71,5 +71,5 @@ def test_noise_of_light_is_removed_and_told(photograph: NDArray[Any]) -> None:
     dark, bright = clean < 40, clean > 200
     assert abs((found.image - clean.astype(float))[dark].mean()) < 2.5
     assert abs((found.image - clean.astype(float))[bright].mean()) < 2.5
-    given = restore([noisy], detail=True, effort="fast", noise=12)
+    given = denoise([noisy], effort="fast", noise=12)
     assert given.noise[0] == pytest.approx(12)

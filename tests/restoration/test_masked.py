@@ -45,17 +45,6 @@ def test_it_rests_where_each_pixel_is_nearest_and_each_generator_a_masked_mean(s
     assert (own <= apart.min(axis=2) + 1e-3).all()
 
 
-def test_weighted_cells_fall_too_and_hold_their_means() -> None:
-    values, weights, start = drawn(1, 3, 4)
-    end = masked_cells(values, weights, start, 4, volume_power=1)
-    assert (np.diff(end.energies) <= 1e-6 * end.energies[0]).all()
-    assert end.energies[-1] < 0.9 * end.energies[0]
-    sizes = np.bincount(end.labels[weights.any(axis=2)] - 1, minlength=4)
-    apart = (weights * (values - end.generators[end.labels - 1]) ** 2).sum(axis=2)
-    parts = np.bincount(end.labels.ravel() - 1, apart.ravel(), minlength=4)
-    assert end.energies[-1] == pytest.approx(sizes / sizes.sum() @ parts, rel=1e-5)
-
-
 def test_without_gaps_it_is_the_tessellation_of_the_engine() -> None:
     values, _, start = drawn(3, 3, 4)
     end = masked_cells(values, np.ones_like(values), start, 4)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import restore
+from cvtimg import denoise
 
 SHAPES = [(1, 1), (1, 40), (40, 1), (2, 3), (9, 9, 3), (24, 40), (40, 33, 3), (48, 48, 3), (30, 30, 5)]
 CONTENTS = ["white", "black", "half white", "ramp", "white noise", "clipped noise", "stripes"]
@@ -57,7 +57,7 @@ def test_nothing_fails(
     masks[0].flat[0] = True
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # copies
-        result = restore(images, masks=masks, detail=True, effort="fast")
+        result = denoise(images, masks=masks, effort="fast")
     assert result.image.shape == shape
     assert result.image.dtype == dtype
     assert np.isfinite(result.image).all()
@@ -72,7 +72,7 @@ def test_a_photograph_without_noise_comes_back_as_it_is(equal: int) -> None:
     photograph = chelsea()[60:220, 100:300]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        result = restore([photograph] * equal, detail=True)
+        result = denoise([photograph] * equal)
     assert np.square(result.image.astype(float) - photograph).mean() < 0.65  # 50 dB
 
 
@@ -83,7 +83,7 @@ def test_files_of_jpeg_lose_nothing(photograph: NDArray[Any], quality: int) -> N
     Image.fromarray(clean).save(file, "JPEG", quality=quality)
     read = Image.open(file)
     for image in (read, np.asarray(read)):
-        done = restore([image], detail=True, effort="fast").image
+        done = denoise([image], effort="fast").image
         assert psnr(done / 255, clean / 255) > psnr(np.asarray(read) / 255, clean / 255) - 0.1
 
 
@@ -92,5 +92,5 @@ def test_little_noise_is_taken_away(photograph: NDArray[Any], sigma: float, gain
     clean = photograph[64:192, 64:192]
     noise = np.random.default_rng(0).normal(0, sigma, clean.shape)
     noisy = np.clip(np.rint(clean + noise), 0, 255).astype(np.uint8)
-    done = restore([noisy], detail=True, effort="fast").image
+    done = denoise([noisy], effort="fast").image
     assert psnr(done / 255, clean / 255) > psnr(noisy / 255, clean / 255) + gain

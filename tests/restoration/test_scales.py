@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import restore
+from cvtimg import denoise
 from cvtimg.restoration import detail
 from cvtimg.restoration.detail import halved, with_low_frequencies
 from cvtimg.restoration.filters import Noisy
@@ -48,6 +49,6 @@ def test_low_frequencies_are_corrected_and_detail_stays(photograph: NDArray[Any]
 def test_smooth_areas_have_fewer_blotches_than_without_smaller_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
     ramp = np.broadcast_to(np.linspace(0.3, 0.7, 96)[:, None, None], (96, 96, 3))
     image = ramp + 0.2 * np.random.default_rng(0).standard_normal(ramp.shape)
-    corrected = restore([image], detail=True, effort="balanced").image - ramp
-    monkeypatch.setattr(detail, "_HALVINGS", 0)
-    assert corrected.std() < 0.95 * (restore([image], detail=True, effort="balanced").image - ramp).std()
+    corrected = denoise([image], effort="balanced").image - ramp
+    monkeypatch.setattr(detail, "EFFORT", replace(detail.EFFORT, halvings=0))
+    assert corrected.std() < 0.95 * (denoise([image], effort="balanced").image - ramp).std()

@@ -10,9 +10,9 @@ from damaging import psnr
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import restore
-from cvtimg.restoration.evidence import MOST_MISFIT, misfits
-from cvtimg.restoration.spectrum import SharedNoise, shared_noise
+from cvtimg import denoise, restore
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits
+from cvtimg.restoration.shared import SharedNoise, shared_noise
 from cvtimg.restoration.versions import stack_versions
 
 
@@ -23,12 +23,6 @@ def blurred_noise(shape: tuple[int, ...], sigma: float, blur: float, seed: int =
 
 def found_in(*images: NDArray[Any], in_place: bool = True) -> SharedNoise | None:
     return shared_noise(stack_versions(images), in_place=in_place)
-
-
-def delta(n_bands: int, variance: float = 1.0) -> SharedNoise:
-    autocovariance = np.zeros((13, 13, n_bands, n_bands))
-    autocovariance[6, 6] = variance * np.eye(n_bands)
-    return SharedNoise(autocovariance)
 
 
 def test_level_and_reach_of_noise_are_found_in_the_quiet_part_of_an_image() -> None:
@@ -89,18 +83,18 @@ def test_half_the_size_shares_what_means_of_four_pixels_share() -> None:
 
     found = SharedNoise(autocovariance(noise, 6)).halved()
     np.testing.assert_allclose(found.autocovariance[1:-1, 1:-1], autocovariance(half, 2), atol=0.03)
-    assert delta(3).halved().variance == pytest.approx(0.25)
+    assert SharedNoise.white(1, 3).halved().variance == pytest.approx(0.25)
 
 
 def test_noise_that_pixels_do_not_share_is_filtered_as_white(
     photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    np.testing.assert_allclose(delta(2, 9.0).of_patches(5), np.eye(50), atol=1e-12)
+    np.testing.assert_allclose(SharedNoise.white(9, 2).of_patches(5), np.eye(50), atol=1e-12)
     image = photograph[40:88, 64:112] / 255 + np.random.default_rng(0).normal(0, 0.1, (48, 48, 3))
-    white = restore([image], detail=True, effort="fast", noise=25.5)
+    white = denoise([image], effort="fast", noise=25.5)
     assert white.noise_shared is None
-    monkeypatch.setattr("cvtimg.restoration.evidence.shared_noise", lambda *_, **__: delta(3))
-    shared = restore([image], detail=True, effort="fast", noise=25.5)
+    monkeypatch.setattr("cvtimg.restoration.evidence.shared_noise", lambda *_, **__: SharedNoise.white(1, 3))
+    shared = denoise([image], effort="fast", noise=25.5)
     assert shared.noise_shared is not None
     np.testing.assert_allclose(shared.image, white.image, atol=0.002)  # but for rounding
 
@@ -109,8 +103,7 @@ def test_noise_that_pixels_do_not_share_is_filtered_as_white(
 def test_shared_noise_is_removed_and_told(photograph: NDArray[Any]) -> None:
     clean = photograph[40:136, 64:192]
     noisy = np.clip(np.rint(clean + blurred_noise(clean.shape, 15, 0.8)), 0, 255).astype(np.uint8)
-    options: dict[str, Any] = {"detail": True, "effort": "fast"}
-    found, white = restore([noisy], **options), restore([noisy], noise_like="white", **options)
+    found, white = (denoise([noisy], noise_like=like, effort="fast") for like in ("auto", "white"))
     assert found.noise_shared is not None
     assert white.noise_shared is None
     assert found.noise[0] == pytest.approx(15, rel=0.15)
@@ -124,4 +117,4 @@ def test_noise_that_is_given_is_taken(photograph: NDArray[Any]) -> None:
         with pytest.raises(ValueError, match="noise"):
             restore([image], noise=wrong)
     with pytest.raises(ValueError, match="noise_like"):
-        restore([image], noise_like="pink")  # type: ignore[arg-type]
+        denoise([image], noise_like="pink")  # type: ignore[arg-type]

@@ -16,8 +16,7 @@ from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
-from cvtimg.restoration import Restoration
-from cvtimg.segmentation import Averaging
+from cvtimg.restoration import Denoised, Restoration
 
 _FLAT = {"when": {"way": ["flat"]}}
 #: Formats of results of 8 bits, the first of others, too; AVIF loses a little.
@@ -59,8 +58,6 @@ class RestoreTab(Tab):
         ("renormalize", _FLAT),
         Switch(name="has_nodata", label="Missing value"),
         ("nodata", {"when": {"has_nodata": [True]}, "keyword": ""}),
-        ("averaging", _FLAT),
-        ("radius", _FLAT),
         ("edge_weight", _FLAT),
         ("space", _FLAT),
         "effort",
@@ -104,18 +101,22 @@ class RestoreTab(Tab):
         arrays = [picture.array for picture in versions]
         return [Line("images", Named(read, arrays)), Line("result", self._call(request.settings))]
 
-    def _call(self, settings: Settings) -> Call:
-        keywords = self.keywords(settings)
-        if settings["way"] != "flat":
-            keywords["detail"] = True if settings["way"] == "detail" else "auto"
+    def _call(self, settings: Settings) -> Call | Formula:
+        """Return what restores segments or detail; where the picture decides, both."""
+        keywords, reading = self.keywords(settings), {}
         if settings["align"]:
             keywords["align"] = settings["motion"]
         if "nodata" in self.in_effect(settings):
-            keywords["nodata"] = settings["nodata"]
-        if "averaging" in self.in_effect(settings) and settings["averaging"] != "none":
-            keywords["averaging"] = Averaging(settings["averaging"], radius=settings["radius"])
+            reading["nodata"] = settings["nodata"]
         number = (settings["k"],) if settings["way"] == "flat" else ()
-        return Call("restore", (Name("images"), *number), keywords)
+        for_segments = {name: value for name, value in keywords.items() if name != "noise_like"}
+        flat = Call("restore", (Name("images"), *number), {**for_segments, **reading})
+        detailed = Call("denoise", (Name("images"),), {**keywords, **reading})
+        if settings["way"] != "auto":
+            return flat if settings["way"] == "flat" else detailed
+        is_flat = Call("restoration.is_drawing", (Name("images"),), reading)
+        text = f"{flat.text} if {is_flat.text} else {detailed.text}"
+        return Formula(text, lambda values: (flat if is_flat.run(values) else detailed).run(values))
 
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
@@ -127,13 +128,13 @@ class RestoreTab(Tab):
         versions = [one.array[rows, columns] for one in _versions(request)]
         if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
             return None
-        result: Restoration = self._call({**settings, "effort": "fast"}).run({"images": versions})
+        result: Denoised = self._call({**settings, "effort": "fast"}).run({"images": versions})
         seen = request.picture.seen(request.window).pixels
         pixels = np.full((*seen.shape[:2], 4), 255, np.uint8)
         pixels[..., : seen.shape[2]] = seen
         part = _layer(request, result, len(versions)).pixels[::step, ::step]
         pixels[down : down + len(part), across : across + part.shape[1]] = part
-        facts = {"k": len(result.colors), "noun": _noun(result)}
+        facts = _kinds(result)
         return Outcome(Pixels(pixels), facts, drawn=request.window)
 
     def exact(self, request: Request) -> Outcome:
@@ -142,8 +143,8 @@ class RestoreTab(Tab):
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         """Return the restored picture."""
-        result: Restoration = values["result"]
-        facts = {"k": len(result.colors), "noun": _noun(result), "about": _found(result)}
+        result: Denoised = values["result"]
+        facts = {**_kinds(result), "about": _found(result)}
         return _layer(request, result, len(values["images"])), facts
 
 
@@ -162,17 +163,17 @@ def _versions(request: Request) -> list[Picture]:
     return versions
 
 
-def _noun(result: Restoration) -> str:
-    return "kinds of patches" if result.detail else "segments"
+def _kinds(result: Denoised) -> dict[str, Any]:
+    return {"k": len(result.colors), "noun": "segments"} if isinstance(result, Restoration) else {}
 
 
-def _found(result: Restoration) -> str:
+def _found(result: Denoised) -> str:
     """Say what was found in the versions."""
     noise = ", ".join(f"{value:.3g}" for value in result.noise)
     near = result.noise_neighbors
     kind = f", shared by neighbors (correlation {near:.2f})" if result.noise_shared is not None else ", white"
     kind += ", changing with the level" if result.noise_lines is not None else ""
-    said = [f"Noise of {noise} levels{kind if result.detail else ''}"]
+    said = [f"Noise of {noise} levels{'' if isinstance(result, Restoration) else kind}"]
     if len(result.weights) > 1:
         said += ["weights " + ", ".join(f"{value:.2f}" for value in result.weights)]
     moved = [
@@ -195,12 +196,12 @@ def _are_versions(whole: Picture | None) -> bool:
     return whole is not None and isinstance(whole.frames, Pages) and whole.frames.axes == "Q"
 
 
-def _layer(request: Request, result: Restoration, n_versions: int) -> Pixels:
+def _layer(request: Request, result: Denoised, n_versions: int) -> Pixels:
     if request.settings["seen"] == "result":
-        bands = result.image.reshape(*result.labels.shape, -1)
+        bands = result.image.reshape(*result.coverage.shape, -1)
         rows = bands.reshape(-1, bands.shape[2])
         seen = request.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and request.picture.header.has_alpha)
-        return Pixels(seen.reshape(*result.labels.shape, 4))
+        return Pixels(seen.reshape(*result.coverage.shape, 4))
     shares = getattr(result, request.settings["seen"]) / n_versions
     return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
 

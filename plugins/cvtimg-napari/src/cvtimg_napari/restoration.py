@@ -1,5 +1,6 @@
 """A widget that makes one image of several versions."""
 
+from functools import partial
 from typing import Any
 
 from magicgui import magic_factory
@@ -31,7 +32,11 @@ def restore(
     if not versions:
         raise ValueError("select the layers of the versions, or one layer whose first axis has them")
     first, alone = versions[0], len(versions) == 1
-    options = {"align": align, "detail": detail, "channels": channels}
+    if detail and channels:
+        raise ValueError("versions of other brightness have no detail in common: choose one of both")
+    work_on = partial(
+        cvtimg.denoise if detail else cvtimg.restore, align=align, **({} if detail else {"channels": channels})
+    )
 
     @thread_worker(start_thread=True)
     def work() -> LayerDataTuple:
@@ -46,7 +51,7 @@ def restore(
         elif len({one.axes for one in planes}) > 1:
             raise ValueError("versions must have the same axes")
         stacks = zip(*(one.arrays for one in planes), strict=True)
-        found = [cvtimg.restore(stack, **options) for stack in stacks]
+        found = [work_on(stack) for stack in stacks]
         attributes = placed(first, "restored", "image", int(alone), shifts=[one.shifts for one in found])
         return planes[0].put_together([one.image for one in found]), attributes, "image"
 

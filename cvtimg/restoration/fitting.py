@@ -1,0 +1,134 @@
+"""Which versions fit: those that show the same thing at the same place, whatever noise and gaps they have.
+
+Fine structure tells: what is left between two blurs, free of the noise of single pixels and of slow changes of
+exposure. In windows where two versions have some, what they differ by is compared with what there is, less noise: next
+to nothing where they show the same, as much where one is some pixels off, and twice as much for another picture.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.restoration.shared import SharedNoise
+from cvtimg.restoration.versions import Floats, Versions, fill
+
+_Doubles = NDArray[np.float64]
+
+#: A version fits another if in the median of windows, what they differ by is below this part of what there is.
+MOST_MISFIT = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class _Windows:
+    """Which windows tell something."""
+
+    side: int = 16  # pixels
+    known: float = 0.3  # share of their pixels at least
+    power: float = 0.25  # part of the upper quartile of power that they have at least, and twice that of noise
+    alike: float = 0.5  # logarithm by which the power of both may differ: where one is painted over, it does by more
+    enough: int = 100  # of them; or
+    few: int = 20  # of them, which tell another image from a misfit of 1 on
+
+
+_WINDOWS = _Windows()
+
+
+def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = None) -> _Doubles:
+    """(S, S) misfit of each version with each other, 0 where nothing tells; `noise`, (S,), is that of versions."""
+    n = versions.n_versions
+    structure = [_structure(versions, version) for version in range(n)]
+    powers = [_means(np.square(values), known) for values, known in structure]
+    noisy = noise**2 * _left_of_noise(shared)
+    if shared is None:
+        noisy = noisy / np.bincount(versions.version_of)
+    found = np.zeros((n, n))
+    for one, other in combinations(range(n), 2):
+        both = structure[one][1] & structure[other][1]
+        tells = np.isfinite(_means(structure[one][0], both))
+        for power, rest in ((powers[one], noisy[one]), (powers[other], noisy[other])):
+            seen = power[np.isfinite(power)]
+            least = _WINDOWS.power * max(np.quantile(seen, 0.75) - rest, 0) if len(seen) else 0.0
+            tells &= (power - rest > least) & (power > 2 * rest)
+        if not tells.any():
+            continue
+        ours, theirs = (powers[s] - noisy[s] for s in (one, other))
+        gain = np.median((theirs / ours)[tells])  # of a longer exposure
+        with np.errstate(invalid="ignore"):
+            tells &= np.abs(np.log(gain * ours / theirs)) < _WINDOWS.alike
+        if (n_windows := np.count_nonzero(tells)) >= _WINDOWS.few:
+            apart = _means(np.square(structure[one][0] * np.float32(np.sqrt(gain)) - structure[other][0]), both)
+            parts = 2 * (apart - gain * noisy[one] - noisy[other]) / (gain * ours + theirs)
+            part = max(np.median(parts[tells]), 0)
+            if n_windows >= _WINDOWS.enough or part > 1:
+                found[one, other] = found[other, one] = part
+    return found
+
+
+def _structure(versions: Versions, version: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """(H, W) fine structure of the mean of the bands, and where it is known."""
+    from scipy.ndimage import uniform_filter
+
+    known = versions.known[:, :, version]
+    inner = uniform_filter(known.astype(np.float32), 3) > 0.5
+    gray = fill(versions.bands(version).mean(axis=2, keepdims=True), known.astype(np.float32))[:, :, 0]
+    return _between_blurs(gray), inner
+
+
+def _between_blurs(image: NDArray[Any]) -> NDArray[Any]:
+    """(H, W) structure of an image, without single outliers."""
+    from scipy.ndimage import gaussian_filter, median_filter
+
+    image = median_filter(image, 3)
+    return gaussian_filter(image, 1) - gaussian_filter(image, 4)
+
+
+def _means(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
+    """(T,) mean of known values in each window; NaN where too few are known."""
+    from scipy.ndimage import uniform_filter
+
+    side = _WINDOWS.side
+    windows = (slice(side // 4, None, side // 2),) * 2
+    share = uniform_filter(known.astype(np.float64), side)[windows].ravel()
+    sums = uniform_filter(np.where(known, values, 0).astype(np.float64), side)[windows].ravel()
+    return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _WINDOWS.known)
+
+
+def _left_of_noise(shared: SharedNoise | None, side: int = 256) -> float:
+    """Part of the variance of noise that is left in its structure; of shared noise, in that of the mean band."""
+    noise = np.random.default_rng(0).standard_normal((side, side))
+    if shared is None:
+        return float(np.var(_between_blurs(noise)))
+    mean, lags = np.zeros((side, side)), len(shared.autocovariance) // 2
+    mean[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
+    noise = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(np.abs(np.fft.fft2(mean)))).real
+    return float(np.var(_between_blurs(noise))) / shared.variance
+
+
+def fitting(
+    versions: Versions, noise: _Doubles, shared: SharedNoise | None, *, aligned: bool, hidden: str
+) -> tuple[Versions, _Doubles]:
+    """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
+    # Where motion is hidden, they must fit the first. Return also the (S,) misfit with that one.
+    apart = misfits(versions, noise, shared)
+    reference = 0 if hidden == "motion" else int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
+    is_out = apart[reference] > MOST_MISFIT
+    if not is_out.any():
+        return versions, apart[reference]
+    numbers = np.flatnonzero(is_out).tolist()
+    names = ", ".join(f"images[{number}]" for number in numbers)
+    values = ", ".join(f"{apart[reference, number]:.2f}" for number in numbers)
+    leaves_out = hidden != "none"
+    done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
+    why = "no alignment was found" if aligned else "align=True moves them into place"
+    warnings.warn(
+        f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}",
+        UserWarning,
+        stacklevel=4,
+    )
+    return (versions.knowing(versions.known & ~is_out) if leaves_out else versions), apart[reference]
