@@ -103,7 +103,7 @@ def _hits(seed: int, separation: float, n_pictures: int) -> dict[str, Any]:
         n_colors, sigma = 2 + number % 11, SIGMAS[number % len(SIGMAS)]
         picked = auto_count(synthetic_picture(n_colors, sigma, separation, rng))[1].elbows()
         for rule in RULES:
-            found[rule].append(picked[rule] == n_colors)
+            found[rule].append(picked.get(rule) == n_colors)
         if picked["chord"] != n_colors:
             missed.append(f"{n_colors} colors, sigma {sigma}: {picked['chord']}")
     rates = {rule: f"{sum(found[rule])}/{n_pictures}" for rule in RULES}
