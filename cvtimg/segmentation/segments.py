@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -126,7 +126,9 @@ def segment(
     ([240, 360], 2)
     """
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail)
-    pieces = _Pieces.checked(components, min_size, border_price, objects)
+    size, price = int(check_non_negative("min_size", min_size)), check_non_negative("border_price", border_price)
+    check_needs("border_price", bool(price), "components=True", components)
+    check_excluded("objects", bool(objects), components=components)
     if n_segments != "auto":
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     values = picture_values(image, check_choice("space", space, SPACES), mask)
@@ -146,8 +148,12 @@ def segment(
     with part(_CELLS, 1):
         labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
     weight = descent.edge_weight if descent else 0.0
-    if pieces is not None:
-        labels = pieces.applied(labels, prepared.data, weight * length_cost(edge_radius))
+    if components or size:
+        labels = _in_pieces(labels, prepared.data, size, max(weight * length_cost(edge_radius), price), components)
+    if price:
+        labels = join_regions(labels, averaged(prepared.data, _BESIDE_BORDERS, labels > 0), price)
+    if objects:
+        labels = (Objects() if objects is True else objects).found(labels, prepared.data)
     scale = values.scale**2 if descent is None and start is None else 1.0
     end: Any = descent or replace(cells, energies=tuple(scale * energy for energy in cells.energies))
     return from_labels(values, prepared.field, labels, end, weight, curve)
@@ -192,33 +198,14 @@ def segment_curve(
     return curve_of_segments(smoothness.prepare(values, volume_power), n_max, rng)
 
 
-@dataclass(frozen=True, slots=True)
-class _Pieces:
-    """What to do with the connected pieces of segments: the options of `segment` by these names."""
-
-    components: bool
-    min_size: int
-    border_price: float
-    objects: Objects | None
-
-    @classmethod
-    def checked(cls, components: bool, min_size: int, border_price: float, objects: bool | Objects) -> _Pieces | None:
-        """Check the options; None if pieces stay as they are."""
-        size, price = int(check_non_negative("min_size", min_size)), check_non_negative("border_price", border_price)
-        check_needs("border_price", bool(price), "components=True", components)
-        check_excluded("objects", bool(objects), components=components)
-        found = Objects() if objects is True else objects or None
-        return cls(components, size, price, found) if components or size or found else None
-
-    def applied(self, labels: NDArray[np.int32], data: NDArray[np.float32], length_price: float) -> NDArray[np.int32]:
-        """Merge small pieces into their neighbors, and make pieces segments of their own if asked for."""
-        pieces = connected_pieces(labels)
-        kept = absorb_small(pieces, data, self.min_size, max(length_price, self.border_price))
-        if not self.components:
-            label_of = np.zeros(int(pieces.max()) + 1, np.int32)
-            label_of[pieces] = labels
-            merged = label_of[kept]
-            return self.objects.found(merged, data) if self.objects else merged
-        if not self.border_price:
-            return kept
-        return join_regions(kept, averaged(data, _BESIDE_BORDERS, labels > 0), self.border_price)
+def _in_pieces(
+    labels: NDArray[np.int32], data: NDArray[np.float32], size: int, price: float, apart: bool
+) -> NDArray[np.int32]:
+    """Merge small pieces of segments into their neighbors; apart, pieces are segments of their own."""
+    pieces = connected_pieces(labels)
+    kept = absorb_small(pieces, data, size, price)
+    if apart:
+        return kept
+    label_of = np.zeros(int(pieces.max()) + 1, np.int32)
+    label_of[pieces] = labels
+    return label_of[kept]

@@ -47,13 +47,3 @@ def test_tiles_are_segmented_inside_a_mask(monkeypatch: pytest.MonkeyPatch, mask
     assert run("in.tif", "-k", "3", "--edge-weight", "2", "--mask", mask, "-o", "labels.tif") == 0
     labels = read_image("labels.tif")
     np.testing.assert_array_equal(labels, segment(PAGES[0], 3, edge_weight=2, mask=inside).labels)
-
-
-def test_a_mask_of_another_size_is_refused_in_tiles(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
-    tifffile.imwrite("in.tif", PAGES[0], rowsperstrip=5)
-    write_image("mask.png", INSIDE[:9])
-    assert run("in.tif", "-k", "3", "--mask", "mask.png", "-o", "labels.tif") == 1
-    assert "the mask mask.png must have 32 x 24 pixels, as the image, and has 32 x 9 pixels" in capsys.readouterr().err

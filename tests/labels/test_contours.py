@@ -73,14 +73,6 @@ def test_a_polygon_covers_the_pixels_of_one_piece_and_no_others(labels: NDArray[
         assert polygon.area == piece.sum()
 
 
-def test_areas_are_counts_of_pixels_and_fill_the_picture() -> None:
-    labels = smooth_fields(5, 200, 2.0).argmax(axis=2) + 1
-    areas = np.zeros(6)
-    for polygon in find_contours(labels).polygons:
-        areas[polygon.label] += polygon.area
-    np.testing.assert_array_equal(areas, np.bincount(labels.ravel()))
-
-
 def test_holes_and_islands_in_holes() -> None:
     labels = np.ones((9, 9), np.uint8)
     labels[2:7, 2:7] = 2

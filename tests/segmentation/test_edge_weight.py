@@ -101,15 +101,6 @@ def test_a_disc_is_worth_its_edge_above_a_radius_of_72_edge_weights_over_its_squ
         assert (there < gone) == is_worth_it
 
 
-def test_noise_is_cleared() -> None:
-    truth = np.zeros((50, 60), bool)
-    truth[10:40, 15:45] = True
-    noisy = truth + np.random.default_rng(0).normal(0, 0.4, truth.shape)
-    end = descend(noisy[..., None].astype(np.float32), (noisy > 0.5).astype(np.int32) + 1, 2, edge_weight=0.08)
-    assert ((noisy > 0.5) == truth).mean() < 0.95
-    assert ((end.labels == 2) == truth).mean() > 0.99
-
-
 def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
     truth = np.repeat([1, 2], 12)[None].repeat(20, axis=0).astype(np.int32)
     weights = np.ones((20, 24, 1), np.float32)

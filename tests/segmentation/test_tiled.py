@@ -80,13 +80,6 @@ def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, edge_
     assert {path.name for path in Path().iterdir()} == {"a.tif", "b.tif"}
 
 
-def test_a_clean_picture_has_the_labels_of_the_whole(photograph: NDArray[Any]) -> None:
-    write(photograph)
-    for weight in (0, 5.0):
-        segment_file("a.tif", "b.tif", 5, edge_weight=weight, overwrite=True)
-        assert same(tifffile.imread("b.tif"), segment(photograph, 5, edge_weight=weight).labels) > 0.999
-
-
 @pytest.mark.parametrize("radius", [1, 3, 9])
 def test_noise_leaves_no_seams(radius: int) -> None:
     image = noisy()
@@ -112,7 +105,7 @@ def test_averages_reach_across_strips() -> None:
     np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
 
 
-@pytest.mark.parametrize("space", ["lab", "oklab", "linear"])
+@pytest.mark.parametrize("space", ["lab", "linear"])
 def test_spaces_are_those_of_segment(photograph: NDArray[Any], space: str) -> None:
     write(photograph)
     segment_file("a.tif", "b.tif", 4, space=space, edge_weight=3)

@@ -53,7 +53,9 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
     blocks = leaves.labels.repeat(factor, axis=0)[:height].repeat(factor, axis=1)[:, :width]
     labels = np.where(inside, blocks, np.int32(0))
     if not inside.all():
-        labels = _in_pieces(labels, factor)
+        # Pieces into which the mask cuts leaves are leaves; very small ones join a neighbor, if they have one.
+        pieces = connected_pieces(labels)
+        labels = numbered(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
     parents = np.zeros(int(labels.max()) + 1, np.intp)
     parents[labels] = blocks
     parents = parents[1:] - 1
@@ -69,12 +71,6 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
         borders=borders,
         strengths=_known_strengths(leaves, parents[borders.pairs]),
     )
-
-
-def _in_pieces(labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
-    """Make leaves of the pieces into which the mask cuts leaves; very small ones join a neighbor, if they have one."""
-    pieces = connected_pieces(labels)
-    return numbered(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
 
 
 def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
