@@ -53,8 +53,11 @@ class _Cells:
         # The moments hold only the lower triangle, and only that is read.
         covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
         variances, axes = np.linalg.eigh(covariances, UPLO="L")
-        # Without the last bits of LAPACK, which differ by processor: no point may change sides with them.
-        return np.rint(axes[:, :, -1] * 2.0**24) / 2.0**24, np.maximum(variances[:, -1], 0)
+        # Without the last bits of LAPACK and its sense of direction, which differ by processor: no point may change
+        # sides with them.
+        main = np.rint(axes[:, :, -1] * 2.0**24) / 2.0**24
+        longest = np.take_along_axis(main, np.abs(main).argmax(axis=1, keepdims=True), axis=1)
+        return np.copysign(1, longest) * main, np.maximum(variances[:, -1], 0)
 
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
