@@ -245,7 +245,7 @@ def _by_number(
     plain, first = replace(how, goal="error", psnr=None, max_bytes=None), _AIMING.number
     # A first pass with low effort shows where to look. Each number is searched for by itself: starting from another one
     # would end at a higher energy.
-    for effort in first_few(dict.fromkeys(("fast", how.engine.get("effort", "balanced"))), left=0.7):
+    for effort in first_few(dict.fromkeys(("fast", how.engine.get("effort", "balanced"))), left=0.5):
 
         def result(n: Any, engine: Any = {**how.engine, "effort": effort}) -> Any:  # noqa: B006
             return quantized(source, replace(plain, n_colors=n, engine=engine))

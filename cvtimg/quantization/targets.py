@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from cvtimg._shared.progress import first_few
+from cvtimg._shared.progress import first_few, tell
 
 R = TypeVar("R")
 
@@ -45,6 +45,7 @@ class Ladder(Generic[R]):
             at = min(max(self._next(trials, target + close / 2, below, reaching), below + 1), reaching - 1)
             if n == most - 1 and True not in found:
                 at = len(self.rungs) - 1
+        tell(1)
         return found.get(False), found.get(True)
 
     def _at(self, rung: float) -> int:

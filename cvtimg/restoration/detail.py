@@ -76,7 +76,8 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     # Groups are what matters: the kinds that they are cut from need no better estimate. The matrices are small: threads
     # of the BLAS would spend their time waiting for each other.
     with threadpool_limits(1, user_api="blas"):
-        kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(EFFORT.kinds, n_pixels), rng)
+        with part(0, 0.02):
+            kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(EFFORT.kinds, n_pixels), rng)
         with part(0.02, 0.85):
             for number, largest in each(list(enumerate(passes))):
                 if suspicion and number:

@@ -85,7 +85,7 @@ def fed(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
 
 
 def test_tables_arrays_and_figures_are_read_from_standard_input(fed: Fed) -> None:
-    head, *labels = fed(["cluster", "-", "-k", "2"], table())[1].split()
+    head, *labels = fed(["cluster", "-", "-k", "2", "--labels-only"], table())[1].split()
     assert head == "label"
     assert labels in (["0", "0", "1", "1"], ["1", "1", "0", "0"])
     buffer = io.BytesIO()
