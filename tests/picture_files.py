@@ -1,4 +1,4 @@
-"""Images and image files made for tests: PNG by hand, color profiles, and what Pillow saves."""
+"""Image files made for tests: PNG by hand, color profiles, and what Pillow saves."""
 
 from __future__ import annotations
 
@@ -7,17 +7,8 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
-
-_RNG = np.random.default_rng(5)
-GREY = _RNG.integers(0, 256, (5, 7), np.uint8)
-RGB = _RNG.integers(0, 256, (5, 7, 3), np.uint8)
-RGBA = _RNG.integers(0, 256, (5, 7, 4), np.uint8)
-DEEP = _RNG.integers(0, 65536, (5, 7), np.uint16)
-BITS = _RNG.integers(0, 2, (5, 7)).astype(bool)
-DEEP_RGBA = _RNG.integers(0, 65536, (5, 7, 4), np.uint16)
 
 
 def chunk(name: bytes, data: bytes) -> bytes:

@@ -103,7 +103,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None, NDArray[Any] | None]:
     """Read the samples, the image if the file is one, and the weights of the rows of a table."""
-    from cvtimg.pictures.known import read_whole
+    from cvtimg.pictures.stacks import read_whole
     from cvtimg.tables.files import Scaling, read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:

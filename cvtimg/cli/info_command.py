@@ -29,7 +29,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
     from cvtimg.colors import color_samples
     from cvtimg.pictures import image_info
-    from cvtimg.pictures.known import read_whole
+    from cvtimg.pictures.stacks import read_whole
 
     found = image_info(task.source)
     header = asdict(found)

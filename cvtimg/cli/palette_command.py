@@ -42,7 +42,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
     from cvtimg.palettes import color_order
-    from cvtimg.pictures.known import read_whole
+    from cvtimg.pictures.stacks import read_whole
     from cvtimg.quantization import main_palette, map_to_palette
 
     image = read_whole(task.source)

@@ -183,7 +183,7 @@ def _count_known(task: Task, *, given: Given) -> ColorSamples:
     from cvtimg import read_image
     from cvtimg.colors.counting import count_picture
     from cvtimg.pictures import image_info
-    from cvtimg.pictures.known import known_pixels
+    from cvtimg.pictures.stacks import known_pixels
 
     with selected(given):
         image = read_image(task.source)

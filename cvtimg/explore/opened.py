@@ -25,9 +25,9 @@ from cvtimg.explore.layers import Pixels, Window
 from cvtimg.explore.outcomes import safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
 from cvtimg.pictures.frames import ANIMATED
-from cvtimg.pictures.known import not_missing
 from cvtimg.pictures.pages import one_page
 from cvtimg.pictures.showing import natural_limits, shown
+from cvtimg.pictures.stacks import not_missing
 
 #: Largest picture; its header is checked before pixels are decoded.
 MOST_PIXELS = 1 << 27

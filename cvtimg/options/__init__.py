@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from cvtimg.options.record import Option
 
-__all__ = ["PANELS", "options_of", "panel_of"]
-
 #: Where the options of each verb are.
 _MODULES = {
     "quantize": "quantize_options",

@@ -24,8 +24,6 @@ from cvtimg.quantization.images import PictureSource
 from cvtimg.quantization.series import QuantizedSeries, SeriesSource
 from cvtimg.quantization.tiled import TiledSource
 
-__all__ = ["Reading", "UnfitOptionError", "Writing", "quantize_file"]
-
 _OF_ONE_IMAGE = ("weights", "n_colors='auto'", "optimize")
 _OF_PICTURES = ("max_bytes", *_OF_ONE_IMAGE, "depth")
 #: Options that files of a kind cannot have, and why.

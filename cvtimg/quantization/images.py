@@ -24,8 +24,6 @@ from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
-__all__ = ["PictureSource", "quantize"]
-
 
 def quantize(
     image: Any,

@@ -26,8 +26,6 @@ from cvtimg.quantization.looks import MAX_ENTRIES, Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
 from cvtimg.quantization.remapping import Quantized, Storing, keep_outside, map_samples
 
-__all__ = ["QuantizedSeries", "SeriesSource", "quantize_frames"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantizedSeries(Fidelity):

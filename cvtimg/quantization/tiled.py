@@ -17,8 +17,6 @@ from cvtimg.quantization.driver import QuantizeOptions
 from cvtimg.quantization.palette_search import Palette
 from cvtimg.quantization.remapping import Quantized, Storing, map_to_palette
 
-__all__ = ["TiledSource"]
-
 
 class TiledSource:
     """An image on disk that is read in bands: a `Source` of `quantize_file`, whose pixels are mapped into a file."""

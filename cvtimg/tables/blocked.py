@@ -17,8 +17,6 @@ from cvtimg.engine.block_descent import survey
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.files import Scaling, write_label_parts
 
-__all__ = ["Spread", "is_large_table", "sample_rows", "spread_of", "standardized", "write_block_labels"]
-
 #: Arrays of more bytes are opened in blocks.
 _LARGE_BYTES = 1 << 30
 

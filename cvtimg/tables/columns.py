@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.messages import one_line
 
-__all__ = ["Columns", "open_columns"]
-
 _NO_VALUE = frozenset({"", "na", "n/a", "#n/a", "<na>", "nan", "null", "none"})
 _DELIMITERS = "\t;,"
 #: More rows at once take longer, because Python then collects garbage among more lists.

@@ -31,8 +31,6 @@ try:
 except ImportError as error:
     raise ImportError(f"cvtimg.CVT needs {needs('scikit-learn 1.6 or newer', 'sklearn')}") from error
 
-__all__ = ["CVT"]
-
 
 class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseEstimator):  # type: ignore[misc]
     """Centroidal Voronoi tessellation of the rows of a table.

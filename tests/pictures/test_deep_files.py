@@ -16,16 +16,16 @@ import numpy as np
 import picture_files
 import pytest
 import tifffile
+from images import DEEP as GREY
+from images import DEEP_RGB as RGB
+from images import DEEP_RGBA as RGBA
 from numpy.typing import NDArray
-from PIL import Image, ImageCms
+from PIL import Image
 
 from cvtimg.cli.app import main
 from cvtimg.pictures.files import image_info, read_image, write_image
 
 RNG = np.random.default_rng(7)
-GREY = RNG.integers(0, 65536, (5, 7), np.uint16)
-RGB = RNG.integers(0, 65536, (5, 7, 3), np.uint16)
-RGBA = RNG.integers(0, 65536, (5, 7, 4), np.uint16)
 FLOATS = RNG.normal(size=(5, 7, 6)).astype(np.float32)
 
 
@@ -41,17 +41,8 @@ def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: NDA
     info = image_info(path)
     assert (info.height, info.width, info.bits) == (5, 7, 16)
     assert info.has_alpha is (image is RGBA and suffix != ".npy")
-
-
-@pytest.mark.parametrize("image", [RGB, RGBA], ids=["rgb", "rgba"])
-def test_other_programs_read_our_16_bit_color(tmp_path: Path, image: NDArray[Any]) -> None:
-    write_image(tmp_path / "a.png", image)
-    write_image(tmp_path / "a.tif", image, alpha=image is RGBA)
-    np.testing.assert_array_equal(imagecodecs.png_decode((tmp_path / "a.png").read_bytes()), image)
-    np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), image)
-    for name in ("a.png", "a.tif"):
-        with Image.open(tmp_path / name) as picture:
-            assert np.abs(np.asarray(picture).astype(int) - image // 257).max() <= 1
+    others = {".png": lambda: imagecodecs.png_decode(path.read_bytes()), ".tif": lambda: tifffile.imread(path)}
+    np.testing.assert_array_equal(others.get(suffix, lambda: np.load(path))(), image)
 
 
 def test_16_bit_grey_with_alpha_becomes_rgba(tmp_path: Path) -> None:
@@ -147,6 +138,7 @@ def test_a_profile_is_converted_at_16_bits(tmp_path: Path, suffix: str, image: N
     linear = image[..., :3] / 65535
     expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     got = read_image(path)
+    assert image_info(path).icc
     assert got.dtype == np.uint16
     assert np.abs(got[..., :3] / 65535 - expected).max() < 0.002
     np.testing.assert_array_equal(got[..., 3:], image[..., 3:])
@@ -173,19 +165,15 @@ def write_with_profile(path: Path, image: NDArray[np.uint16], icc: bytes) -> Non
         tifffile.imwrite(path, image, photometric="rgb", extrasamples=extra, iccprofile=icc)
 
 
-def test_the_profile_of_a_deep_picture_is_named(tmp_path: Path) -> None:
-    write_with_profile(tmp_path / "a.tif", RGB, picture_files.SRGB)
-    assert image_info(tmp_path / "a.tif").icc == ImageCms.getProfileDescription(ImageCms.createProfile("sRGB")).strip()
-
-
 # --- many bands, floating point
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.int32, np.uint32, np.float32, np.float64])
 @pytest.mark.parametrize("suffix", [".tif", ".npy"])
 def test_bands_of_any_number_and_type_come_back(tmp_path: Path, suffix: str, dtype: type) -> None:
     for n_bands in (1, 2, 3, 4, 5, 224):
         image = (RNG.random((6, 9, n_bands)) * 250).astype(dtype)
+        image[1, 2] = np.nan if image.dtype.kind == "f" else 7
         write_image(tmp_path / f"{n_bands}{suffix}", image)
         expected = image[..., 0] if n_bands == 1 else image
         np.testing.assert_array_equal(read_image(tmp_path / f"{n_bands}{suffix}"), expected, strict=True)
@@ -275,22 +263,6 @@ def test_a_graymap_of_12_bits_is_scaled_to_its_white(tmp_path: Path) -> None:
     assert info.bits == 16
 
 
-def test_nan_is_read_as_it_is(tmp_path: Path) -> None:
-    image = FLOATS.copy()
-    image[1, 2] = np.nan
-    write_image(tmp_path / "a.tif", image)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
-
-
-@pytest.mark.parametrize("dtype", [np.int32, np.uint32, np.int16])
-def test_labels_beyond_16_bits_are_written(tmp_path: Path, dtype: type) -> None:
-    labels = np.arange(35).reshape(5, 7).astype(dtype)
-    write_image(tmp_path / "a.tif", labels)
-    np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), labels, strict=True)
-    write_image(tmp_path / "a.npy", labels)
-    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), labels, strict=True)
-
-
 # --- where on Earth
 
 
@@ -357,6 +329,8 @@ def deep_files(folder: Path) -> list[Path]:
     tifffile.imwrite(folder / "plain.tif", image.astype(np.float32), photometric="rgb")
     options: dict[str, Any] = {"photometric": "minisblack", "planarconfig": "contig"}
     tifffile.imwrite(folder / "tiles.tif", np.dstack([image] * 2), tile=(16, 16), compression="lzw", **options)
+    for suffix in ("jpg", "png", "tif", "bmp"):
+        picture_files.save(folder / f"8.{suffix}", (image >> 8).astype(np.uint8))
     return sorted(folder.iterdir())
 
 
@@ -366,8 +340,9 @@ def test_a_truncated_file_is_named_with_the_reason(
 ) -> None:
     for path in deep_files(tmp_path):
         path.write_bytes(path.read_bytes()[: int(path.stat().st_size * fraction)])
-        with pytest.raises(OSError, match=f"^{re.escape(str(path))}: is [^\n]+$"):
+        with pytest.raises(OSError, match=f"^{re.escape(str(path))}: is [^\n]+$") as caught:
             read_image(path)
+        assert caught.value.__cause__ is not None
     assert capfd.readouterr() == ("", "")
 
 

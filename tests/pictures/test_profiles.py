@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from picture_files import DEEP, RGB, RGBA, SRGB, cmyk_profile, grey_profile, rgb_profile, save
+from images import DEEP, RGB, RGBA
+from picture_files import SRGB, cmyk_profile, grey_profile, rgb_profile, save
 from PIL import Image
 
 from cvtimg.pictures.files import read_image

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from images import DEEP_RGB as DEEP
+from images import RGB
 from numpy.typing import NDArray
 from picture_files import rgb_profile, save
 from PIL import Image
@@ -21,8 +23,6 @@ from cvtimg.cli.app import main
 from cvtimg.pictures import encode_image, image_info, read_frames, read_indices, read_metadata, read_pages, write_pages
 
 RNG = np.random.default_rng(6)
-RGB = RNG.integers(0, 256, (5, 7, 3), np.uint8)
-DEEP = RNG.integers(0, 65536, (5, 7, 3), np.uint16)
 
 
 class Stream(BytesIO):

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from cvtimg.labels.contours import Polygon
 
-__all__ = ["CONTOUR_FORMATS", "PLACE_DIGITS", "Drawing", "write_contours"]
-
 #: The registry: modules by suffix. Modules are given by name, because ``cvtimg segment --help`` must not import NumPy.
 CONTOUR_FORMATS = {".svg": "svg", ".geojson": "geojson", ".zip": "imagej"}
 #: Decimal places of a coordinate in pixels; half of the last is far below the clearance of borders.

@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 from PIL import Image, ImageFile, UnidentifiedImageError
@@ -98,7 +97,7 @@ def named(source: Source) -> Iterator[None]:
     # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
     except Exception as error:
         known = isinstance(error, OSError) and error.errno is not None
-        raise (type(error) if known else OSError)(f"{path}: {_why_unread(source, error)}") from error
+        raise (type(error) if known else OSError)(f"{path}: {_why_unread(error)}") from error
 
 
 def name_of(source: Source) -> str:
@@ -128,6 +127,8 @@ def _plain(file: BinaryIO) -> BinaryIO:
     """Return a file that is read as it is, or as the TIFF that it becomes first."""
     magic = file.read(len(FITS_MAGIC))
     file.seek(0)
+    if not magic:
+        raise UnfitContentError("is empty")
     if magic != FITS_MAGIC:
         return file
     found = fits_as_tiff(file, check_size)
@@ -234,17 +235,11 @@ def _most_pixels() -> float:
     return 2 * Image.MAX_IMAGE_PIXELS if Image.MAX_IMAGE_PIXELS is not None else math.inf
 
 
-def _is_empty(source: Source) -> bool:
-    if isinstance(source, (str, os.PathLike)):
-        return Path(source).is_file() and Path(source).stat().st_size == 0
-    return isinstance(source, (bytes, bytearray, memoryview)) and len(source) == 0
-
-
-def _why_unread(source: Source, error: Exception) -> str:
+def _why_unread(error: Exception) -> str:
     if isinstance(error, FileNotFoundError):
         return "no such file"
     if isinstance(error, UnidentifiedImageError):
-        return "is empty" if _is_empty(source) else "cannot be read: unknown image format"
+        return "cannot be read: unknown image format"
     if isinstance(error, (UnfitContentError, ImportError)) or (isinstance(error, OSError) and error.errno is not None):
         return one_line(error)
     if isinstance(error, Image.DecompressionBombError):

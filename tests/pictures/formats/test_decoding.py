@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import PIL
 import pytest
+from images import BITS, DEEP, GREY, RGB, RGBA
 from numpy.typing import NDArray
-from picture_files import BITS, DEEP, GREY, RGB, RGBA, png, save
+from picture_files import png, save
 from PIL import Image
 
 from cvtimg._shared.pixels import says_alpha
@@ -100,7 +101,7 @@ def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Pat
 @pytest.mark.parametrize(
     ("mode", "pixel", "expected"),
     [
-        ("CMYK", (255, 0, 0, 0), (0, 255, 255)),
+        ("CMYK", (255, 0, 0, 0), (0, 255, 255)),  # which Adobe inverts in a JPEG
         ("CMYK", (0, 0, 0, 255), (0, 0, 0)),
         pytest.param(
             *("YCbCr", (76, 85, 255), (255, 0, 0)),
@@ -112,15 +113,11 @@ def test_the_transparent_color_of_a_png_is_honoured_at_every_depth(tmp_path: Pat
 def test_other_color_spaces_become_rgb(
     tmp_path: Path, mode: str, pixel: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
-    image = read_image(save(tmp_path / "a.tif", Image.new(mode, (4, 2), pixel)))
-    assert image.shape == (2, 4, 3)
-    assert np.abs(image.astype(int) - expected).max() <= 6
-
-
-def test_the_inverted_cmyk_of_adobe_jpeg_is_turned_round_once(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.jpg", Image.new("CMYK", (8, 8), (255, 0, 0, 0)), quality=100)
-    assert b"Adobe" in path.read_bytes()
-    assert np.abs(read_image(path).astype(int) - (0, 255, 255)).max() <= 2
+    stored = Image.new(mode, (8, 4), pixel)
+    for path in [tmp_path / "a.tif", *([tmp_path / "a.jpg"] if mode == "CMYK" else [])]:
+        image = read_image(save(path, stored, **({"quality": 100} if path.suffix == ".jpg" else {})))
+        assert image.shape == (4, 8, 3)
+        assert np.abs(image.astype(int) - expected).max() <= 6
 
 
 def test_the_first_frame_of_an_animation_is_read(tmp_path: Path) -> None:
@@ -151,12 +148,6 @@ def test_exif_orientation_is_applied(tmp_path: Path, name: str, orientation: int
     path = save(tmp_path / name, np.ascontiguousarray(stored), exif=exif, **options)
     np.testing.assert_array_equal(read_image(path), RGB)
     assert (image_info(path).height, image_info(path).width) == RGB.shape[:2]
-
-
-def test_damaged_exif_does_not_spoil_the_picture(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.png", RGB, exif=b"Exif\0\0MM\0*\xff\xff\xff\xff garbage")
-    np.testing.assert_array_equal(read_image(path), RGB)
-    assert image_info(path).width == 7
 
 
 def test_a_texture_whose_file_pillow_closes_is_read(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from images import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
 from numpy.typing import NDArray
-from picture_files import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
 from PIL import Image
 
 from cvtimg import quantize
@@ -37,17 +37,12 @@ def test_a_lossless_format_gives_the_array_back(tmp_path: Path, suffix: str, ima
     np.testing.assert_array_equal(read_image(path), image, strict=True)
 
 
-def test_bool_is_written_as_one_bit(tmp_path: Path) -> None:
-    write_image(tmp_path / "a.png", BITS)
-    assert image_info(tmp_path / "a.png").bits == 1
-    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), BITS * 255)
-
-
-def test_views_that_are_not_contiguous_are_written_as_they_look(tmp_path: Path) -> None:
+def test_views_are_written_as_they_look_and_bool_as_one_bit(tmp_path: Path) -> None:
     for number, view in enumerate([RGB[::-1, ::2], GREY.T, BITS.T, DEEP[:, ::-1], RGBA[..., :3]]):
         write_image(tmp_path / f"{number}.png", view)
         expected = view * np.uint8(255) if view.dtype == bool else view
         np.testing.assert_array_equal(read_image(tmp_path / f"{number}.png"), expected)
+        assert (image_info(tmp_path / f"{number}.png").bits == 1) is (view.dtype == bool)
 
 
 @pytest.mark.parametrize(("suffix", "image"), [(".webp", BITS), (".pgm", BITS), (".webp", GREY), (".ppm", GREY)])
@@ -74,10 +69,12 @@ def indexed(k: int, bands: int = 3) -> tuple[NDArray[np.int64], NDArray[np.uint8
     return indices, palette[:, :bands].astype(np.uint8)
 
 
-@pytest.mark.parametrize("suffix", LOSSLESS)
-def test_an_indexed_picture_loses_no_color(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize(
+    ("suffix", "bands"), [*((suffix, 3) for suffix in LOSSLESS), (".png", 4), (".tif", 4), (".webp", 4)]
+)
+def test_an_indexed_picture_loses_no_color_and_no_transparency(tmp_path: Path, suffix: str, bands: int) -> None:
     for k in (1, 2, 5, 16, 17, 256):
-        indices, palette = indexed(k)
+        indices, palette = indexed(k, bands)
         write_image(tmp_path / f"{k}{suffix}", indices, palette=palette)
         np.testing.assert_array_equal(read_image(tmp_path / f"{k}{suffix}"), palette[indices])
 
@@ -91,14 +88,6 @@ def test_an_indexed_png_has_the_smallest_bit_depth_and_keeps_the_indices(tmp_pat
     assert struct.unpack(">I", file[(at := file.index(b"PLTE")) - 4 : at]) == (3 * k,)
     with Image.open(tmp_path / "a.png") as image:
         np.testing.assert_array_equal(np.asarray(image), indices)
-
-
-@pytest.mark.parametrize("suffix", [".png", ".tif", ".webp"])
-def test_an_indexed_picture_keeps_its_transparency(tmp_path: Path, suffix: str) -> None:
-    for k in (1, 2, 5, 16, 256):
-        indices, palette = indexed(k, 4)
-        write_image(tmp_path / f"{k}{suffix}", indices, palette=palette)
-        np.testing.assert_array_equal(read_image(tmp_path / f"{k}{suffix}"), palette[indices])
 
 
 @pytest.mark.parametrize("suffix", [".bmp", ".ppm", ".png", ".npy"])

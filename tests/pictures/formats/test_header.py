@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from images import BITS, DEEP, GREY, RGB, RGBA
 from numpy.typing import NDArray
-from picture_files import BITS, DEEP, GREY, RGB, RGBA, SRGB, png, save
+from picture_files import SRGB, png, save
 
 from cvtimg.pictures.files import image_info
 
