@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from picture_files import GREY, RGB, save
+from images import GREY, RGB
+from picture_files import save
 from PIL import Image
 
 from cvtimg.files.whole import whole_file
