@@ -69,18 +69,6 @@ def test_wrong_arguments_are_named_as_they_were_given(call: Callable[..., Any], 
         call()
 
 
-def test_a_file_of_all_inputs_that_exists_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    cvtimg.write_image("a.png", IMAGE)
-    Path("r.csv").write_text("mine")
-    assert main(["info", "a.png", "--report", "r.csv"]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("cvtimg: r.csv: exists already")
-    assert "unexpected" not in error
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
 def test_a_full_disk_is_said_whatever_the_encoder_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fail(*_: object) -> None:

@@ -183,11 +183,11 @@ def _count_known(task: Task, *, given: Given) -> ColorSamples:
     from cvtimg import read_image
     from cvtimg.colors.counting import count_picture
     from cvtimg.pictures import image_info
-    from cvtimg.pictures.stacks import known_pixels
+    from cvtimg.pictures.stacks import known_in_all
 
     with selected(given):
         image = read_image(task.source)
-        known = known_pixels(image, image_info(task.source), given.mask, given.nodata)
+        (known,) = known_in_all([image], image_info(task.source), given.mask, given.nodata)
     return count_picture(image, given.depth, mask=None if known.all() else known)
 
 

@@ -57,8 +57,6 @@ _IMAGEJ_TYPES = {1: (np.uint8, np.uint16, np.float32), 3: (np.uint8,)}
 _ORDEROF_IMAGEJ = "TZC"
 #: Pages that claim more pixels for each byte of their file may together not exceed the limit for an image.
 _PIXELS_PER_BYTE = 8
-#: Names of the bands of color images, by which one can be chosen.
-_BANDS = {3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,7 +236,7 @@ def _decode(file: BinaryIO) -> Pages:
     images = [pages.images[number] for number in numbers.tolist()]
     if chosen.channel is not None and "C" not in (chosen.axes or known.axes):
         n_bands = images[0].shape[2] if images[0].ndim == 3 else 1
-        names = stack.channels if len(stack.channels) == n_bands else _BANDS.get(n_bands, ())
+        names = stack.channels if len(stack.channels) == n_bands else tuple("RGBA"[:n_bands]) * (n_bands in (3, 4))
         band = place_of(chosen.channel, n_bands, names, "channel")
         images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
         stack = replace(stack, channels=stack.channels[band : band + 1])
@@ -272,11 +270,9 @@ def _decode_all(file: BinaryIO) -> Pages:
                 return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), channels=stack_of(tiff, 1).channels)
         return one
     with tifffile.TiffFile(file) as tiff:
-        tags = tiff_tags(tiff)
-        layout = Layout.of(tags)
-        kind = _kind_of(tiff)
+        tags, numbers = tiff_tags(tiff), main_pages(file)
+        layout, kind = Layout.of(tags), _kind_of(tiff)
         scale, stack = scale_of(tiff), stack_of(tiff, size)
-        numbers = main_pages(file)
         n_pixels = tiff.pages.first.imagelength * tiff.pages.first.imagewidth
         # A file that holds about as much as it claims is large, and no trap.
         check_size(n_pixels * (size if size * n_pixels > _PIXELS_PER_BYTE * tiff.filehandle.size else 1))
@@ -287,11 +283,10 @@ def _decode_all(file: BinaryIO) -> Pages:
     images = images or _by_pillow(file, numbers)
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
+    if math.prod(stack.shape) != len(images):
+        stack = Stack("Q", (len(images),))
     whole = tuple(np.ascontiguousarray(image) for image in images)
-    if math.prod(stack.shape) != len(whole):
-        stack = Stack("Q", (len(whole),))
-    alpha = layout.alpha and images[0].ndim == 3
-    return Pages(whole, stack.axes, stack.shape, kind, scale, alpha, stack.channels)
+    return Pages(whole, stack.axes, stack.shape, kind, scale, layout.alpha and whole[0].ndim == 3, stack.channels)
 
 
 def _kind_of(tiff: tifffile.TiffFile) -> str:

@@ -75,10 +75,16 @@ class Stack:
 
     def __iter__(self) -> Iterator[tuple[NDArray[Any], Known]]:
         """Yield each image, or band of rows, with its pixels that count."""
-        if self.kind == "tiles":
-            yield from with_known(self.content, self.mask, self.nodata, has_alpha=self.content.form.alpha)
-        else:
+        if self.kind != "tiles":
             yield from zip(self.images, self.known, strict=True)
+            return
+        form = self.content.form
+        rows = None if self.mask is None else chain.from_iterable(_mask_bands(self.mask, form.shape[:2]))
+        for band in self.content:
+            known = not_missing(band, self.nodata, has_alpha=form.alpha)
+            if rows is not None:
+                known &= np.stack(list(islice(rows, len(band))))
+            yield band, known
 
     def map(self, function: Callable[[NDArray[Any], Known | None], T]) -> Iterator[T]:
         """Yield what a function makes of each image, or band of rows, and of its mask, None if all pixels count."""
@@ -153,10 +159,6 @@ def open_stack(
     max_pixels : int, optional
         Refuse images of more pixels.
 
-    Returns
-    -------
-    Stack
-
     Examples
     --------
     >>> import tempfile
@@ -182,7 +184,7 @@ def open_stack(
             pages = read_pages(path).joined()
             return Stack("pages", pages, header, value, mask, known_in_all(pages.images, header, mask, nodata, "page"))
         image = read_image(path, keep_profile=keep_profile)
-        return Stack("image", image, header, value, mask, [known_pixels(image, header, mask, nodata)])
+        return Stack("image", image, header, value, mask, known_in_all([image], header, mask, nodata))
 
 
 def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) -> Known:
@@ -192,24 +194,8 @@ def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) ->
     return is_known(colors, nodata)
 
 
-def with_known(
-    bands: Bands, mask: StrPath | None, nodata: float | None, *, has_alpha: bool = False
-) -> Iterator[tuple[Band, Known]]:
-    """Yield each band of an image with its (H, W) pixels that count: see `not_missing` and `mask_bands`."""
-    rows = None if mask is None else chain.from_iterable(mask_bands(mask, bands.form.shape[:2]))
-    for band in bands:
-        known = not_missing(band, nodata, has_alpha=has_alpha)
-        if rows is not None:
-            known &= np.stack(list(islice(rows, len(band))))
-        yield band, known
-
-
-def mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
-    """Yield the pixels of a mask that are not black, some rows at a time; it must have the size of the image.
-
-    TIFF files and Zarr arrays are read in bands. A mask of another format, or a TIFF that cannot be read in bands, is
-    read whole, and takes a byte per pixel.
-    """
+def _mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
+    """Yield the pixels of a mask that are not black, some rows at a time, or all where it cannot be read in bands."""
     bands: Iterable[Band] = ()
     if Path(path).suffix.lower() in TILED_SUFFIXES:
         with suppress(OSError):
@@ -219,37 +205,30 @@ def mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
     else:
         bands = [whole := read_image(path)]
         size = whole.shape[:2]
-    check_mask_size(path, size, shape)
+    _check_mask_size(path, size, shape)
     return map(not_black, bands)
 
 
-def check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]) -> None:
+def _check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...]) -> None:
     """Raise ValueError if a mask, of (H, W) `size`, does not have the (H, W) `shape` of its image."""
     given, wanted = (f"{width} x {height} pixels" for height, width in (size, shape))
     check_that(f"the mask {path}", size == shape, f"have {wanted}, as the image, and has {given}")
 
 
-def known_pixels(image: NDArray[Any], header: ImageInfo, mask: StrPath | None, nodata: float | None) -> Known:
-    """Find the pixels that are finite, not nodata, and not black in a mask; alpha plays no part.
-
-    `nodata` is the value in all bands of pixels without data; by default what the header of the file says.
-    """
-    return known_in_all([image], header, mask, nodata)[0]
-
-
 def known_in_all(
     images: Sequence[NDArray[Any]], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str = ""
 ) -> list[Known]:
-    """Find the pixels that count in each page or frame; a mask is for all of them, or has as many.
+    """Find the pixels that are finite, not nodata and not black in a mask, which is for all images, or has as many.
 
-    A page or frame, called by `noun`, in which none counts is a ValueError.
+    `nodata` is by default what the header of the file says. A page or frame, called by `noun`, in which none counts is
+    a ValueError.
     """
     found, missing = [], header.nodata if nodata is None else nodata
     masks = [None] * len(images) if mask is None else _read_masks(mask, len(images))
     for number, (image, shown) in enumerate(zip(images, masks, strict=True), start=1):
         known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
         if mask is not None and shown is not None:
-            check_mask_size(mask, shown.shape[:2], known.shape)
+            _check_mask_size(mask, shown.shape[:2], known.shape)
             known &= not_black(shown)
         if noun and not known.any():
             raise ValueError(f"{noun} {number} of {len(images)} has no pixel that counts: all are left out")

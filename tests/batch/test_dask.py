@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cvtimg import quantize, read_image, write_image
+from cvtimg import write_image
 from cvtimg.batch import Task, executors
 from cvtimg.batch.tasks import Outcome
 from cvtimg.cli import app as cli
@@ -112,8 +112,3 @@ def test_no_scheduler_is_wrong_usage(
 def test_a_local_cluster_needs_no_scheduler(folder: Path) -> None:
     assert cli.main(["quantize", "in", "-k", "9", "--out-dir", "out", "--dask", "local", "--jobs", "1", "--quiet"]) == 0
     assert len(list(Path("out").iterdir())) == len(PICTURES)
-
-
-def test_pictures_come_back_readable(scheduler: str, folder: Path) -> None:
-    assert cli.main(["quantize", "in/0.png", "-k", "4", "-o", "a.png", "--dask", scheduler, "--quiet"]) == 0
-    np.testing.assert_array_equal(read_image("a.png"), quantize(PICTURES[0], 4).image)

@@ -69,15 +69,9 @@ def test_urls_are_paths_and_come_back() -> None:
 def test_a_folder_in_memory_becomes_another(memory: object, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["quantize", "memory://in", "-k", "4", "--out-dir", "memory://out", "--json"]) == 0
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert sorted(row["input"] for row in rows) == ["memory://in/a.png", "memory://in/c.bmp", "memory://in/deep/b.png"]
-    assert sorted(row["output"] for row in rows) == [
-        "memory://out/a.png",
-        "memory://out/c.png",
-        "memory://out/deep/b.png",
-    ]
-    with fsspec.open("memory://out/deep/b.png", "rb") as file:
-        Path("b.png").write_bytes(file.read())
-    np.testing.assert_array_equal(read_image("b.png"), quantize(PICTURES["deep/b.png"], 4).image)
+    assert {row["input"].removeprefix("memory://in/") for row in rows} == {*PICTURES}
+    assert {row["output"].removeprefix("memory://out/") for row in rows} == {"a.png", "c.png", "deep/b.png"}
+    np.testing.assert_array_equal(read_image("memory://out/deep/b.png"), quantize(PICTURES["deep/b.png"], 4).image)
     assert not any("memory:" in path.name for path in Path().iterdir())
 
 
@@ -88,9 +82,7 @@ def test_a_file_is_not_replaced_unless_asked(memory: object, capsys: pytest.Capt
     assert "cvtimg: memory://in/a.png: memory://out/a.png: exists already" in capsys.readouterr().err
     assert cli.main([*command, "-k", "2", "--skip-existing"]) == 0
     assert cli.main([*command, "-k", "2", "--overwrite"]) == 0
-    with fsspec.open("memory://out/a.png", "rb") as file:
-        Path("a.png").write_bytes(file.read())
-    assert len(np.unique(read_image("a.png").reshape(-1, 3), axis=0)) == 2
+    assert len(np.unique(read_image("memory://out/a.png").reshape(-1, 3), axis=0)) == 2
 
 
 @pytest.mark.parametrize("output", ["memory://in/a.png", "memory:///in/a.png"])

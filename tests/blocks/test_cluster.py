@@ -8,9 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -47,26 +45,6 @@ def read(start: int, folder: str, kill_at: int = -1) -> NDArray[np.float64]:
 def blocks(folder: Path, kill_at: int = -1) -> Blocks:
     parts = [dask.delayed(read, pure=False)(start, str(folder), kill_at) for start in range(0, 1200, 100)]
     return as_blocks(da.concatenate([da.from_delayed(part, (100, 3), np.float64) for part in parts]))
-
-
-@pytest.fixture
-def threads() -> Iterator[Any]:
-    options = {"threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
-    with distributed.LocalCluster(n_workers=2, **options) as cluster, distributed.Client(cluster) as client:
-        yield client
-
-
-@pytest.mark.slow
-def test_bits_are_equal_for_one_and_two_workers_and_for_any_order(threads: Any, tmp_path: Path) -> None:
-    results = [tessellate(blocks(tmp_path), 7, effort="best")]
-    results.append(tessellate(blocks(tmp_path), 7, effort="best"))
-    threads.cluster.scale(1)
-    results.append(tessellate(blocks(tmp_path), 7, effort="best"))
-    with dask.config.set(scheduler="sync"):
-        results.append(tessellate(blocks(tmp_path), 7, effort="best"))
-    for other in results[1:]:
-        np.testing.assert_array_equal(results[0].generators, other.generators)
-        assert results[0].energies == other.energies
 
 
 @pytest.mark.slow

@@ -51,6 +51,8 @@ def test_axes_channels_and_sizes_are_read(tmp_path: Path, version: str) -> None:
     with selecting(Selection(channel="GFP", t=2)):
         np.testing.assert_array_equal(np.stack(read_pages(path).images), STACK[1, 1])
         assert image_info(path).axes == "ZYX"
+    with pytest.raises(OSError, match="pages along TCZ, where one image is expected"):
+        read_image(path)
     with selecting(Selection(channel="GFP", t=2, z=1)):
         np.testing.assert_array_equal(read_image(path), STACK[1, 1, 0])
 
@@ -74,18 +76,6 @@ def test_commands_take_it_as_a_stack(
     assert {"z", "mean_DAPI", "std_GFP", "area_um2"} <= {*Path("t.csv").read_text().splitlines()[0].split(",")}
     assert main(["quantize", name, "--channel", "GFP", "-k", "3", "-o", "q.tif", "--quiet"]) == 0
     assert image_info("q.tif").axes == "TZYX"
-
-
-@pytest.mark.parametrize(
-    ("chosen", "message"),
-    [(Selection(channel="RFP"), "has 2 channels .DAPI, GFP., and no channel RFP"), (Selection(z=9), "no plane 9")],
-)
-def test_what_it_does_not_hold_is_named(tmp_path: Path, chosen: Selection, message: str) -> None:
-    path = written(tmp_path, "0.4")
-    with selecting(chosen), pytest.raises(OSError, match=message):
-        read_pages(path)
-    with pytest.raises(OSError, match="pages along TCZ, where one image is expected"):
-        read_image(path)
 
 
 def test_a_damaged_one_is_an_error_in_one_line(tmp_path: Path) -> None:

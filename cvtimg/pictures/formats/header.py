@@ -145,31 +145,28 @@ def _read(file: BinaryIO) -> ImageInfo:
         return _of_picture(image, file)
 
 
-def _as_stack(n_pages: int) -> dict[str, Any]:
-    """Describe pages of which nothing is said."""
-    return {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
-
-
-def _measured(file: BinaryIO, n_pages: int) -> dict[str, Any]:
-    """Describe the pages of a TIFF, and the size of their pixels."""
+def _of_pages(file: BinaryIO, said: bool = True) -> dict[str, Any]:
+    """Describe the pages of a TIFF and the size of their pixels, of which one page tells where something is `said`."""
+    n_pages = count_pages(file)
+    found = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
+    if n_pages == 1 and not said:
+        return found
     import tifffile
 
-    found = _as_stack(n_pages)
     with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
         stack = stack_of(tiff, n_pages)
         if n_pages > 1:
             found |= {"axes": f"{stack.axes}YX", "shape": stack.shape}
-        found["channels"] = stack.channels
-        found["pixel_size"] = PixelSize.of(scale_of(tiff))
+        found |= {"channels": stack.channels, "pixel_size": PixelSize.of(scale_of(tiff))}
     return found
 
 
 def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     width, height = image.size
+    said = str(tags_of(image).get(Base.ImageDescription, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
     # Pillow reports the upright size of a TIFF. Finding EXIF after the pixels of a PNG would require decoding it.
-    known = image.format != "PNG" or "exif" in image.info
-    lies = known and orientation(image) >= 5
-    if image.format != "TIFF" and lies:
+    known = image.format != "TIFF" and (image.format != "PNG" or "exif" in image.info)
+    if known and orientation(image) >= 5:
         width, height = height, width
     return ImageInfo(
         width=width,
@@ -178,30 +175,21 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         mode=image.mode,
         bands=image.getbands(),
         bits=depth(image),
-        **(_of_pages(image, file) if image.format == "TIFF" else {"frames": getattr(image, "n_frames", 1)}),
+        **(_of_pages(file, said) if image.format == "TIFF" else {"frames": getattr(image, "n_frames", 1)}),
         has_alpha=image.has_transparency_data,
         icc=profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),
     )
 
 
-def _of_pages(image: ImageFile.ImageFile, file: BinaryIO) -> dict[str, Any]:
-    n_pages = count_pages(file)
-    said = str(tags_of(image).get(Base.ImageDescription, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
-    return _measured(file, n_pages) if n_pages > 1 or said else _as_stack(n_pages)
-
-
 def _of_tiff(file: BinaryIO) -> ImageInfo:
     import tifffile
 
-    n_pages = count_pages(file)
+    pages = _of_pages(file)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
-        height, width = page.imagelength, page.imagewidth
-        header = _of_array(
-            (width, height) if is_turned(tags) else (height, width), page.samplesperpixel, np.dtype(page.dtype)
-        )
-        layout = Layout.of(tags)
+        size = (page.imagelength, page.imagewidth)[:: -1 if is_turned(tags) else 1]
+        header, layout = _of_array(size, page.samplesperpixel, np.dtype(page.dtype)), Layout.of(tags)
         return replace(
             header,
             format="TIFF",
@@ -209,7 +197,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             has_alpha=layout.alpha,
             icc=profile_name(icc_profile(tags)),
             **asdict(Place.of(tags)),
-            **_measured(file, n_pages),
+            **pages,
         )
 
 
