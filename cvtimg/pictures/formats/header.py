@@ -148,7 +148,7 @@ def _read(file: BinaryIO) -> ImageInfo:
 def _of_pages(file: BinaryIO, said: bool = True) -> dict[str, Any]:
     """Describe the pages of a TIFF and the size of their pixels, of which one page tells where something is `said`."""
     n_pages = count_pages(file)
-    found = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
+    found: dict[str, Any] = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
     if n_pages == 1 and not said:
         return found
     import tifffile
