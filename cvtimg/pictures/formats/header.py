@@ -186,6 +186,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
     import tifffile
 
     pages = _of_pages(file)
+    file.seek(0)
     with tifffile.TiffFile(file) as tiff:
         page, tags = first_page(tiff), tiff_tags(tiff)
         size = (page.imagelength, page.imagewidth)[:: -1 if is_turned(tags) else 1]
