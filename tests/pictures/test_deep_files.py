@@ -338,9 +338,10 @@ def deep_files(folder: Path) -> list[Path]:
 def test_a_truncated_file_is_named_with_the_reason(
     tmp_path: Path, fraction: float, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    reason = r"is [^\n]+" if fraction > 0.1 else r"(is|cannot be read:) [^\n]+"  # few bytes may be of any format
     for path in deep_files(tmp_path):
         path.write_bytes(path.read_bytes()[: int(path.stat().st_size * fraction)])
-        with pytest.raises(OSError, match=f"^{re.escape(str(path))}: is [^\n]+$") as caught:
+        with pytest.raises(OSError, match=f"^{re.escape(str(path))}: {reason}$") as caught:
             read_image(path)
         assert caught.value.__cause__ is not None
     assert capfd.readouterr() == ("", "")
