@@ -164,7 +164,10 @@ def _versions(request: Request) -> list[Picture]:
 
 
 def _kinds(result: Denoised) -> dict[str, Any]:
-    return {"k": len(result.colors), "noun": "segments"} if isinstance(result, Restoration) else {}
+    if isinstance(result, Restoration):
+        return {"k": len(result.colors), "noun": "segments"}
+    n_versions = len(result.weights)
+    return {"k": n_versions, "noun": "version" if n_versions == 1 else "versions"}
 
 
 def _found(result: Denoised) -> str:
