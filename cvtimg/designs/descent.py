@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
-from cvtimg.designs.latin import RegionSlices, latinize, latinize_beside
+from cvtimg.designs.latin import Slices, latinize
 from cvtimg.designs.measures import point_measures, star_discrepancy
 from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
@@ -105,7 +105,7 @@ def place_latin_within(
     Slices have equal shares of the region, because those of equal width would ask for many points where it is thin.
     Centers of mass that are outside are `mended`.
     """
-    slices = RegionSlices(cube.samples, len(start) + len(existing))
+    slices = Slices.of_region(cube.samples, len(start) + len(existing))
 
     def latin(points: _Floats) -> _Floats:
         return slices.latinize(mended(points), existing, allowed)
@@ -170,4 +170,7 @@ def _within(points: _Floats, before: _Floats) -> _Floats:
 
 def _latin(points: _Floats, existing: _Floats) -> _Floats:
     inside = np.clip(points, 0, 1)
-    return latinize_beside(inside, existing) if len(existing) else latinize(inside)
+    if not len(existing):
+        return latinize(inside)
+    slices = Slices.even(points.shape[1], len(points) + len(existing))
+    return slices.latinize(inside, existing, lambda places: np.ones(len(places), bool))

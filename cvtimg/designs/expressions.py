@@ -14,14 +14,7 @@ from cvtimg._shared.extras import optional
 def computed(name: str, expression: str, axes: Sequence[str]) -> Callable[[NDArray[np.float64]], NDArray[Any]]:
     """Return the function from (m, d) points to (m,) values that an expression of the names of axes stands for.
 
-    Axes are also called x1, x2 and so on, for names with spaces.
-
-    Raises
-    ------
-    ImportError
-        If numexpr is not installed.
-    ValueError
-        If the expression cannot be computed; it calls itself by `name`.
+    Axes are also called x1, x2 and so on, for names with spaces. Errors name the expression by `name`.
     """
     numexpr = optional("numexpr", "designs")
 

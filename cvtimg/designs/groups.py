@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,27 +68,21 @@ def split_evenly(
     check_shape("known", held.shape, fits, f"(L,), at most the {len(places)} points")
     check_in_range("known", known, ((held >= 0) & (held < n_groups)).all(), f"groups in 0..{n_groups - 1}")
     random = np.random.default_rng(rng)
-    pairs = _Pairs(places, [np.asarray(labels) for labels in others])
+    terms = partial(_terms, np.ascontiguousarray(places.T), [np.asarray(labels) for labels in others])
     starts = [_start(len(places), n_groups, held, random) for _ in range(_STARTS if len(places) <= _FEW else 1)]
-    return min(starts, key=lambda labels: _exchange(pairs, labels, n_groups, len(held), random))
+    return min(starts, key=lambda labels: _exchange(terms, labels, n_groups, len(held), random))
 
 
-class _Pairs:
-    """What two points cost in the same group: their term of the discrepancy, once more for each other group."""
-
-    def __init__(self, places: _Floats, others: Sequence[NDArray[np.generic]]) -> None:
-        self._columns, self._others = np.ascontiguousarray(places.T), others
-
-    def of(self, point: int) -> _Floats:
-        """Return the terms of a point with all others (n,)."""
-        terms, times = np.ones(self._columns.shape[1]), 1
-        for column in self._columns:
-            terms *= 1 + 0.5 * (abs(column) + abs(column[point]) - abs(column - column[point]))
-        for labels in self._others:
-            times = times + (labels == labels[point])
-        terms *= times
-        terms[point] = 0
-        return terms
+def _terms(columns: _Floats, others: Sequence[NDArray[np.generic]], point: int) -> _Floats:
+    """Return what a point costs with each (n,) in the same group: a term of the discrepancy, more in other groups."""
+    terms, times = np.ones(columns.shape[1]), 1
+    for column in columns:
+        terms *= 1 + 0.5 * (abs(column) + abs(column[point]) - abs(column - column[point]))
+    for labels in others:
+        times = times + (labels == labels[point])
+    terms *= times
+    terms[point] = 0
+    return terms
 
 
 def _start(n_points: int, n_groups: int, known: _Labels, rng: np.random.Generator) -> _Labels:
@@ -100,22 +95,24 @@ def _start(n_points: int, n_groups: int, known: _Labels, rng: np.random.Generato
     return np.array(labels, np.intp)
 
 
-def _exchange(pairs: _Pairs, labels: _Labels, n_groups: int, n_known: int, rng: np.random.Generator) -> float:
+def _exchange(
+    terms_of: Callable[[int], _Floats], labels: _Labels, n_groups: int, n_known: int, rng: np.random.Generator
+) -> float:
     """Let two points change groups where that gains the most, in place, until none gains; return what is left."""
     n_points = len(labels)
     every, free = np.arange(n_points), np.arange(n_known, n_points)
-    sums: _Floats = np.stack([np.bincount(labels, pairs.of(point), n_groups) for point in range(n_points)])
+    sums: _Floats = np.stack([np.bincount(labels, terms_of(point), n_groups) for point in range(n_points)])
     is_better = True
     while is_better:
         is_better = False
         for i in rng.permutation(free).tolist():
-            own, terms = labels[i], pairs.of(i)
+            own, terms = labels[i], terms_of(i)
             change = sums[i, labels] - sums[i, own] + sums[:, own] - sums[every, labels] - 2 * terms
             change[(labels == own) | (every < n_known)] = 0
             j = int(change.argmin())
             if change[j] < -_GAIN:
                 is_better = True
-                difference = pairs.of(j) - terms
+                difference = terms_of(j) - terms
                 sums[:, own] += difference
                 sums[:, labels[j]] -= difference
                 labels[i], labels[j] = labels[j], own

@@ -61,17 +61,28 @@ def free_slices(coordinates: _Floats, n_slices: int) -> _Floats:
     return np.asarray((np.setdiff1d(np.arange(n_slices), taken) + 0.5) / n_slices)
 
 
-class RegionSlices:
-    """Slices of each axis, n + L for n new and L existing points, that have equal shares of a region's samples."""
+class Slices:
+    """Slices of each axis (d, n), by the edges between them (d, n - 1) and their middles (d, n)."""
 
-    def __init__(self, samples: NDArray[np.float32], n_slices: int) -> None:
+    def __init__(self, edges: _Floats, middles: _Floats) -> None:
+        self._edges, self._middles = edges, middles
+
+    @classmethod
+    def even(cls, n_dims: int, n_slices: int) -> Slices:
+        """Make slices of equal width."""
+        levels = np.tile(np.arange(1, 2 * n_slices) / (2 * n_slices), (n_dims, 1))
+        return cls(levels[:, 1::2], levels[:, ::2])
+
+    @classmethod
+    def of_region(cls, samples: NDArray[np.float32], n_slices: int) -> Slices:
+        """Make slices that have equal shares of the samples of a region."""
         # At the quantiles k / 2 n are, in turns, edges and middles.
-        levels = np.quantile(samples, np.arange(2 * n_slices + 1) / (2 * n_slices), axis=0).T
-        self._edges, self._middles = levels[:, 2:-1:2], levels[:, 1::2]
+        levels = np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float)
+        return cls(levels[:, 1::2], levels[:, ::2])
 
     def along(self, axis: int, points: _Floats) -> NDArray[np.intp]:
         """Return the slice of each of (n, d) points along an axis."""
-        return np.searchsorted(self._edges[axis], points[:, axis])
+        return np.searchsorted(self._edges[axis], points[:, axis], "right")
 
     def n_empty(self, points: _Floats) -> int:
         """Count the slices of all axes in which no point is."""
@@ -79,7 +90,10 @@ class RegionSlices:
         return n_axes * n_slices - sum(len(np.unique(self.along(axis, points))) for axis in range(n_axes))
 
     def latinize(self, points: _Floats, existing: _Floats, allowed: Callable[[_Floats], NDArray[np.bool_]]) -> _Floats:
-        """Move points along each axis in turn into slices that have none, as long as that leads to allowed places."""
+        """Move points along each axis in turn into slices that have none, as long as that leads to allowed places.
+
+        The sum of squared moves is least; the order may change where it must.
+        """
         from scipy.optimize import linear_sum_assignment
 
         moved, (n_points, n_dims) = points.copy(), points.shape
@@ -92,19 +106,3 @@ class RegionSlices:
             fit = fits[rows, columns]
             moved[rows[fit], axis] = middles[columns[fit]]
         return moved
-
-
-def latinize_beside(points: _Floats, existing: _Floats) -> _Floats:
-    """Latinize points among n + L slices, of which those that have some of L existing points are not taken.
-
-    Along each axis the sum of squared moves is least; the order may change where it must.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    n_slices = len(points) + len(existing)
-    moved = np.empty_like(points)
-    for axis in range(points.shape[1]):
-        free = free_slices(existing[:, axis], n_slices)
-        rows, columns = linear_sum_assignment((points[:, axis, None] - free) ** 2)
-        moved[rows, axis] = free[columns]
-    return moved

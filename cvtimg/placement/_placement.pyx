@@ -15,7 +15,6 @@ cdef extern from "moments.h" nogil:
         int side, columns, rows
         const int32_t *first
         const double *places
-        double heaviest
 
     struct c_owners "owners":
         double *x
@@ -70,22 +69,22 @@ cdef class Scratch:
 
 
 cdef class Buckets:
-    """Generators (x, y), with weights of power cells or None for 0, sorted by square buckets of a picture."""
+    """Generators (x, y), sorted by square buckets of a picture."""
     cdef c_buckets buckets
     cdef int32_t[::1] first      # (B + 2,) of each bucket, and the end of the last
     cdef int32_t[::1] order      # (K,) indices as given
-    cdef double[:, ::1] places   # (K, 3) x, y and weight
+    cdef double[:, ::1] places   # (K, 2)
     cdef readonly Py_ssize_t n_generators
     cdef readonly int side, rows
 
-    def __init__(self, const double[:, ::1] points, const double[::1] weights, int height, int width, int side):
+    def __init__(self, const double[:, ::1] points, int height, int width, int side):
         cdef Py_ssize_t k, n = points.shape[0], rows = (height - 1) // side + 1, columns = (width - 1) // side + 1
         cdef Py_ssize_t n_buckets = rows * columns, bucket, at
         cdef double per_pixel = 1.0 / side
         cdef int32_t[::1] first = np.zeros(n_buckets + 2, np.int32)
         self.first = first
         self.order = np.empty(n, np.int32)
-        self.places = np.empty((n, 3))
+        self.places = np.empty((n, 2))
         self.n_generators, self.side, self.rows = n, side, <int>rows
         with nogil:
             for k in range(n):
@@ -101,13 +100,11 @@ cdef class Buckets:
                 self.order[at] = <int32_t>k
                 self.places[at, 0] = points[k, 0]
                 self.places[at, 1] = points[k, 1]
-                self.places[at, 2] = 0 if weights is None else weights[k]
         self.buckets.side = side
         self.buckets.columns = <int>columns
         self.buckets.rows = <int>rows
         self.buckets.first = &first[0]
         self.buckets.places = &self.places[0, 0]
-        self.buckets.heaviest = 0 if weights is None else np.max(weights)
 
     def sum_cells(
         self,

@@ -1,11 +1,11 @@
-/* Voronoi and power cells of points, cut by rows of pixels: the frame of every pass over a picture.
+/* Voronoi cells of points, cut by rows of pixels: the frame of every pass over a picture.
  *
  * A cell meets the middle line of a row in one interval, so that a pass costs as much as cells have boundary, not as
  * pixels there are. Generators lie in buckets. A tile of a bucket's size gathers those that may own a part of it, and
  * is split into boxes of few owners each; the boxes are given to a visitor, which asks for the intervals row by row.
  *
- * |p - z|^2 - w is compared as c - 2 p.z with c = |z|^2 - w, for p and z counted from the corner of the tile: power
- * cells (weight w) cost nothing more than Voronoi cells, and nothing is lost to cancellation.
+ * |p - z|^2 is compared as c - 2 p.z with c = |z|^2, for p and z counted from the corner of the tile, so that nothing
+ * is lost to cancellation.
  */
 #ifndef CVTIMG_CELLS_H
 #define CVTIMG_CELLS_H
@@ -30,8 +30,7 @@ enum { FEW_OWNERS = 8, SHORT_SIDE = 8, MOST_SORTED = 24 };
 struct buckets {
     int side, columns, rows;
     const int32_t *first; /* of each bucket, and the end of the last */
-    const double *places; /* x, y, weight of each */
-    double heaviest;      /* the largest weight */
+    const double *places; /* x, y of each */
 };
 
 struct box {
@@ -227,14 +226,14 @@ INLINE double gather_buckets(const struct buckets *buckets, ptrdiff_t first, ptr
     double half_x = 0.5 * (box.x1 - box.x0), half_y = 0.5 * (box.y1 - box.y0 - 1), above = 0.5 * (box.y1 - box.y0);
 
     for (int32_t i = buckets->first[first]; i < buckets->first[last + 1]; i++) {
-        const double *place = buckets->places + 3 * (ptrdiff_t)i;
+        const double *place = buckets->places + 2 * (ptrdiff_t)i;
         double x = place[0] - box.x0, y = place[1] - box.y0;
         double far_x = fabs(x - half_x) + half_x, far_y = fabs(y - above) + half_y;
-        double farthest = far_x * far_x + far_y * far_y - place[2];
+        double farthest = far_x * far_x + far_y * far_y;
         least = farthest < least ? farthest : least;
         to->x[to->n] = x;
         to->y[to->n] = y;
-        to->c[to->n] = x * x + y * y - place[2];
+        to->c[to->n] = x * x + y * y;
         to->index[to->n] = i;
         to->n++;
     }
@@ -255,7 +254,7 @@ static void gather_tile(struct pass *pass, int column, int row)
     all.n = 0;
     for (int ring = 0; ring < columns || ring < rows; ring++) {
         double gap = (double)(ring - 1) * side;
-        if (ring > 1 && gap * gap - buckets->heaviest > least)
+        if (ring > 1 && gap * gap > least)
             break;
         int left = column - ring, right = column + ring, top = row - ring, bottom = row + ring;
         int first = left < 0 ? 0 : left, last = right < columns ? right : columns - 1;

@@ -1,4 +1,4 @@
-"""Exact moments of Voronoi and power cells over the pixels of an image.
+"""Exact moments of Voronoi cells over the pixels of an image.
 
 A cell meets the middle line of a row of pixels in one interval, whose ends are found exactly; the density is constant
 over each pixel. A pass costs as the boundaries of all cells are long, in pixels, and no triangulation is needed.
@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_finite, check_picture_density, check_places, check_shape
+from cvtimg._shared.checks import check_picture_density, check_places
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import per_mass
 from cvtimg._shared.threads import in_parts
@@ -120,13 +120,10 @@ class PixelMoments:
         self._center: NDArray[np.float64] = center / scale
         self._spread = float(spread) / scale**2
 
-    def __call__(self, generators: ArrayLike, /, weights: ArrayLike | None = None) -> Moments:
-        """Compute the moments of the cells of (K, 2) generators (x, y), with (K,) weights those of power cells.
-
-        A place then belongs to the generator with the least squared distance minus weight.
-        """
+    def __call__(self, generators: ArrayLike, /) -> Moments:
+        """Compute the moments of the cells of (K, 2) generators (x, y)."""
         generators = check_places("points", generators, 2)
-        sums = self._sums(self._buckets(generators, _checked(weights, len(generators))))
+        sums = self._sums(_sorted(self.density.shape, generators * self.scale))
         masses = sums[:, 0].copy()
         centroids = per_mass(sums[:, 1:], masses) / self.scale
         centroids[masses <= 0] = generators[masses <= 0]
@@ -135,11 +132,9 @@ class PixelMoments:
         energy = self._spread + float(np.einsum("k,kd,kd", masses, places - 2 * means, places))
         return Moments(masses, centroids, max(energy, 0.0))
 
-    def labels(
-        self, generators: NDArray[np.float64], /, weights: NDArray[np.float64] | None = None
-    ) -> NDArray[np.int32]:
+    def labels(self, generators: NDArray[np.float64], /) -> NDArray[np.int32]:
         """Find the generator nearest to the center of each pixel, (H, W)."""
-        return _labels(self.density.shape, self._buckets(generators, weights))
+        return pixel_labels(self.density.shape, generators * self.scale)
 
     def halved(self) -> PixelMoments:
         """Take four pixels together, for a coarser level of the same image."""
@@ -147,12 +142,6 @@ class PixelMoments:
         padded = np.pad(self.density, ((0, height % 2), (0, width % 2)))
         halves = padded[::2] + padded[1::2]
         return PixelMoments(halves[:, ::2] + halves[:, 1::2], self.scale / 2)
-
-    def _buckets(self, generators: NDArray[np.float64], weights: NDArray[np.float64] | None) -> _placement.Buckets:
-        if self.scale != 1:
-            generators = generators * self.scale
-            weights = None if weights is None else weights * self.scale**2
-        return _sorted(self.density.shape, generators, weights)
 
     def _sums(self, buckets: _placement.Buckets) -> NDArray[np.float64]:
         n, (height, width) = buckets.n_generators, self.density.shape
@@ -168,8 +157,8 @@ class PixelMoments:
         return buckets.add_parts(sums, touched)
 
 
-def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLike | None = None) -> NDArray[np.int32]:
-    """Label the pixels of an image of a shape by the nearest of (K, 2) points, or by their power cell.
+def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> NDArray[np.int32]:
+    """Label the pixels of an image of a shape by the nearest of (K, 2) points.
 
     Examples
     --------
@@ -177,20 +166,7 @@ def pixel_labels(shape: tuple[int, int], points: ArrayLike, *, weights: ArrayLik
     >>> pixel_labels((1, 4), [[1, 0.5], [4, 0.5]]).tolist()
     [[0, 0, 1, 1]]
     """
-    places = check_places("points", points, 2)
-    return _labels(shape, _sorted(shape, places, _checked(weights, len(places))))
-
-
-def _checked(weights: ArrayLike | None, n_places: int) -> NDArray[np.float64] | None:
-    if weights is None:
-        return None
-    array = np.ascontiguousarray(weights, np.float64)
-    check_shape("weights", array.shape, array.shape == (n_places,), f"({n_places},), one weight for each place")
-    check_finite("weights", array)
-    return array
-
-
-def _labels(shape: tuple[int, ...], buckets: _placement.Buckets) -> NDArray[np.int32]:
+    buckets = _sorted(shape, check_places("points", points, 2))
     labels = np.empty(shape, np.int32)
 
     def label(start: int, stop: int) -> None:
@@ -200,10 +176,8 @@ def _labels(shape: tuple[int, ...], buckets: _placement.Buckets) -> NDArray[np.i
     return labels
 
 
-def _sorted(
-    shape: tuple[int, ...], generators: NDArray[np.float64], weights: NDArray[np.float64] | None
-) -> _placement.Buckets:
+def _sorted(shape: tuple[int, ...], generators: NDArray[np.float64]) -> _placement.Buckets:
     """Sort generators by square buckets of an image."""
     height, width = shape
     side = int(np.clip(round((_IN_A_BUCKET * height * width / len(generators)) ** 0.5), *_SIDES))
-    return _placement.Buckets(np.ascontiguousarray(generators), weights, height, width, side)
+    return _placement.Buckets(np.ascontiguousarray(generators), height, width, side)

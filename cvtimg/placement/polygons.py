@@ -59,16 +59,9 @@ class PolygonRegion(Region):
 
     @classmethod
     def from_labels(cls, labels: ArrayLike, label: int | None = None, *, tolerance: float = 0) -> PolygonRegion:
-        """Make it of the contours of a mask or of a segment.
+        """Make it of the contours of a mask, or of segments (H, W): of that with a label, or all that are not 0.
 
-        Parameters
-        ----------
-        labels : (H, W) array
-            A mask, or segments of an image.
-        label : int, optional
-            The segment; by default all that are not 0.
-        tolerance : float
-            How far contours may be moved to make them simpler, in pixels.
+        Contours may be moved by a `tolerance` in pixels to make them simpler.
         """
         segments = np.asarray(labels)
         inside = segments == label if label is not None else segments != 0

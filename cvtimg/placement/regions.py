@@ -87,21 +87,9 @@ class Region(ABC):
         """Draw (n, D) points that are spread uniformly over the region."""
 
     def sample(self, n: int, *, density: DensityLike = None, rng: int | np.random.Generator = 0) -> WeightedSamples:
-        """Draw samples, each weighted by the density there, as `cvtimg.tessellate` takes them.
+        """Draw n samples, each weighted by the density there (what `as_density` takes), as for `cvtimg.tessellate`.
 
-        Parameters
-        ----------
-        n : int
-            Number of samples.
-        density : None, float, image or callable
-            What `as_density` takes.
-        rng : int or numpy.random.Generator
-            Seed.
-
-        Returns
-        -------
-        WeightedSamples
-            Weights add up to an estimate of the mass of the region.
+        Weights add up to an estimate of the mass of the region.
 
         Examples
         --------

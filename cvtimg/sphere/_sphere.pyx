@@ -131,19 +131,6 @@ def fill_circumcenters(mesh, double[:, ::1] centers, Py_ssize_t start, Py_ssize_
             circumcenter(&c_mesh, t, &centers[t, 0])
 
 
-def first_edges(const int32_t[:, ::1] triangles, Py_ssize_t n_points):
-    """Find the edge (N,) from each vertex to its least neighbor: where sums over its cell begin, whatever the mesh."""
-    cdef int32_t[::1] firsts = np.full(n_points, -1, np.int32)
-    cdef int32_t e, vertex
-    cdef const int32_t *vertices = &triangles[0, 0]
-    with nogil:
-        for e in range(<int32_t>(3 * triangles.shape[0])):
-            vertex = vertices[e]
-            if firsts[vertex] < 0 or vertices[next_edge(e)] < vertices[next_edge(firsts[vertex])]:
-                firsts[vertex] = e
-    return np.asarray(firsts)
-
-
 def sum_uniform(
     mesh, const double[:, ::1] arcs, const int32_t[::1] firsts, double[:, ::1] moments, Py_ssize_t start, Py_ssize_t stop
 ):
@@ -188,28 +175,6 @@ def sum_corner_slopes(mesh, double least_cosine, double largest_cosine):
         for t in range(n_triangles):
             n_out += add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, &slopes[0, 0])
     return np.asarray(slopes), n_out
-
-
-def split_moments(
-    const double[:, ::1] points,
-    double[:, ::1] moments,
-    double[::1] lengths,
-    double[::1] along,
-    Py_ssize_t start,
-    Py_ssize_t stop,
-):
-    """Split moments (N, 3) of uniform cells: into lengths, which are nearly areas, and parts along the points.
-
-    What is left in `moments` are the parts across the points.
-    """
-    cdef Py_ssize_t i, k
-    with nogil:
-        for i in range(start, stop):
-            lengths[i] = sqrt(
-                moments[i, 0] * moments[i, 0] + moments[i, 1] * moments[i, 1] + moments[i, 2] * moments[i, 2])
-            along[i] = moments[i, 0] * points[i, 0] + moments[i, 1] * points[i, 1] + moments[i, 2] * points[i, 2]
-            for k in range(3):
-                moments[i, k] -= along[i] * points[i, k]
 
 
 def limit_growth(

@@ -8,22 +8,10 @@
 #define SMALL 0.02
 #define HALF_CIRCLE 3.14159265358979323846
 
-/* The edge of a triangle from its least vertex: where sums begin whose bits are to be the same in any triangulation
- * that has this triangle. */
-static inline int32_t least_edge(const int32_t *vertices, int32_t t)
-{
-    int32_t e = 3 * t, least = e;
-
-    for (int k = 1; k < 3; k++)
-        if (vertices[e + k] < vertices[least])
-            least = e + k;
-    return least;
-}
-
 /* The circumcenter of a triangle: the unit normal of its plane. */
 static void circumcenter(const struct half_edges *mesh, int32_t t, double *center)
 {
-    int32_t first = least_edge(mesh->vertices, t);
+    int32_t first = 3 * t;
     const double *a = origin3(mesh, first);
     double u[3], v[3], normal[3];
     subtract3(u, origin3(mesh, next_edge(first)), a);
@@ -60,7 +48,7 @@ static inline double arc_by_length(double product, double height, double inverse
  * vectors. Returns whether the triangle turns counterclockwise. */
 static inline int half_arcs(const struct half_edges *mesh, int32_t t, double *arcs)
 {
-    int32_t first = least_edge(mesh->vertices, t), second = next_edge(first), third = last_edge(first);
+    int32_t first = 3 * t, second = next_edge(first), third = last_edge(first);
     const double *a = origin3(mesh, first), *b = origin3(mesh, second), *c = origin3(mesh, third);
     double ab[3], bc[3], ca[3], normal[3];
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import (
     check_at_least,
     check_choice,
-    check_excluded,
-    check_fewer,
     check_in_range,
     check_shape,
     check_that,
@@ -20,12 +18,11 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg.placement.densities import ConstantDensity
-from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensity, SphereDensityLike, as_sphere_density, fibonacci
+from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.geodesic import Lattice, twist
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order, moved_on, random_points, without
+from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, moved_on, random_points, without
 from cvtimg.sphere.triangulation import (
     Cells,
     Points,
@@ -49,19 +46,14 @@ class _Starts:
     coarsest: tuple[int, int] = (12, 600)  # points at least: few where cells are alike, so that twelve are pentagons
     trials: int = 8  # with cells alike, of which the lowest goes on
     trial_moves: int = 200
-    few: int = 200  # with more points, as where `levels` says so, there is one start
     direct: int = 32  # steps along a side of an icosahedron, at most, without moving a coarser lattice first
 
 
 _STARTS = _Starts()
-#: Places that the mean of a density is taken over.
-_FEWEST = 1 << 15
 #: Points are numbered along a curve from so many on.
 _WORTH_AN_ORDER = 5000
 #: A density that is 0 on more of the sphere is warned of.
 _MOST_ZEROS = 0.01
-#: Free points keep so far from fixed ones at the start, in sizes of their cells.
-_APART = 0.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +92,7 @@ def sphere_grid(
     n: int | None = None,
     *,
     density: SphereDensityLike = None,
-    fixed: ArrayLike | None = None,
-    start: str | ArrayLike = "auto",
-    levels: int | None = None,
+    start: ArrayLike | None = None,
     polish: bool = True,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -120,13 +110,9 @@ def sphere_grid(
         left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
         size of cells goes as density^(-1/4); by an image, it grows by at most 15 % through a cell and is at most 10
         times that of the finest. `CellWidth` says it in km. 1 everywhere by default.
-    fixed : (L, 3) array, optional
-        Unit vectors that become the first L of the n points, with the same bits.
-    start : {"auto", "icosahedron", "random", "lattice", "spiral"} or (n, 3) array
-        Where points begin. "auto" begins with few points, moves them, and divides triangles by four at each level, the
-        best way to good grids; the others have one level.
-    levels : int, optional
-        Number of levels of "auto", >= 1; by default as many as n allows.
+    start : (n, 3) array, optional
+        Where points begin, if not few at first, which are moved and whose triangles are divided by four at each level:
+        the best way to good grids.
     polish : bool
         Move points a little at the end, so that no triangle is obtuse.
     effort : {"fast", "balanced", "best"}
@@ -164,8 +150,6 @@ def sphere_grid(
     check_in_range("n", n, n <= MOST_POINTS, f"at most {MOST_POINTS}")
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
     weight = as_sphere_density(density)
-    held = np.empty((0, 3)) if fixed is None else check_sphere_points("fixed", fixed)
-    check_fewer("fixed", len(held), n + 1)
     random = np.random.default_rng(rng)
     scaled = None if weight is None else Scaled(weight)
     if scaled is not None and scaled.share_of_zeros > _MOST_ZEROS and not isinstance(weight, GlobePicture):
@@ -175,27 +159,17 @@ def sphere_grid(
             stacklevel=2,
         )
     plan = _Plan(scaled, settings, polish, random, Watch(callback))
-    if not isinstance(start, str):
-        check_excluded("start of given points", True, levels=levels, fixed=len(held))
+    if start is not None:
         points = check_sphere_points("start", start)
         check_shape("start", points.shape, len(points) == n, f"({n}, 3)")
         return plan.from_points(points)
-    check_choice("start", start, ("auto", *STARTS))
-    if start != "auto":
-        check_excluded(f"start={start!r}", True, levels=levels, fixed=len(held))
-        return plan.from_points(STARTS[start](n, random))
-    if len(held):
-        check_excluded("fixed", True, levels=levels)
-        return plan.around(held, n)
-    return plan.by_levels(_sizes(n, weight is None, levels))
+    return plan.by_levels(_sizes(n, weight is None))
 
 
-def _sizes(n: int, is_even: bool, levels: int | None) -> list[int]:
+def _sizes(n: int, is_even: bool) -> list[int]:
     """Numbers of points of all levels, from the coarsest."""
-    if levels is not None:
-        check_at_least("levels", levels, 1, "the number of grids, from the coarsest to that of n points")
     coarsest, sizes = _STARTS.coarsest[not is_even], [n]
-    while (coarser := (sizes[-1] + 9) // 4) >= coarsest and len(sizes) != levels:
+    while (coarser := (sizes[-1] + 9) // 4) >= coarsest:
         if is_even and twist(sizes[-1]) and not twist(coarser):
             break
         sizes.append(coarser)
@@ -224,13 +198,6 @@ class _Plan:
         self._descend(mesh, self._sums(len(points)))
         return self._finished(mesh)
 
-    def around(self, fixed: Points, n: int) -> SphereGrid:
-        """Begin with fixed points and, where these are not, draws by the density."""
-        mesh = SphereTriangulation(np.concatenate([fixed, self._drawn_apart(fixed, n)]))
-        free = np.arange(n) >= len(fixed)
-        self._descend(mesh, self._sums(n), free)
-        return self._finished(mesh, free)
-
     def _climb(self, sizes: list[int], noise: float) -> SphereTriangulation:
         mesh = self._coarsest(sizes[0])
         start = mesh.points
@@ -258,9 +225,7 @@ class _Plan:
             return icosahedron()
         if sides := twist(n):
             return self._latticed(*sides)
-        trials = [
-            SphereTriangulation(random_points(n, self.rng)) for _ in range(_STARTS.trials if n <= _STARTS.few else 1)
-        ]
+        trials = [SphereTriangulation(random_points(n, self.rng)) for _ in range(_STARTS.trials)]
         return min(
             trials, key=lambda mesh: descend(mesh, uniform_cells, _STARTS.trial_moves, self.effort.tolerance).energy
         )
@@ -281,28 +246,14 @@ class _Plan:
             return uniform_cells
         return WeightedCells(self.density.for_cells(n))
 
-    def _descend(self, mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None = None) -> Cells:
-        return descend(mesh, sums, self.effort.moves, self.effort.tolerance, free=free, watch=self.watch)
+    def _descend(self, mesh: SphereTriangulation, sums: SumCells) -> Cells:
+        return descend(mesh, sums, self.effort.moves, self.effort.tolerance, watch=self.watch)
 
-    def _drawn_apart(self, fixed: Points, n: int) -> Points:
-        """Draw free points by the density, apart from fixed ones."""
-        from scipy.spatial import cKDTree
-
-        density: SphereDensity = ConstantDensity() if self.density is None else self.density.for_cells(n)
-        tree, n_free, n_drawn = cKDTree(fixed), n - len(fixed), n
-        size = np.sqrt(4 * np.pi * np.sqrt(density(fibonacci(_FEWEST))).mean() / n)
-        while True:
-            points = drawn(density, n_drawn, self.rng)
-            points = points[tree.query(points)[0] > _APART * size * density(points) ** -0.25]
-            if len(points) >= n_free:
-                return points[np.sort(self.rng.permutation(len(points))[:n_free])]
-            n_drawn = int(1.2 * n_drawn) + n_free - len(points)
-
-    def _finished(self, mesh: SphereTriangulation, free: NDArray[np.bool_] | None = None) -> SphereGrid:
+    def _finished(self, mesh: SphereTriangulation) -> SphereGrid:
         sums = self._sums(len(mesh.points))
         if self.polish:
-            polish_angles(mesh, np.sqrt(sums(mesh).areas), self.effort.polishing, free=free)
-        return as_grid(mesh, sums, free)
+            polish_angles(mesh, np.sqrt(sums(mesh).areas), self.effort.polishing)
+        return as_grid(mesh, sums, None)
 
 
 def as_grid(mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:

@@ -1,14 +1,11 @@
-"""Points to start from: icosahedral grids, lattices, spirals, draws by density, and the midpoints of coarser grids."""
+"""Points to start from: an icosahedron, draws by density, and the midpoints of coarser grids."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from cvtimg._shared.checks import check_in_range
 from cvtimg.engine.samples import along_curve
-from cvtimg.sphere.densities import SphereDensity, fibonacci, from_degrees
+from cvtimg.sphere.densities import SphereDensity, fibonacci
 from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
 
 #: Places that draws choose from, for each point, and at least.
@@ -78,22 +75,6 @@ def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
     return np.delete(points, left_out, axis=0)
 
 
-def lattice(n: int) -> Points:
-    """Return N points along circles of latitude whose distance is about that of the points along each."""
-    n_rings = max(round((np.pi * n) ** 0.5 / 2), 1)
-    edges = np.pi * (np.arange(n_rings + 1) / n_rings - 0.5)
-    shares = np.diff(np.sin(edges)) / 2
-    ends = np.round(np.concatenate([[0], np.cumsum(shares)]) * n).astype(int)
-    rings = [
-        from_degrees(360 * (np.arange(count) + ring % 2 / 2) / count, np.full(count, latitude))
-        for ring, (count, latitude) in enumerate(
-            zip(np.diff(ends), np.degrees((edges[1:] + edges[:-1]) / 2), strict=True)
-        )
-        if count
-    ]
-    return np.concatenate(rings)
-
-
 def random_points(n: int, rng: np.random.Generator) -> Points:
     """Draw N points uniformly."""
     return unit(rng.normal(size=(n, 3)))
@@ -112,21 +93,3 @@ def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         more = rng.choice(others, n - len(chosen), replace=False, p=chances / chances.sum())
         chosen = np.union1d(chosen, more)
     return places[chosen]
-
-
-def icosahedral(n: int, rng: np.random.Generator) -> Points:
-    """Return the points of an icosahedron, bisected as often as it takes to have N."""
-    mesh = icosahedron()
-    while len(mesh.points) < n:
-        mesh = bisected(mesh)
-    check_in_range("n", n, len(mesh.points) == n, "12, 42, 162, ... 10 * 4^k + 2 to start from an icosahedron")
-    return mesh.points
-
-
-#: The registry: names for `start`, of starts that are given no density.
-STARTS: dict[str, Callable[[int, np.random.Generator], Points]] = {
-    "icosahedron": icosahedral,
-    "random": random_points,
-    "lattice": lambda n, _: lattice(n),
-    "spiral": lambda n, _: fibonacci(n),
-}

@@ -111,9 +111,10 @@ class SphereTriangulation(HalfEdges):
         return SphereCells(self.circumcenters(), offsets, out[out >= 0] // 3)
 
     def first_edges(self) -> NDArray[np.int32]:
-        """Return the edge (N,) from each vertex to its least neighbor."""
+        """Return an edge (N,) from each vertex."""
         if self._firsts is None:
-            self._firsts = _sphere.first_edges(self.triangles, len(self.points))
+            self._firsts = np.empty(len(self.points), np.int32)
+            self._firsts[self.triangles.ravel()] = np.arange(self.triangles.size, dtype=np.int32)
         return self._firsts
 
     def _arcs_of(self, points: Points) -> tuple[NDArray[np.float64], int]:
@@ -298,11 +299,10 @@ SumCells = Callable[[SphereTriangulation], Cells]
 
 def uniform_cells(mesh: SphereTriangulation) -> Cells:
     """Integrate over cells for the density 1, exactly but for areas, which are lengths of moments."""
-    points, pulls = mesh.points, mesh.uniform_moments()
-    areas, along = np.empty((2, len(points)))
-
-    in_parts(partial(_sphere.split_moments, points, pulls, areas, along), len(points), _WORK * len(points))
-    return Cells(areas, pulls, areas, -2 * along, UNIFORM_ENERGY)
+    points, moments = mesh.points, mesh.uniform_moments()
+    areas, along = np.sqrt(np.einsum("ij,ij->i", moments, moments)), np.einsum("ij,ij->i", moments, points)
+    moments -= along[:, None] * points
+    return Cells(areas, moments, areas, -2 * along, UNIFORM_ENERGY)
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,10 +88,6 @@ def test_the_seed_decides() -> None:
     assert (one != other).any()
 
 
-def test_one_point_lies_in_the_middle() -> None:
-    assert design(1, 3, effort="fast").points == pytest.approx(np.full((1, 3), 0.5))
-
-
 def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
     found = design(5, [Factor("speed"), Factor("heat", 2, 3)], effort="fast")
     found.save(tmp_path / "a.csv")
@@ -123,6 +119,8 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
         ({"existing": [[0, 0], [0, 2]]}, r"x2 of existing\[1\]=2.0 must be within its bounds, 0..1"),
         ({"existing": [[0, 0, 0]]}, r"existing of shape \(1, 3\) must be \(L, 2\)"),
         ({"effort": "none"}, "effort='none' must be one of"),
+        ({"criterion": "best"}, "criterion='best' must be one of"),
+        ({"criterion": "maximin", "latin": False}, "criterion='maximin' must not be given with latin=False"),
         ({"latin": True, "density": lambda p: p[:, 0]}, "density must not be given with latin=True"),
         ({"periodic": True, "feasible": lambda p: p[:, 0] > 0}, "must not be given with periodic=True"),
         ({"feasible": lambda p: p[:, 0] > 2}, "feasible must hold for more of the box than 0 of its samples"),
@@ -138,9 +136,9 @@ def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
         design(given.pop("n_points"), given.pop("bounds"), **given)
 
 
-def test_one_point_of_one_dimension_is_in_the_middle_at_every_effort() -> None:
-    for effort in ("fast", "balanced", "best"):
-        assert design(1, 1, effort=effort).points.tolist() == [[0.5]]  # type: ignore[arg-type]
+def test_one_point_is_in_the_middle_at_every_effort() -> None:
+    for n_dims, effort in ((1, "fast"), (1, "balanced"), (1, "best"), (3, "fast")):
+        assert design(1, n_dims, effort=effort).points.tolist() == [[0.5] * n_dims]  # type: ignore[arg-type]
 
 
 def test_points_that_exist_may_be_repeated() -> None:

@@ -101,10 +101,3 @@ def test_designs_for_a_criterion_are_latin_and_better_by_it_than_others(criterio
             assert ours < theirs
     again = design(20, 3, criterion=criterion, existing=old, effort="fast").unit_points
     assert (again == of[criterion]).all()
-
-
-def test_a_criterion_needs_latin_points() -> None:
-    with pytest.raises(ValueError, match="criterion='maximin' must not be given with latin=False"):
-        design(9, 2, criterion="maximin", latin=False)
-    with pytest.raises(ValueError, match="criterion='best' must be one of"):
-        design(9, 2, criterion="best")  # type: ignore[arg-type]

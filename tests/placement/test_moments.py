@@ -16,13 +16,13 @@ from cvtimg._shared import threads
 from cvtimg.placement import PixelMoments, pixel_labels
 
 
-def squared_distances(places: NDArray[Any], points: NDArray[Any], weights: NDArray[Any] | None) -> NDArray[Any]:
-    return ((places[:, None] - points) ** 2).sum(axis=2) - (0 if weights is None else weights)
+def squared_distances(places: NDArray[Any], points: NDArray[Any]) -> NDArray[Any]:
+    return ((places[:, None] - points) ** 2).sum(axis=2)
 
 
-def exact_row(density: NDArray[Any], points: NDArray[Any], weights: NDArray[Any] | None, y: float) -> NDArray[Any]:
+def exact_row(density: NDArray[Any], points: NDArray[Any], y: float) -> NDArray[Any]:
     """Sum mass, x and y over the cells of one row, cut at every bisector: the plain way."""
-    lifted = (points[:, 0] ** 2) + (points[:, 1] - y) ** 2 - (0 if weights is None else weights)
+    lifted = (points[:, 0] ** 2) + (points[:, 1] - y) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         cuts = (lifted[:, None] - lifted) / (2 * (points[:, None, 0] - points[:, 0]))
     ends = np.concatenate([np.arange(len(density) + 1.0), cuts[np.isfinite(cuts)]])
@@ -30,22 +30,19 @@ def exact_row(density: NDArray[Any], points: NDArray[Any], weights: NDArray[Any]
     sums = np.zeros((len(points), 3))
     for start, stop in pairwise(ends):
         middle = np.array([[(start + stop) / 2, y]])
-        own = squared_distances(middle, points, weights)[0].argmin()
+        own = squared_distances(middle, points)[0].argmin()
         mass = density[int(middle[0, 0])] * (stop - start)
         sums[own] += mass, mass * middle[0, 0], mass * y
     return sums
 
 
-@given(st.tuples(st.integers(1, 12), st.integers(1, 12)), st.integers(1, 15), st.booleans(), st.integers(0, 2**32 - 1))
-def test_moments_are_those_of_cells_cut_at_every_bisector(
-    shape: tuple[int, int], n: int, weighted: bool, seed: int
-) -> None:
+@given(st.tuples(st.integers(1, 12), st.integers(1, 12)), st.integers(1, 15), st.integers(0, 2**32 - 1))
+def test_moments_are_those_of_cells_cut_at_every_bisector(shape: tuple[int, int], n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     density = rng.random(shape).astype(np.float32) * (rng.random(shape) < 0.7) + np.float32(1e-3)
     points = (rng.random((n, 2)) * 1.4 - 0.2) * shape[::-1]
-    weights = rng.random(n) * 9 if weighted else None
-    moments = PixelMoments(density)(points, weights=weights)
-    sums = sum(exact_row(row.astype(np.float64), points, weights, y + 0.5) for y, row in enumerate(density))
+    moments = PixelMoments(density)(points)
+    sums = sum(exact_row(row.astype(np.float64), points, y + 0.5) for y, row in enumerate(density))
     np.testing.assert_allclose(moments.masses, sums[:, 0], atol=1e-9)
     np.testing.assert_allclose(moments.masses[:, None] * moments.centroids, sums[:, 1:], atol=1e-8)
 
@@ -65,21 +62,12 @@ def test_labels_are_those_of_a_tree(n: int, crowded: bool) -> None:
     np.testing.assert_allclose(found, nearest, atol=1e-9)
 
 
-def test_labels_of_power_cells() -> None:
-    rng = np.random.default_rng(0)
-    points, weights = rng.random((300, 2)) * [90, 70], rng.random(300) * 40
-    y, x = np.mgrid[:70, :90] + 0.5
-    centers = np.stack([x.ravel(), y.ravel()], axis=1)
-    expected = squared_distances(centers, points, weights).argmin(axis=1)
-    assert (pixel_labels((70, 90), points, weights=weights).ravel() == expected).all()
-
-
 def test_energy_is_that_of_a_fine_sum() -> None:
     rng = np.random.default_rng(0)
     density, points = rng.random((20, 30)).astype(np.float32), rng.random((25, 2)) * [30, 20]
     fine = 64
     y, x = np.meshgrid(np.arange(20) + 0.5, (np.arange(30 * fine) + 0.5) / fine, indexing="ij")
-    distances = squared_distances(np.stack([x.ravel(), y.ravel()], axis=1), points, None).min(axis=1)
+    distances = squared_distances(np.stack([x.ravel(), y.ravel()], axis=1), points).min(axis=1)
     weights = np.repeat(density, fine, axis=1).ravel().astype(np.float64) / fine
     # In y the pass counts middle lines of rows, and adds what a pixel spreads about its own.
     assert PixelMoments(density)(points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
@@ -141,5 +129,3 @@ def test_a_density_is_checked_by_name() -> None:
         PixelMoments([1, 2, 3])
     with pytest.raises(ValueError, match=r"points of shape \(1, 3\) must be \(N, 2\)"):
         PixelMoments([[1]])([[0, 0, 0]])
-    with pytest.raises(ValueError, match=r"weights of shape \(2,\) must be \(1,\)"):
-        PixelMoments([[1]])([[0, 0]], weights=[1, 2])

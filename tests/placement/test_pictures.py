@@ -107,15 +107,6 @@ def test_tiny_pictures(shape: tuple[int, int]) -> None:
     assert (placement.masses > 0).all()
 
 
-def test_arguments_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"n_generators=0 must be in 1"):
-        place_in_picture(np.ones((3, 3)), 0)
-    with pytest.raises(ValueError, match=r"fixed must have fewer than n_generators=2, not 2"):
-        place_in_picture(np.ones((3, 3)), 2, fixed=[[0, 0], [1, 1]])
-    with pytest.raises(ValueError, match=r"method='newton' must be one of l-bfgs"):
-        place_in_picture(np.ones((3, 3)), 2, method="newton")
-
-
 @pytest.mark.parametrize("n", [1, 2, 5, 60])
 def test_no_generator_is_in_the_gap_of_a_ring(n: int) -> None:
     y, x = np.mgrid[:60, :60] - 29.5

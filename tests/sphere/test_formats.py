@@ -13,15 +13,13 @@ from scipy.io import netcdf_file
 from scipy.sparse import coo_array
 from scipy.spatial import ConvexHull, SphericalVoronoi
 
+from cvtimg import sphere_grid
 from cvtimg.sphere import SphereGrid, triangulate
 from cvtimg.sphere.formats import GRID_FORMATS, GridContent, write_grid
+from cvtimg.sphere.triangulation import unit
 
 N = 600
 EARTH = 6371229.0
-
-
-def unit(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(places / np.linalg.norm(places, axis=-1, keepdims=True))
 
 
 def hull(points: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -186,7 +184,7 @@ def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str
         center = mpas["Vertex"][vertex]
         assert np.ptp(corners @ center) < 1e-14
         for k, corner in enumerate(corners):
-            after, before = (unit(corner + corners[(k + step) % 3]) for step in (1, 2))
+            after, before = (unit((corner + corners[(k + step) % 3])[None])[0] for step in (1, 2))
             kite = lhuilier(corner, after, center) + lhuilier(corner, center, before)
             assert mpas["kiteAreasOnVertex"][vertex, k] == pytest.approx(kite, rel=1e-7, abs=1e-12)
 
@@ -245,28 +243,12 @@ def test_weights_let_a_flow_without_sources_have_none_on_triangles(mpas: dict[st
     assert np.abs(out).max() < 1e-12 * np.abs(flux).max()
 
 
-def icosahedral(n_bisections: int) -> NDArray[np.float64]:
-    """Nearly regular cells, by bisection and Lloyd's method."""
-    golden = (1 + 5**0.5) / 2
-    corners = [(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
-    points = unit(np.array([np.roll(corner, shift) for corner in corners for shift in range(3)], float))
-    for _ in range(n_bisections):
-        triangles = hull(points)
-        edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-        points = np.concatenate([points, unit(points[edges].sum(axis=1))])
-    for _ in range(40):
-        a, b, c = (points[corner] for corner in hull(points).T)
-        pulls = (a + b + c) * np.linalg.norm(np.cross(b - a, c - a), axis=1)[:, None]
-        points = unit(np.stack([np.bincount(hull(points).ravel(), np.repeat(x, 3)) for x in pulls.T], axis=1))
-    return points
-
-
 @pytest.mark.slow
 def test_weights_reproduce_a_solid_rotation_the_better_the_finer_the_grid() -> None:
     from cvtimg.sphere.formats.geometry import connect, measure, tangential_weights
 
     errors = []
-    for points in (icosahedral(2), icosahedral(3)):
+    for points in (sphere_grid(162).points, sphere_grid(642).points):
         around = connect(hull(points), len(points))
         geometry = measure(points, around)
         edges, weights = tangential_weights(around, geometry)

@@ -14,7 +14,7 @@ from cvtimg._shared.threads import limit_threads, n_threads
 from cvtimg.sphere import Refinement, SphereGrid
 from cvtimg.sphere.densities import fibonacci, from_degrees
 from cvtimg.sphere.geodesic import Lattice, nearest_twelve
-from cvtimg.sphere.starts import STARTS, bisected, drawn, icosahedron, in_order
+from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 Points = NDArray[np.float64]
@@ -119,36 +119,11 @@ def test_a_picture_that_is_black_somewhere_gives_a_grid_without_obtuse_triangles
     assert grid.measures().n_obtuse == 0
 
 
-def test_fixed_points_keep_their_bits() -> None:
-    fixed = unit(np.random.default_rng(5).normal(size=(20, 3)))
-    grid = sphere_grid(600, fixed=fixed)
-    assert (grid.points[:20] == fixed).all()
-    assert grid.fixed.tolist() == [True] * 20 + [False] * 580
-    assert_is_a_grid(grid, 600)
-    assert grid.areas.max() < 3 * grid.areas.min()
-    centers = unit(SphereTriangulation(grid.points).uniform_moments())
-    offsets = np.linalg.norm(centers - grid.points, axis=1) / np.sqrt(grid.areas)
-    assert np.sqrt((offsets[20:] ** 2).mean()) == pytest.approx(grid.offset, rel=0.01)
-
-
-@pytest.mark.parametrize("start", STARTS)
-def test_every_start_leads_to_a_grid(start: str) -> None:
-    grid = sphere_grid(162, start=start)
-    assert_is_a_grid(grid, 162)
-    assert grid.offset < 0.03
-
-
 def test_given_points_keep_their_numbers() -> None:
     start = fibonacci(300)
     grid = sphere_grid(300, start=start, polish=False)
     assert np.linalg.norm(grid.points - start, axis=1).max() < 3 * np.sqrt(4 * np.pi / 300)
     assert grid.energy < sphere_grid(300, start=grid.points, effort="fast", polish=False).energy * 1.001
-
-
-def test_levels_lower_the_energy() -> None:
-    density = Refinement(0, 0, 30, 4)
-    by_levels, at_once = (sphere_grid(6000, density=density, effort="fast", levels=n).energy for n in (None, 1))
-    assert by_levels < at_once
 
 
 def test_results_have_the_same_bits_at_any_number_of_threads() -> None:
@@ -169,7 +144,7 @@ def test_the_callback_sees_falling_energies_and_stops() -> None:
         energies.append(energy)
         return step == 4
 
-    sphere_grid(500, start="random", callback=callback)
+    sphere_grid(500, start=fibonacci(500), callback=callback)
     assert len(energies) == 5
     assert energies[-1] < energies[0]
 
@@ -201,24 +176,13 @@ def test_draws_follow_the_root_of_the_density() -> None:
         ({"n": 100, "density": lambda x: 0 * x[:, 0]}, "density must not be 0 everywhere"),
         ({"n": 100, "density": lambda x: np.nan * x[:, 0]}, r"density at .*=nan must be finite"),
         ({"n": 100, "density": np.full((4, 8), np.nan)}, "density must be finite"),
-        ({"n": 100, "fixed": [[0, 0, 2]]}, r"\|fixed\[0\]\|=2.0 must be 1"),
-        ({"n": 100, "fixed": [[0, 0, 1], [0, 0, 1]]}, "must be at least 1e-07 apart"),
-        ({"n": 100, "start": "icosahedron"}, "n=100 must be 12, 42, 162"),
         ({"n": 100, "start": np.eye(3)}, r"start of shape \(3, 3\) must be \(100, 3\)"),
-        ({"n": 100, "start": "random", "levels": 2}, "takes no levels"),
-        ({"n": 100, "levels": 0}, "levels=0 must be an integer >= 1"),
         ({"n": 100, "effort": "most"}, "effort='most' must be one of"),
     ],
 )
 def test_bad_input_is_one_clear_error(given: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         sphere_grid(**given)
-
-
-def test_refinements_refuse_what_is_no_cap() -> None:
-    for wrong in ({"lat": 91}, {"radius": 0}, {"ratio": 0.5}, {"width": -1}):
-        with pytest.raises(ValueError, match=next(iter(wrong))):
-            Refinement(**{"lon": 0, "lat": 0, "radius": 10, "ratio": 2, **wrong})
 
 
 @pytest.mark.parametrize("factor", [1e-300, 1e300])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
-from cvtimg.sphere import Cap, SphereGrid, nested_grid
+from cvtimg.sphere import Cap, Refinement, SphereGrid, nested_grid
 
 PARENT = sphere_grid(2562)
 
@@ -116,7 +117,11 @@ def test_points_that_are_no_parent_are_refused(parent: NDArray[np.float64], mess
         nested_grid(parent, 10, within=Cap(0, 0, 20))
 
 
-@pytest.mark.parametrize("wrong", [{"lat": 100}, {"radius": 180}, {"lon": 400}])
-def test_caps_refuse_what_is_no_place(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        Cap(**{"lon": 0, "lat": 0, "radius": 10, **wrong})
+@pytest.mark.parametrize(
+    "wrong", [{"lat": 100}, {"radius": 180.1}, {"lon": 400}, {"radius": 0}, {"ratio": 0.5}, {"width": -1}]
+)
+def test_caps_and_refinements_refuse_what_is_no_place(wrong: dict[str, float]) -> None:
+    for part in (Cap, partial(Refinement, ratio=2)):
+        if part is not Cap or not {"ratio", "width"} & set(wrong):
+            with pytest.raises(ValueError, match=next(iter(wrong))):
+                part(**{"lon": 0, "lat": 0, "radius": 10, **wrong})

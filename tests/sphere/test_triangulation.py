@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, SphericalVoronoi
 
-from cvtimg._shared.threads import limit_threads, n_threads
 from cvtimg.sphere import triangulate
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
@@ -150,13 +149,6 @@ def test_areas_and_cells_agree_with_scipy() -> None:
         assert (turn > 0).all()
 
 
-def test_moments_agree_with_samples() -> None:
-    points, places = random_points(12, 3), random_points(400_000, 4)
-    owners = (places @ points.T).argmax(axis=1)
-    sampled = np.stack([np.bincount(owners, places[:, k], 12) for k in range(3)], axis=1) * 4 * np.pi / len(places)
-    assert SphereTriangulation(points).uniform_moments() == pytest.approx(sampled, abs=0.02)
-
-
 @pytest.mark.parametrize("width", [0.01, 0.3, 1.0])
 def test_moments_of_points_on_one_side_agree_with_their_cells(width: float) -> None:
     points = unit(np.array([0.0, 0.0, 1.0]) + width * np.random.default_rng(7).normal(size=(40, 3)))
@@ -190,15 +182,3 @@ def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
     exact = 3 * mesh.uniform_moments()
     assert np.abs(unit(moments) - unit(exact)).max() < 1e-6
     assert energies.sum() == pytest.approx(24 * np.pi - 2 * np.einsum("ij,ij", exact, mesh.points), rel=1e-3)
-
-
-def test_results_do_not_depend_on_threads() -> None:
-    points = random_points(30_000)
-    before, results = n_threads(), []
-    for threads in (1, 3):
-        limit_threads(threads)
-        mesh = SphereTriangulation(points)
-        results.append((mesh.triangles, mesh.uniform_moments(), mesh.areas()))
-    limit_threads(before)
-    for one, other in zip(*results, strict=True):
-        assert (one == other).all()
