@@ -18,7 +18,7 @@ from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import read_image
 
-__all__ = ["MOST_COLORS", "Count", "Counter", "add_counts", "add_samples", "count_picture", "in_fixed_order"]
+__all__ = ["MOST_COLORS", "Count", "Counter", "add_counts", "add_samples", "coarser", "count_picture", "in_fixed_order"]
 
 #: Beyond this many distinct colors neighbors are merged: the engine needs about 200 bytes for each.
 MOST_COLORS = 1 << 22
@@ -55,7 +55,7 @@ def add_counts(counts: Iterable[Count], most: int | None = None) -> Count:
         n_distinct = max(total.n_distinct, count.n_distinct, samples.n_colors if samples else 0)
         total = Count(samples, total.exact and count.exact, n_distinct)
         if samples and samples.n_colors > most:
-            total = Count(_coarser(samples, most), False, n_distinct)
+            total = Count(coarser(samples, most), False, n_distinct)
     return total
 
 
@@ -130,8 +130,10 @@ def in_fixed_order(samples: ColorSamples) -> ColorSamples:
     return merge_samples([in_order]) if samples.in_order else in_order
 
 
-def _coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
+def coarser(samples: ColorSamples, n_most: int) -> ColorSamples:
     """Merge neighbors along a space-filling curve to at most this many colors, rounded to the type of the image."""
+    if samples.n_colors <= n_most:
+        return samples
     colors, density = samples.colors, samples.density
     if not samples.in_order:
         order = along_curve(colors[:, :MAX_ORDERED_DIMS])

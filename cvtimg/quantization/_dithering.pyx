@@ -8,6 +8,8 @@ from libc.math cimport sqrtf
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.string cimport memcpy, memset
 
+import numpy as np
+
 DIMS = WIDTH
 
 cdef enum:
@@ -75,89 +77,51 @@ cdef Py_ssize_t near_a_box(
     return n_near
 
 
-cdef struct Form:  # of a grid
-    float low[WIDTH]      # its lowest corner
-    float sides[WIDTH]    # of a cell
-    float outside[WIDTH]  # how much farther out the outermost cells reach
-    Py_ssize_t n_cells[WIDTH]
-
-
-cdef inline Box box_of(const Form *form, const Py_ssize_t *first, const int32_t *n_cells) noexcept nogil:
-    """Some cells of a grid, a little larger: rounding may put a place into a neighbor of its cell."""
-    cdef Box box
-    cdef Py_ssize_t d
-    for d in range(WIDTH):
-        box.low[d] = form.low[d] + (first[d] - <float>0.01) * form.sides[d]
-        box.high[d] = form.low[d] + (first[d] + n_cells[d] + <float>0.01) * form.sides[d]
-        if first[d] == 0:
-            box.low[d] -= form.outside[d]
-        if first[d] + n_cells[d] == form.n_cells[d]:
-            box.high[d] += form.outside[d]
-    return box
-
-
-def list_candidates(
-    const float[:, ::1] palette,    # IN (K, 4)
-    const uint16_t[::1] names,      # IN (N,): the entries to choose from, in ascending order
-    const float[:, ::1] form,       # IN (3, 4): lowest corner, sides of a cell, how much farther the outermost reach
-    const int32_t[::1] n_blocks,    # IN (4,): number of blocks of cells in each direction
-    const int32_t[::1] n_in_block,  # IN (4,): number of cells of a block in each direction
-    uint16_t[:, ::1] scratch,       # OUT (2, N)
-    int32_t[:, ::1] bounds,         # OUT (n_cells, 2): first and last + 1 of each cell's candidates
-    uint16_t[::1] candidates,       # OUT (room,): entries that are nearest to some place in a cell
-    Py_ssize_t first,               # IN: where to begin
-):
-    """List the candidates of each cell of a grid; return where the list ends, possibly beyond the available room."""
-    cdef Py_ssize_t n_all = n_blocks[0] * n_blocks[1] * n_blocks[2] * n_blocks[3]
-    cdef Py_ssize_t per_block = n_in_block[0] * n_in_block[1] * n_in_block[2] * n_in_block[3]
-    cdef Py_ssize_t b, c, d, i, rest, n_block, n_cell, number, at = first
-    cdef Py_ssize_t corner[WIDTH]
-    cdef Py_ssize_t place[WIDTH]
-    cdef int32_t single[WIDTH]
-    cdef uint16_t *in_block = &scratch[0, 0]
-    cdef uint16_t *in_cell = &scratch[1, 0]
-    cdef Box box
-    cdef Form grid
-    for d in range(WIDTH):
-        single[d] = 1
-        grid.low[d], grid.sides[d], grid.outside[d] = form[0, d], form[1, d], form[2, d]
-        grid.n_cells[d] = n_blocks[d] * n_in_block[d]
-    with nogil:
-        for b in range(n_all):
-            rest = b
-            for d in range(WIDTH - 1, -1, -1):
-                corner[d] = rest % n_blocks[d] * n_in_block[d]
-                rest = rest // n_blocks[d]
-            box = box_of(&grid, corner, &n_in_block[0])
-            n_block = near_a_box(&box, &palette[0, 0], &names[0], names.shape[0], in_block)
-            for c in range(per_block):
-                rest = c
-                for d in range(WIDTH - 1, -1, -1):
-                    place[d] = corner[d] + rest % n_in_block[d]
-                    rest = rest // n_in_block[d]
-                number = 0
-                for d in range(WIDTH):
-                    number = number * grid.n_cells[d] + place[d]
-                box = box_of(&grid, place, single)
-                n_cell = near_a_box(&box, &palette[0, 0], in_block, n_block, in_cell)
-                bounds[number, 0] = <int32_t>at
-                for i in range(n_cell):
-                    if at + i < candidates.shape[0]:
-                        candidates[at + i] = in_cell[i]
-                at += n_cell
-                bounds[number, 1] = <int32_t>at
-    return at
-
-
-cdef struct Cells:
+cdef struct Cells:  # of a grid
     const float *palette
-    const int32_t *bounds
-    const uint16_t *candidates
-    float low[WIDTH]
-    float per_unit[WIDTH]
-    int32_t strides[WIDTH]
-    int32_t last[WIDTH]
-    int32_t n_cells
+    int32_t *bounds         # (n_kinds, n_all, 2): first and last + 1 of the candidates of each cell
+    uint16_t *candidates    # entries that are nearest to some place in a cell
+    Py_ssize_t room, n_all  # for candidates; number of cells
+    float low[WIDTH]        # lowest corner
+    float sides[WIDTH]      # of a cell
+    float per_unit[WIDTH]   # cells
+    float outside[WIDTH]    # how much farther out the outermost cells reach
+    int32_t n_cells[WIDTH]  # in each direction
+    int32_t strides[WIDTH]  # steps from a cell to the next in each direction
+
+
+cdef Py_ssize_t list_candidates(
+    const Cells *grid, const int32_t *first, const int32_t *n_cells, const uint16_t *names, Py_ssize_t n_names,
+    uint16_t *near, int32_t *bounds, Py_ssize_t at,
+) noexcept nogil:
+    """List the candidates of a box of cells, half by half; return where the list ends, possibly beyond its room."""
+    cdef Box box
+    cdef int32_t middle[WIDTH]
+    cdef int32_t half[WIDTH]
+    cdef int32_t rest[WIDTH]
+    cdef Py_ssize_t cell = 0, widest = 0, d, i, n_near
+    for d in range(WIDTH):
+        # A little larger: rounding may put a place into a neighbor of its cell.
+        box.low[d] = grid.low[d] + (first[d] - <float>0.03) * grid.sides[d]
+        box.high[d] = grid.low[d] + (first[d] + n_cells[d] + <float>0.03) * grid.sides[d]
+        if first[d] == 0:
+            box.low[d] -= grid.outside[d]
+        if first[d] + n_cells[d] == grid.n_cells[d]:
+            box.high[d] += grid.outside[d]
+        cell += first[d] * grid.strides[d]
+        widest = d if n_cells[d] > n_cells[widest] else widest
+        middle[d], half[d], rest[d] = first[d], n_cells[d], n_cells[d]
+    n_near = near_a_box(&box, grid.palette, names, n_names, near)
+    if n_cells[widest] > 1:
+        half[widest] = n_cells[widest] // 2
+        middle[widest] += half[widest]
+        rest[widest] -= half[widest]
+        at = list_candidates(grid, first, half, near, n_near, near + n_near, bounds, at)
+        return list_candidates(grid, middle, rest, near, n_near, near + n_near, bounds, at)
+    for i in range(min(n_near, grid.room - at)):
+        grid.candidates[at + i] = near[i]
+    bounds[2 * cell], bounds[2 * cell + 1] = <int32_t>at, <int32_t>(at + n_near)
+    return at + n_near
 
 
 cdef class Grid:
@@ -168,32 +132,45 @@ cdef class Grid:
 
     def __init__(
         self,
-        const float[:, ::1] palette,      # (K, 4)
-        const float[::1] low,             # (4,): lowest corner
-        const float[::1] per_unit,        # (4,): cells
-        const int32_t[::1] strides,       # (4,): steps from a cell to the next in each direction
-        const int32_t[::1] last,          # (4,): index of the last cell in each direction
-        const int32_t[:, :, ::1] bounds,  # (n_kinds, n_cells, 2): first and last + 1 of the candidates of each cell
-        const uint16_t[::1] candidates,
+        const float[:, ::1] palette,  # (K, 4)
+        const uint8_t[:, ::1] allowed,  # (n_kinds, K): whether a kind of color may take an entry
+        const float[:, ::1] form,     # (3, 4): lowest corner, sides of a cell, how much farther the outermost reach
+        const int32_t[::1] n_cells,   # (4,): in each direction
     ):
-        cdef Cells cells
+        cdef Py_ssize_t kind, at = 0, d
+        cdef int32_t[:, :, ::1] bounds
+        cdef uint16_t[::1] candidates, names, scratch
+        cdef int32_t[WIDTH] origin = [0, 0, 0, 0]
+        self.cells.palette, self.cells.n_all, self.cells.room = &palette[0, 0], 1, 0
+        for d in range(WIDTH - 1, -1, -1):
+            self.cells.low[d], self.cells.sides[d], self.cells.outside[d] = form[0, d], form[1, d], form[2, d]
+            self.cells.per_unit[d] = 1 / form[1, d] if form[1, d] > 0 else 0
+            self.cells.n_cells[d], self.cells.strides[d] = n_cells[d], <int32_t>self.cells.n_all
+            self.cells.n_all *= n_cells[d]
+        bounds = np.empty((len(allowed), self.cells.n_all, 2), np.int32)
+        # The boxes of cells that one cell is in, each with its near entries.
+        scratch = np.empty((2 + WIDTH + int(self.cells.n_all).bit_length()) * len(palette), np.uint16)
+        while at >= self.cells.room:  # once, and again if there was too little room
+            self.cells.room = max(4 * bounds.size, at + 1)
+            candidates = np.empty(self.cells.room, np.uint16)
+            self.cells.candidates, at = &candidates[0], 0
+            for kind in range(len(allowed)):
+                names = np.flatnonzero(allowed[kind]).astype(np.uint16)
+                at = list_candidates(
+                    &self.cells, origin, self.cells.n_cells, &names[0], len(names), &scratch[0], &bounds[kind, 0, 0], at
+                )  # fmt: skip
+        self.cells.bounds = &bounds[0, 0, 0]
         self.arrays = palette, bounds, candidates
-        cells.palette, cells.bounds, cells.candidates = &palette[0, 0], &bounds[0, 0, 0], &candidates[0]
-        for d in range(WIDTH):
-            cells.low[d], cells.per_unit[d] = low[d], per_unit[d]
-            cells.strides[d], cells.last[d] = strides[d], last[d]
-        cells.n_cells = <int32_t>bounds.shape[1]
-        self.cells = cells
 
 
 cdef inline Py_ssize_t look_up(const Cells *grid, const float *place, Py_ssize_t kind) noexcept nogil:
     """The nearest entry that a kind of color may take, the first on a tie, for a place in reach of the grid."""
-    cdef Py_ssize_t cell = kind * grid.n_cells, d
+    cdef Py_ssize_t cell = kind * grid.n_all, d
     cdef int32_t at
     cdef const int32_t *bounds
     for d in range(WIDTH):
         at = <int32_t>((place[d] - grid.low[d]) * grid.per_unit[d])
-        cell += max(0, min(at, grid.last[d])) * grid.strides[d]
+        cell += max(0, min(at, grid.n_cells[d] - 1)) * grid.strides[d]
     bounds = grid.bounds + 2 * cell
     return nearest(place, grid.palette, grid.candidates + bounds[0], bounds[1] - bounds[0])
 
@@ -217,13 +194,14 @@ def diffuse(
     const float[::1] strengths,       # IN (n_kinds,): fraction of its error that a kind of color hands on
     float most,                       # IN: longest error handed on
     const uint8_t[:, ::1] clean,      # IN (H, W): pixels that get their own nearest entry, and hand on nothing
-    float[:, :, ::1] rows,            # INOUT (2, W + 2, 4): 0; errors handed to this row and the next, from column 1
-    uint8_t[::1] row_kinds,           # OUT (W,): scratch
     int32_t[:, ::1] labels,           # OUT (H, W)
 ):
     """Give each pixel the nearest entry, and hand the error to its neighbors, in alternating directions row by row."""
     cdef Cells grid = finder.cells
     cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, step, i, d, label
+    # Errors handed to this row and the next, from column 1.
+    cdef float[:, :, ::1] rows = np.zeros((2, width + 2, WIDTH), np.float32)
+    cdef uint8_t[::1] row_kinds = np.empty(width, np.uint8)
     cdef float place[WIDTH]
     cdef float ahead[WIDTH]
     cdef float missed[WIDTH]

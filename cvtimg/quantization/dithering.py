@@ -31,7 +31,6 @@ class _Cells:
 
     per_entry: int = 64
     most: int = 1 << 18
-    side: int = 4  # cells on a side of a block, whose candidates are found together
 
 
 _CELLS = _Cells()
@@ -47,30 +46,10 @@ def nearest_grid(
     margin = np.where(varies, np.float32(1.01 * near) + np.float32(1e-5) * high.max(), np.float32(0))
     outside = np.where(varies, np.float32(1.01 * (far - near)), np.float32(0))
     low, size = low - margin, high - low + 2 * margin
-    n_blocks = np.where(varies, _blocks_per_side(len(palette), int(varies.sum())), 1).astype(np.int32)
-    n_in_block = np.where(varies, _CELLS.side, 1).astype(np.int32)
-    n_cells = n_blocks * n_in_block
+    n_in_all = min(_CELLS.per_entry * len(palette), _CELLS.most)
+    n_cells = np.where(varies, int(n_in_all ** (1 / max(int(varies.sum()), 1))), 1).astype(np.int32)
     form = np.stack([low, size / n_cells, outside]).astype(np.float32)
-    per_unit = np.divide(n_cells.astype(np.float32), size, out=np.zeros_like(size), where=size > 0)
-    strides = np.append(np.cumprod(n_cells[:0:-1])[::-1], 1).astype(np.int32)
-    bounds = np.empty((len(allowed), int(n_cells.prod()), 2), np.int32)
-    scratch = np.empty((2, len(palette)), np.uint16)
-    entries = [np.flatnonzero(may_take).astype(np.uint16) for may_take in allowed]
-    room = 4 * bounds.size
-    while True:  # once, and again if there was too little room
-        candidates, end = np.empty(room, np.uint16), 0
-        for names, of_kind in zip(entries, bounds, strict=True):
-            end = _dithering.list_candidates(
-                palette, names, form, n_blocks, n_in_block, scratch, of_kind, candidates, end
-            )  # fmt: skip
-        if end <= room:
-            return _dithering.Grid(palette, low, per_unit, strides, n_cells - np.int32(1), bounds, candidates)
-        room = end
-
-
-def _blocks_per_side(n_entries: int, n_dims: int) -> int:
-    n_cells = min(_CELLS.per_entry * n_entries, _CELLS.most)
-    return max(int(n_cells ** (1 / max(n_dims, 1))) // _CELLS.side, 1)
+    return _dithering.Grid(palette, allowed.view(np.uint8), form, n_cells)
 
 
 # --- methods
@@ -196,20 +175,9 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
 
 def _diffuse(job: Job, clean: NDArray[np.bool_]) -> NDArray[np.int32]:
     labels = np.empty(job.inverse.shape, np.int32)
-    width = job.inverse.shape[1]
-    rows, row_kinds = np.zeros((2, width + 2, MAX_DIMS), np.float32), np.empty(width, np.uint8)
     _dithering.diffuse(
-        job.places,
-        job.kinds,
-        job.inverse,
-        job.grid,
-        job.strengths,
-        job.longest,
-        clean.view(np.uint8),
-        rows,
-        row_kinds,
-        labels,
-    )
+        job.places, job.kinds, job.inverse, job.grid, job.strengths, job.longest, clean.view(np.uint8), labels
+    )  # fmt: skip
     return labels
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -187,10 +187,8 @@ def quantize_file(
         if stack.header and stack.header.mode == "P" and how.palette is None:
             kept = work.kept(read_palette(source), how)
     else:
-        keeps_nodata, how = (
-            reading.nodata is None and stack.nodata is not None,
-            _at_depth(how, stack.content.images[0].dtype),
-        )
+        keeps_nodata = reading.nodata is None and stack.nodata is not None
+        how = _at_depth(how, stack.content.images[0].dtype)
         work = SeriesSource(stack.content, how, None, masks, metadata, keeps_nodata=keeps_nodata)
         how = work.how
     lap("read")
@@ -205,22 +203,11 @@ def quantize_file(
 
 def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Reading, writing: Writing) -> None:
     """Refuse what files of a kind cannot have, and targets that cannot hold them."""
-    given = {
-        "psnr": how.psnr is not None,
-        "max_bytes": how.max_bytes is not None,
-        "weights": reading.weights is not None,
-        "n_colors='auto'": how.n_colors == "auto",
-        "quality": how.quality is not None,
-        "goal='eyes'": how.goal == "eyes",
-        "dither": how.dither is not None,
-        "ramp": how.ramp,
-        "depth": reading.depth is not None,
-        "depth='16'": reading.depth == "16",
-        "keep_metadata": writing.keep_metadata,
-        "optimize": writing.optimize,
-    }
+    values = [(field.name, getattr(one, field.name)) for one in (how, reading, writing) for field in fields(one)]
+    given = {name for name, value in values if value is not None and value is not False}
+    given |= {f"{name}={value!r}" for name, value in values if isinstance(value, str)}
     options, reason = _UNFIT[stack.kind]
-    for option in (option for option in options if given[option]):
+    for option in (option for option in options if option in given):
         raise UnfitOptionError(option, reason)
     if stack.kind == "tiles":
         check_choice(f"{target}: suffix", how.suffix, TILED_SUFFIXES)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_channels, check_in_range, refuse_type
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.iteration import Stopping, iterate
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.colors.places import from_places, kinds_of, to_places, widen_samples
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_space
@@ -105,10 +106,10 @@ def hardware_colors(
 
     def step() -> float | None:
         nonlocal colors, labels, error
-        masses = np.bincount(labels, density, len(colors))
+        masses = sum_by_label(labels, density, len(colors))
         free = np.flatnonzero(masses[len(fixed) :] > 0) + len(fixed)
-        sums = [np.bincount(labels, density * column, len(colors))[free] for column in places.T]
-        moved = from_places(np.stack(sums, axis=1) / masses[free, None], space, dtype, alpha)
+        means = per_mass(sum_by_label(labels, places, len(colors), density), masses)[free]
+        moved = from_places(means, space, dtype, alpha)
         if alpha:
             moved[:, -1] = colors[free, -1]
         after = filled(_distinct(fixed, rounded(moved, bits, space)))

@@ -14,8 +14,9 @@ from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg._shared.iteration import Callback, Stopping, iterate
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg.colors.counting import add_samples, count_picture, in_fixed_order
+from cvtimg.colors.counting import add_samples, coarser, count_picture, in_fixed_order
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -260,11 +261,11 @@ def best_of(samples: ColorSamples, palette: ArrayLike, n_colors: int, space: Spa
         return Palette(colors, None, samples.alpha)
     if len(given) > _MOST_PLACES:
         raise ValueError(f"palette must have at most {_MOST_PLACES} colors to choose from, not {len(given)}")
-    places, ends = (to_places(some, space, samples.alpha).astype(float) for some in (samples.colors, colors))
-    places, density = _merged(places, samples.density)
-    errors = density[:, None] * cdist(places, ends, "sqeuclidean")
+    few = coarser(samples.some(samples.density > 0), _MOST_PLACES)
+    places, ends = (to_places(some, space, samples.alpha).astype(float) for some in (few.colors, colors))
+    errors = few.density[:, None] * cdist(places, ends, "sqeuclidean")
     chosen: list[int] = []
-    least = np.full(len(places), np.inf)
+    least = np.full(few.n_colors, np.inf)
     for _ in range(n_colors):
         sums = np.minimum(least[:, None], errors).sum(axis=0)
         sums[chosen] = np.inf
@@ -298,16 +299,6 @@ def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
     return Palette(colors, None, alpha, tones.astype(colors.dtype))
 
 
-def _merged(places: NDArray[Any], density: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the means and masses of places in cubes, as small as keeps these few."""
-    places, density = places[density > 0], density[density > 0]
-    size = np.ptp(places, axis=0).max() / _MOST_PLACES
-    while len(places) > _MOST_PLACES:
-        _, places, density = _in_cubes(places, density, size)
-        size *= 2
-    return places, density
-
-
 def _in_cubes(
     places: NDArray[np.float64], density: NDArray[Any], size: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
@@ -316,9 +307,8 @@ def _in_cubes(
     steps -= steps.min(axis=0)
     numbers = np.ravel_multi_index(tuple(steps.T), tuple(steps.max(axis=0) + 1))
     cubes = np.unique(numbers, return_inverse=True)[1].reshape(-1)
-    masses = np.bincount(cubes, density).astype(np.float64)
-    sums = np.stack([np.bincount(cubes, density * column) for column in places.T], axis=1)
-    return cubes, sums / masses[:, None], masses
+    masses = sum_by_label(cubes, density)
+    return cubes, per_mass(sum_by_label(cubes, places, weights=density), masses), masses
 
 
 def shared_palette(
@@ -449,11 +439,9 @@ def _keep_opaque(
 
     def step() -> float:
         nonlocal labels
-        masses = np.bincount(labels, density, n_generators)
+        masses = sum_by_label(labels, density, n_generators)
         moved = free & (masses > 0)
-        for dim in range(places.shape[1]):
-            sums = np.bincount(labels, density * places[:, dim], n_generators)
-            generators[moved, dim] = sums[moved] / masses[moved]
+        generators[moved] = per_mass(sum_by_label(labels, places, n_generators, density), masses)[moved]
         generators[opaque, -1] = end
         labels = nearest_of_kind(places, kinds[0], generators, ends)
         return energy()
