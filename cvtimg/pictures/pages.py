@@ -30,7 +30,7 @@ from cvtimg.pictures.formats.opening import (
     selected,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import Stack, StoredStack, is_stored, npy_stack, open_stored, place_of
+from cvtimg.pictures.formats.stored import Stack, StoredStack, is_stored, npy_stack, open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -121,11 +121,9 @@ class Pages:
         """Return pages of all channels: the axis C becomes the last axis of each page."""
         if "C" not in self.axes or self.images[0].ndim == 3:
             return self
-        at = self.axes.index("C")
-        values = np.moveaxis(np.stack(self.images).reshape(*self.shape, *self.images[0].shape), at, -1)
-        images = tuple(np.ascontiguousarray(page) for page in values.reshape(-1, *values.shape[-3:]))
-        axes, shape = self.axes[:at] + self.axes[at + 1 :], self.shape[:at] + self.shape[at + 1 :]
-        return replace(self, images=images, axes=axes or "Q", shape=shape or (1,), is_joined=True)
+        pages, groups = self.grouped("C")
+        images = tuple(np.ascontiguousarray(np.stack(group, axis=-1)) for group in groups)
+        return replace(pages, images=images, is_joined=True)
 
     def parted(self) -> Pages:
         """Return pages of a channel each, where they were joined: C becomes the last axis of the stack."""
@@ -172,30 +170,45 @@ def read_pages(path: Source) -> Pages:
     """
     if is_stored(path):
         with named(path):
-            return _chosen(_of_stored(open_stored(path)))
+            return _chosen(open_stored(path))
     with reading(path) as file:
         # One of the frames of an animation is a page.
         if selected().page is not None and (frames := decode_frames(file)) is not None:
-            return _chosen(Pages(frames.images, has_alpha=frames.images[0].shape[2:] == (4,)))
-        return _chosen(_decode(file))
+            images = frames.images
+            return _chosen(_Decoded(images, Stack("Q", (len(images),)), alpha=images[0].shape[2:] == (4,)))
+        return _chosen(npy_stack(file) or _decode_all(file))
 
 
-def _chosen(pages: Pages) -> Pages:
-    """Return the page that is chosen, if one is."""
-    page = selected().page
-    if page is None or page == len(pages.images) == 1:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Decoded:
+    """All pages of a file, beside which a `StoredStack` reads those that are chosen."""
+
+    images: Sequence[NDArray[Any]]
+    stack: Stack
+    kind: str = ""
+    scale: Mapping[str, Any] = field(default_factory=dict)
+    alpha: bool = False
+
+    def pages(self, numbers: Sequence[int]) -> list[NDArray[Any]]:
+        return [self.images[number] for number in numbers]
+
+
+def _chosen(source: _Decoded | StoredStack) -> Pages:
+    """Read the pages that are chosen."""
+    chosen, alpha = selected(), isinstance(source, _Decoded) and source.alpha
+    stack, numbers = source.stack.chosen(chosen)
+    images = source.pages(numbers.tolist())
+    n_bands = images[0].shape[2] if images[0].ndim == 3 else 1
+    names = "RGBA"[:n_bands] if n_bands in (3, 4) else [f"B{band}" for band in range(1, n_bands + 1)]
+    if (band := source.stack.band(chosen, tuple(names))) is not None:
+        images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
+        stack, alpha = replace(stack, channels=stack.channels[band : band + 1]), False
+    kind = source.kind or ("imagej" if chosen.pixel_size else "")
+    scale = chosen.pixel_size.scale(kind) if chosen.pixel_size else source.scale
+    pages = Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, alpha, stack.channels)
+    if chosen.page is None or chosen.page == len(images) == 1:
         return pages
-    return replace(pages, images=(one_page(pages, page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
-
-
-def _of_stored(image: StoredStack) -> Pages:
-    """Read the pages that are chosen of a stack on disk."""
-    chosen = selected()
-    stack, images = image.pages(chosen)
-    size = chosen.pixel_size or image.pixel_size
-    kind = image.kind or ("imagej" if size else "")
-    scale = size.scale(kind) if size else {}
-    return Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, channels=stack.channels)
+    return replace(pages, images=(one_page(pages, chosen.page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 
 
 def write_pages(
@@ -226,35 +239,8 @@ def write_pages(
             raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
 
 
-def _decode(file: BinaryIO) -> Pages:
-    """Read the pages that are chosen; files of other formats are read as one page."""
-    if (stored := npy_stack(file)) is not None:
-        return _of_stored(stored)
-    pages, chosen = _decode_all(file), selected()
-    known = Stack(pages.axes if len(pages.images) > 1 else "", pages.shape if len(pages.images) > 1 else ())
-    stack, numbers = replace(known, channels=pages.channels).chosen(chosen)
-    images = [pages.images[number] for number in numbers.tolist()]
-    if chosen.channel is not None and "C" not in (chosen.axes or known.axes):
-        n_bands = images[0].shape[2] if images[0].ndim == 3 else 1
-        names = stack.channels if len(stack.channels) == n_bands else tuple("RGBA"[:n_bands]) * (n_bands in (3, 4))
-        band = place_of(chosen.channel, n_bands, names, "channel")
-        images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
-        stack = replace(stack, channels=stack.channels[band : band + 1])
-    if chosen.pixel_size is not None:
-        kind = pages.kind or "imagej"
-        pages = replace(pages, kind=kind, scale=chosen.pixel_size.scale(kind))
-    return replace(
-        pages,
-        images=tuple(images),
-        axes=stack.axes or "Q",
-        shape=stack.shape or (1,),
-        channels=stack.channels,
-        has_alpha=pages.has_alpha and chosen.channel is None,
-    )
-
-
-def _decode_all(file: BinaryIO) -> Pages:
-    """Read all pages."""
+def _decode_all(file: BinaryIO) -> _Decoded:
+    """Read all pages; files of other formats than TIFF are read as one."""
     import tifffile
 
     magic = file.read(4)
@@ -262,12 +248,13 @@ def _decode_all(file: BinaryIO) -> Pages:
     if size == 1:
         file.seek(0)
         image = decode(file)
-        one = Pages((np.ascontiguousarray(image),), has_alpha=says_alpha(image))
+        one = _Decoded([np.ascontiguousarray(image)], Stack("", ()), alpha=says_alpha(image))
         if magic.startswith(TIFF_MAGICS):
             file.seek(0)
             # Pillow reads damaged files that tifffile does not.
             with suppress(Exception), tifffile.TiffFile(file) as tiff:
-                return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), channels=stack_of(tiff, 1).channels)
+                stack = Stack("", (), stack_of(tiff, 1).channels)
+                return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), stack=stack)
         return one
     with tifffile.TiffFile(file) as tiff:
         tags, numbers = tiff_tags(tiff), main_pages(file)
@@ -285,8 +272,8 @@ def _decode_all(file: BinaryIO) -> Pages:
         raise UnfitContentError("has pages of different sizes or types")
     if math.prod(stack.shape) != len(images):
         stack = Stack("Q", (len(images),))
-    whole = tuple(np.ascontiguousarray(image) for image in images)
-    return Pages(whole, stack.axes, stack.shape, kind, scale, layout.alpha and whole[0].ndim == 3, stack.channels)
+    whole = [np.ascontiguousarray(image) for image in images]
+    return _Decoded(whole, stack, kind, scale, layout.alpha and whole[0].ndim == 3)
 
 
 def _kind_of(tiff: tifffile.TiffFile) -> str:

@@ -16,7 +16,7 @@ from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import Stack, StoredStack, npy_stack, place_of
+from cvtimg.pictures.formats.stored import Stack, StoredStack, npy_stack
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -110,12 +110,11 @@ def read_stored(image: StoredStack) -> ImageInfo:
 def _chosen(header: ImageInfo) -> ImageInfo:
     """Describe what is chosen."""
     chosen = selected()
-    if chosen.channel is not None and "C" not in (chosen.axes or header.axes):
-        names = header.channels if len(header.channels) == len(header.bands) else header.bands
-        at = place_of(chosen.channel, len(names), names, "channel")
-        bands, channels = header.bands[at : at + 1], header.channels[at : at + 1]
-        header = replace(header, bands=bands, channels=channels, has_alpha=False)
-    stack, numbers = Stack(header.axes[:-2], header.shape, header.channels).chosen(chosen)
+    known = Stack(header.axes[:-2], header.shape, header.channels)
+    if (at := known.band(chosen, header.bands)) is not None:
+        header = replace(header, bands=header.bands[at : at + 1], has_alpha=False)
+        known = replace(known, channels=known.channels[at : at + 1])
+    stack, numbers = known.chosen(chosen)
     return replace(
         header,
         axes=f"{stack.axes}YX",

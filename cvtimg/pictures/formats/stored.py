@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +49,14 @@ class Stack:
             stack = Stack(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
         return stack, numbers.ravel()
 
+    def band(self, by: Selection, bands: tuple[str, ...]) -> int | None:
+        """Return which of the bands of a page is chosen as a channel; None for all of them."""
+        if by.channel is None or "C" in (by.axes or self.axes):
+            return None
+        return place_of(
+            by.channel, len(bands), self.channels if len(self.channels) == len(bands) else bands, _NOUNS["C"]
+        )
+
     def _named(self, axes: str) -> Stack:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
         if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
@@ -74,13 +82,16 @@ class StoredStack:
         """How its pages are arranged."""
         return Stack(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
 
-    def pages(self, by: Selection) -> tuple[Stack, list[NDArray[Any]]]:
-        """Read the pages that are chosen, and return how they are arranged."""
-        stack, numbers = self.stack.chosen(by)
+    @property
+    def scale(self) -> Mapping[str, Any]:
+        """Physical sizes, as in `Pages`."""
+        return self.pixel_size.scale(self.kind) if self.pixel_size else {}
+
+    def pages(self, numbers: Sequence[int]) -> list[NDArray[Any]]:
+        """Read some pages."""
         check_size(len(numbers) * math.prod(self.array.shape[-2:]))
-        places = np.transpose(np.unravel_index(numbers, self.array.shape[:-2])) if self.letters != "YX" else [()]
-        planes = (np.asarray(self.array[tuple(map(int, place))]) for place in places)
-        return stack, [np.ascontiguousarray(as_samples(plane)) for plane in planes]
+        places = [np.unravel_index(number, self.array.shape[:-2]) if self.letters != "YX" else () for number in numbers]
+        return [as_samples(np.asarray(self.array[tuple(map(int, place))])) for place in places]
 
 
 def npy_stack(file: BinaryIO) -> StoredStack | None:
