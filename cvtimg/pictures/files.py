@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
-from cvtimg._shared.messages import one_line
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image as encode_image
 from cvtimg.pictures.formats.encoding import encoder
@@ -25,7 +24,7 @@ from cvtimg.pictures.formats.header import ImageInfo as ImageInfo
 from cvtimg.pictures.formats.header import read_header, read_stored
 from cvtimg.pictures.formats.metadata import Metadata as Metadata
 from cvtimg.pictures.formats.metadata import decode_metadata
-from cvtimg.pictures.formats.opening import Source, named, reading, selected, selecting
+from cvtimg.pictures.formats.opening import Source, named, reading, selected, selecting, writing
 from cvtimg.pictures.formats.stored import is_stored, open_stored
 from cvtimg.pictures.pages import one_page, read_pages
 
@@ -200,20 +199,5 @@ def write_image(
     1
     """
     write = encoder(Path(path).suffix, image, palette, alpha, metadata, optimize)
-    with whole_file(path, overwrite=overwrite) as file:
-        try:
-            write(file)
-        except ModuleNotFoundError:
-            raise
-        except Exception as error:  # encoders raise ValueError, OSError, SystemError and others
-            raise OSError(f"{path}: cannot be written ({one_line(_cause(file, error))})") from error
-
-
-def _cause(file: BinaryIO, error: Exception) -> Exception:
-    """Return why writing failed; encoders hide the system's error, so provoke it again."""
-    try:
-        file.write(bytes(1 << 16))
-        file.flush()
-    except OSError as system:
-        return system
-    return error
+    with writing(path, overwrite=overwrite) as file:
+        write(file)

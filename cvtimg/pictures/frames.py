@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from PIL import ImageFile
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
-from cvtimg._shared.messages import one_line
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading, selected
+from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading, selected, writing
 
 #: Formats with frames; those of other formats are pages.
 ANIMATED = ("GIF", "PNG", "WEBP")
@@ -134,13 +133,8 @@ def write_frames(
     .gif, 4.6 h in a .webp and 18 h in a .png.
     """
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), FRAME_WRITERS)
-    with whole_file(path, overwrite=overwrite) as file:
-        try:
-            file.write(encode_frames(suffix, frames, palettes, metadata))
-        except ValueError:
-            raise
-        except Exception as error:  # encoders raise OSError, SystemError and others
-            raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+    with writing(path, overwrite=overwrite, through=ValueError) as file:
+        file.write(encode_frames(suffix, frames, palettes, metadata))
 
 
 def encode_frames(

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that
-from cvtimg._shared.messages import one_line
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
 from cvtimg.pictures.formats.opening import (
@@ -28,6 +27,7 @@ from cvtimg.pictures.formats.opening import (
     open_picture,
     reading,
     selected,
+    writing,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.stored import Stack, StoredStack, is_stored, npy_stack, open_stored
@@ -232,11 +232,8 @@ def write_pages(
     if palette is not None:
         for image in given.images:
             check_indexed(image, palette)
-    with whole_file(path, overwrite=overwrite) as file:
-        try:
-            _encode(file, given, palette)
-        except Exception as error:  # tifffile raises ValueError, OSError, struct.error and others
-            raise OSError(f"{path}: cannot be written ({one_line(error)})") from error
+    with writing(path, overwrite=overwrite) as file:
+        _encode(file, given, palette)
 
 
 def _decode_all(file: BinaryIO) -> _Decoded:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,16 @@ from PIL import Image, ImageCms
 from cvtimg._shared.extras import needs
 from cvtimg.pictures.formats.opening import UnfitContentError
 
+T = TypeVar("T")
+U = TypeVar("U")
+
 # Relative colorimetric leaves colors within the sRGB gamut unchanged; the perceptual intent shifts all colors to make
 # room for the few outside it. Black point compensation preserves shadow detail with print profiles.
 _INTENT = ImageCms.Intent.RELATIVE_COLORIMETRIC
 _FLAGS = ImageCms.Flags.BLACKPOINTCOMPENSATION
 
 # Errors that littleCMS and Pillow raise for damaged profiles.
-UNREADABLE = (ImageCms.PyCMSError, OSError, ValueError, TypeError)
+_UNREADABLE = (ImageCms.PyCMSError, OSError, ValueError, TypeError)
 
 
 def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
@@ -26,21 +30,12 @@ def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
 
     The image is returned unchanged if the profile is damaged or for another color space.
     """
-    try:
-        return _convert(image, ImageCms.ImageCmsProfile(io.BytesIO(icc)), grey)
-    except UNREADABLE:
-        return image
+    return _of_profile(icc, lambda profile: _convert(image, profile, grey), image)
 
 
 def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
     """Convert uint16 (H, W, 3), or (H, W, 4) with alpha, to sRGB at full depth; otherwise like `apply_profile`."""
-    try:
-        profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
-        if profile.profile.xcolor_space.strip() != "RGB":
-            return values
-        if not _changes_colors(_transform(profile, "RGB", "RGB"), "RGB"):
-            return values
-    except UNREADABLE:
+    if profile_space(icc) != "RGB" or not _of_profile(icc, _changes_rgb, False):
         return values
     try:
         import imagecodecs
@@ -71,21 +66,13 @@ def kept_profile(icc: bytes, mode: str) -> bytes | None:
     bands = "CMYK" if mode == "CMYK" else "RGB"
     if space != bands and not (grey and space == "GRAY"):
         return None
-    try:
-        profile = ImageCms.ImageCmsProfile(io.BytesIO(icc))
-        if space == "RGB" and not _changes_colors(_transform(profile, "RGB", "RGB"), "RGB"):
-            return icc
-    except UNREADABLE:
-        return None
-    return _srgb_profile()
+    changes = _of_profile(icc, _changes_rgb, None) if space == "RGB" else True
+    return None if changes is None else _srgb_profile() if changes else icc
 
 
 def profile_space(icc: bytes) -> str | None:
     """Return the color space of a profile, such as RGB or GRAY; None if it is damaged."""
-    try:
-        return ImageCms.ImageCmsProfile(io.BytesIO(icc)).profile.xcolor_space.strip()
-    except UNREADABLE:
-        return None
+    return _of_profile(icc, lambda profile: profile.profile.xcolor_space.strip(), None)
 
 
 def _srgb_profile() -> bytes:
@@ -99,10 +86,15 @@ def profile_name(icc: bytes | None) -> str | None:
     """Return the description of a profile, or "unreadable" if it is damaged."""
     if not icc:
         return None
+    return _of_profile(icc, lambda profile: ImageCms.getProfileDescription(profile).strip(), "unreadable")
+
+
+def _of_profile(icc: bytes, find: Callable[[ImageCms.ImageCmsProfile], T], otherwise: U) -> T | U:
+    """Return what a function finds in a profile, or `otherwise` if it is damaged."""
     try:
-        return ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(icc))).strip()
-    except UNREADABLE:
-        return "unreadable"
+        return find(ImageCms.ImageCmsProfile(io.BytesIO(icc)))
+    except _UNREADABLE:
+        return otherwise
 
 
 def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) -> Image.Image:
@@ -124,6 +116,10 @@ def _convert(image: Image.Image, profile: ImageCms.ImageCmsProfile, grey: bool) 
 
 def _transform(profile: ImageCms.ImageCmsProfile, source: str, target: str) -> ImageCms.ImageCmsTransform:
     return ImageCms.buildTransform(profile, ImageCms.createProfile("sRGB"), source, target, _INTENT, _FLAGS)
+
+
+def _changes_rgb(profile: ImageCms.ImageCmsProfile) -> bool:
+    return _changes_colors(_transform(profile, "RGB", "RGB"), "RGB")
 
 
 def _changes_colors(transform: ImageCms.ImageCmsTransform, mode: str) -> bool:

@@ -176,15 +176,15 @@ def open_stack(
         return Stack("tiles", bands, None, bands.form.nodata if nodata is None else nodata, mask)
     with pixels_limited(max_pixels):
         header = image_info(path)
-        value = header.nodata if nodata is None else nodata
+        stack = Stack("image", None, header, header.nodata if nodata is None else nodata, mask)
         if frames and header.format in ANIMATED and header.frames > 1:
-            film = read_frames(path)
-            return Stack("frames", film, header, value, mask, known_in_all(film.images, header, mask, nodata, "frame"))
-        if header.has_pages:
-            pages = read_pages(path).joined()
-            return Stack("pages", pages, header, value, mask, known_in_all(pages.images, header, mask, nodata, "page"))
-        image = read_image(path, keep_profile=keep_profile)
-        return Stack("image", image, header, value, mask, known_in_all([image], header, mask, nodata))
+            stack = replace(stack, kind="frames", content=read_frames(path))
+        elif header.has_pages:
+            stack = replace(stack, kind="pages", content=read_pages(path).joined())
+        else:
+            stack = replace(stack, content=read_image(path, keep_profile=keep_profile))
+        noun = {"frames": "frame", "pages": "page"}.get(stack.kind, "")
+        return replace(stack, known=known_in_all([*stack.images], header, mask, nodata, noun))
 
 
 def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) -> Known:

@@ -36,27 +36,17 @@ class Cel(NamedTuple):
 
 
 class _Box(NamedTuple):
+    place: tuple[slice, slice]
     left: int
     top: int
-    right: int
-    bottom: int
-
-    @property
-    def place(self) -> tuple[slice, slice]:
-        return slice(self.top, self.bottom), slice(self.left, self.right)
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self.right - self.left, self.bottom - self.top
+    size: tuple[int, int]
 
 
 def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
     """Return the bounding box of the true pixels, or one pixel; left and top are multiples of `step`."""
-    rows, columns = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
-    if not len(rows):
-        return _Box(0, 0, 1, 1)
-    left, top = int(columns[0]) // step * step, int(rows[0]) // step * step
-    return _Box(left, top, int(columns[-1]) + 1, int(rows[-1]) + 1)
+    found = [np.flatnonzero(wanted.any(axis=axis)) if wanted.any() else np.zeros(1, int) for axis in (1, 0)]
+    (top, bottom), (left, right) = ((int(one[0]) // step * step, int(one[-1]) + 1) for one in found)
+    return _Box((slice(top, bottom), slice(left, right)), left, top, (right - left, bottom - top))
 
 
 def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
@@ -118,7 +108,7 @@ def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
     height, width = cels[0].pixels.shape[:2]
     number = 0
     for cel, changed, duration in zip(cels, _changes(cels), durations, strict=True):
-        box = _box(changed) if number else _Box(0, 0, width, height)
+        box = _box(changed if number else np.ones((height, width), bool))
         chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata)))
         if not number:
             file.write(PNG_MAGIC)

@@ -13,9 +13,10 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
+from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
-from cvtimg.pictures.formats.tiff import encode_tiff
+from cvtimg.pictures.formats.tiff import write_tiff
 
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
 _DEEP = ("RGB;16", "RGBA;16")
@@ -155,7 +156,20 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata)
         encode_deep_png(file, values, metadata.png_chunks(mode))
     elif mode in (*_DEEP, _OTHER):
         given = metadata.options("", mode, ("icc_profile", "dpi"))
-        encode_tiff(file, values, alpha=alpha, **given, geo=metadata.geo, nodata=metadata.nodata)
+        # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
+        predicted = values.dtype.kind != "f" or find_spec("imagecodecs") is not None
+        write_tiff(
+            file,
+            values,
+            values.shape,
+            values.dtype,
+            alpha=alpha,
+            predictor=predicted and values.dtype.itemsize < 8,
+            iccprofile=given.get("icc_profile"),
+            resolution=given.get("dpi"),
+            resolutionunit="inch" if "dpi" in given else None,
+            extratags=extra_tags(metadata.geo, metadata.nodata),
+        )
     else:
         given = metadata.options(form.name, mode, form.keeps)
         _by_pillow(picture).save(file, form.name, **form.options, **given)

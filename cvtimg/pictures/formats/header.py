@@ -9,7 +9,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
-from PIL.ExifTags import Base
 
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
@@ -21,6 +20,7 @@ from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
     count_pages,
+    describes_pages,
     first_page,
     icc_profile,
     is_turned,
@@ -162,7 +162,6 @@ def _of_pages(file: BinaryIO, said: bool = True) -> dict[str, Any]:
 
 def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
     width, height = image.size
-    said = str(tags_of(image).get(Base.ImageDescription, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
     # Pillow reports the upright size of a TIFF. Finding EXIF after the pixels of a PNG would require decoding it.
     known = image.format != "TIFF" and (image.format != "PNG" or "exif" in image.info)
     if known and orientation(image) >= 5:
@@ -174,7 +173,11 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         mode=image.mode,
         bands=image.getbands(),
         bits=depth(image),
-        **(_of_pages(file, said) if image.format == "TIFF" else {"frames": getattr(image, "n_frames", 1)}),
+        **(
+            _of_pages(file, describes_pages(tags_of(image)))
+            if image.format == "TIFF"
+            else {"frames": getattr(image, "n_frames", 1)}
+        ),
         has_alpha=image.has_transparency_data,
         icc=profile_name(image.info.get("icc_profile")),
         **asdict(Place.of(tags_of(image))),

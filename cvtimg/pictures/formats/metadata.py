@@ -15,7 +15,7 @@ from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_ta
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.pixel_size import INCHES, PixelSize
 from cvtimg.pictures.formats.png import chunk
-from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, ome_scale, tags_of, tiff_tags
+from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, describes_pages, scale_of, tags_of, tiff_tags
 from cvtimg.pictures.profiles import kept_profile, profile_space
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:
         if icc:
             as_it_is = keep_profile and profile_space(icc) == "RGB" and image.mode not in ("1", "L", "LA", "CMYK")
             icc = icc if as_it_is else kept_profile(icc, image.mode)
-        scale = _scale_of(tags)
+        scale = _scale_of(file, tags)
         size = PixelSize.of(scale)
         dpi = (size.dpi if size else None) or dpi
         return Metadata(icc or None, dpi, _about_the_picture(exif), geo_tags(tags), Place.of(tags).nodata, scale)
@@ -158,21 +158,18 @@ def _dpi(image: ImageFile.ImageFile) -> tuple[float, float] | None:
     return None
 
 
-def _scale_of(tags: Tags) -> dict[str, Any]:
+def _scale_of(file: BinaryIO, tags: Tags) -> dict[str, Any]:
     """Return the pixels per unit of an ImageJ or OME file with what names the unit; empty without either."""
-    description = str(tags.get(Base.ImageDescription, ""))
-    with suppress(UnicodeError):
-        description = description.encode("latin-1").decode()  # Pillow reads bytes as Latin-1
-    if "<OME" in description:
-        size = PixelSize.of(ome_scale(description))
-        return size.scale() if size else {}
-    if not description.startswith("ImageJ="):
+    if not describes_pages(tags):
         return {}
-    pairs = (line.partition("=")[::2] for line in description.splitlines())
-    scale: dict[str, Any] = {name: value for name, value in pairs if name in OF_IMAGEJ}
-    with suppress(KeyError, TypeError, ValueError, ZeroDivisionError):
-        scale["resolution"] = float(tags[Base.XResolution]), float(tags[Base.YResolution])
-    return scale if PixelSize.of(scale) else {}
+    import tifffile
+
+    file.seek(0)
+    with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
+        scale = scale_of(tiff)
+        if size := PixelSize.of(scale):
+            return scale if tiff.is_imagej else size.scale()
+    return {}
 
 
 def _about_the_picture(exif: Image.Exif) -> bytes | None:

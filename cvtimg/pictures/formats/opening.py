@@ -23,7 +23,7 @@ from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
-from cvtimg.files.whole import StrPath
+from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, developed, fits_as_tiff
 
 if TYPE_CHECKING:
@@ -98,6 +98,24 @@ def named(source: Source) -> Iterator[None]:
     except Exception as error:
         known = isinstance(error, OSError) and error.errno is not None
         raise (type(error) if known else OSError)(f"{path}: {_why_unread(error)}") from error
+
+
+@contextmanager
+def writing(path: StrPath, *, overwrite: bool, through: type[Exception] = ModuleNotFoundError) -> Iterator[BinaryIO]:
+    """Open a file for encoders, of whose many kinds of errors only those of one kind get `through` as they are."""
+    with whole_file(path, overwrite=overwrite) as file:
+        try:
+            yield file
+        except through:
+            raise
+        except Exception as error:
+            why = error
+            try:  # again what the system said, which encoders hide
+                file.write(bytes(1 << 16))
+                file.flush()
+            except OSError as system:
+                why = system
+            raise OSError(f"{path}: cannot be written ({one_line(why)})") from error
 
 
 def name_of(source: Source) -> str:

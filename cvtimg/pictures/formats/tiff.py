@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
-from importlib.util import find_spec
 from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -20,7 +19,7 @@ from PIL.ExifTags import Base
 from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
-from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Tags, extra_tags
+from cvtimg.pictures.formats.geotiff import GeoTag, Tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
 from cvtimg.pictures.formats.stored import Stack
 from cvtimg.pictures.profiles import convert_deep
@@ -252,36 +251,14 @@ def tags_of(image: Image.Image) -> Tags:
     return getattr(image, "tag_v2", {})
 
 
+def describes_pages(tags: Tags) -> bool:
+    """Return whether ImageJ or OME describe the pages of a file, their axes and the size of their pixels."""
+    return str(tags.get(Base.ImageDescription, "")).lstrip().startswith(("ImageJ=", "<?xml", "<OME"))
+
+
 def is_turned(tags: Tags) -> bool:
     """Return whether width and height are swapped in the upright image."""
     return _first(tags.get(Base.Orientation, 1)) in (5, 6, 7, 8)
-
-
-def encode_tiff(
-    file: BinaryIO,
-    values: NDArray[Any],
-    *,
-    alpha: bool,
-    icc_profile: bytes | None = None,
-    dpi: tuple[float, float] | None = None,
-    geo: GeoTags | None = None,
-    nodata: float | None = None,
-) -> None:
-    """Write an array (H, W) or (H, W, C); `alpha` tells whether the last band is transparency."""
-    # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
-    predicted = values.dtype.kind != "f" or find_spec("imagecodecs") is not None
-    write_tiff(
-        file,
-        values,
-        values.shape,
-        values.dtype,
-        alpha=alpha,
-        predictor=predicted and values.dtype.itemsize < 8,
-        iccprofile=icc_profile,
-        resolution=dpi,
-        resolutionunit="inch" if dpi else None,
-        extratags=extra_tags(geo or {}, nodata),
-    )
 
 
 def write_tiff(
@@ -340,12 +317,11 @@ def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
         given = tiff.imagej_metadata or {}
         scale |= {name: given[name] for name in OF_IMAGEJ if name in given}
     elif tiff.is_ome:
-        scale |= ome_scale(tiff.ome_metadata or "")
+        scale |= _ome_scale(tiff.ome_metadata or "")
     return scale
 
 
-def ome_scale(description: str) -> dict[str, Any]:
-    """Return the physical sizes in the description of an OME file."""
+def _ome_scale(description: str) -> dict[str, Any]:
     scale: dict[str, Any] = {}
     for element in islice(_ome_elements(description, "Pixels"), 1):
         for name in _OF_OME:
