@@ -76,8 +76,6 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     """Find how versions moved and move them to the place of the first; pixels that this uncovers are unknown."""
     # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for masked correlation; S.
     # Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
-    from threadpoolctl import threadpool_limits
-
     values, known = list(versions.stack), versions.known.copy()
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
@@ -88,8 +86,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
         if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _SEARCH.fewest:
             stuck += [f"images[{version}]"] if known[:, :, version].any() else []
             continue
-        with threadpool_limits(1, user_api="blas"):  # the matrices are small
-            found.transforms[version], models[version] = _transform(fixed, moving, model)
+        found.transforms[version], models[version] = _transform(fixed, moving, model)
         moved, known[:, :, version] = _moved(
             versions.bands(version), versions.known[:, :, version], found.transforms[version]
         )

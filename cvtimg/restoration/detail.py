@@ -59,7 +59,6 @@ EFFORT = Effort()
 def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats, Versions]:
     """(H, W, C) image of versions of one look, or of a single one, by groups of patches; also return what was used."""
     from scipy.ndimage import gaussian_filter
-    from threadpoolctl import threadpool_limits
 
     versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
     fused, _ = fuse(versions, trust)
@@ -73,27 +72,25 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
     estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (EFFORT.blur, EFFORT.blur, 0))
     axes = Axes.of(evidence.noise.bands, estimate)
-    # Groups are what matters: the kinds that they are cut from need no better estimate. The matrices are small: threads
-    # of the BLAS would spend their time waiting for each other.
-    with threadpool_limits(1, user_api="blas"):
-        with part(0, 0.02):
-            kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(EFFORT.kinds, n_pixels), rng)
-        with part(0.02, 0.85):
-            for number, largest in each(list(enumerate(passes))):
-                if suspicion and number:
-                    kept = suspicion.kept(versions, estimate)
-                own = number >= min(EFFORT.own, len(passes) - 1)
-                values, precision = _fused(kept, evidence, variance, estimate, own=own)
-                noisy = Noisy(
-                    with_border(axes.along(values)),
-                    with_border(axes.along(estimate)),
-                    with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
-                    evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
-                )
-                image = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
-                estimate = axes.back(image)
-        with part(0.85, 1):
-            return axes.back(_with_low_frequencies(image, noisy, axes, kinds, EFFORT.halvings)), kept
+    # Groups are what matters: the kinds that they are cut from need no better estimate.
+    with part(0, 0.02):
+        kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(EFFORT.kinds, n_pixels), rng)
+    with part(0.02, 0.85):
+        for number, largest in each(list(enumerate(passes))):
+            if suspicion and number:
+                kept = suspicion.kept(versions, estimate)
+            own = number >= min(EFFORT.own, len(passes) - 1)
+            values, precision = _fused(kept, evidence, variance, estimate, own=own)
+            noisy = Noisy(
+                with_border(axes.along(values)),
+                with_border(axes.along(estimate)),
+                with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
+                evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
+            )
+            image = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
+            estimate = axes.back(image)
+    with part(0.85, 1):
+        return axes.back(_with_low_frequencies(image, noisy, axes, kinds, EFFORT.halvings)), kept
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats:

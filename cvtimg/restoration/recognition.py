@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from cvtimg.engine import tessellate
 from cvtimg.restoration.noise import mean_noise, noise_of_bands
@@ -25,6 +26,7 @@ class _Flat:
     sampled: int = 1 << 13  # pixels
 
 
+@threadpool_limits.wrap(1, user_api="blas")
 def is_drawing(
     images: Sequence[Any],
     *,

@@ -83,7 +83,7 @@ def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: ND
     rng = np.random.default_rng(0)
     shifts = [(0, 0), (2.5, -3.5), (-1.5, 4.5), (0.5, 0.5)]
     versions = [scene(photograph, shift) + 0.08 * rng.standard_normal((80, 90, 3)) for shift in shifts]
-    result = restore(versions, 16, align=True)
+    result = restore(versions, 4, align=True, effort="fast")
     np.testing.assert_allclose(result.noise, 0.08, rtol=0.15)
     np.testing.assert_allclose(result.weights, 1, rtol=0.1)
 
@@ -141,7 +141,7 @@ def test_motions_are_found_to_parts_of_a_pixel_under_strong_noise_and_holes(
 
 def test_a_model_that_is_named_is_the_one_found_and_another_is_refused(photograph: NDArray[np.uint8]) -> None:
     frames = two_frames(photograph, "translation", 5)
-    result = restore(frames, 4, align="affine", hidden="none")
+    result = restore(frames, 4, align="affine", hidden="none", effort="fast")
     assert result.models == ("translation", "affine")
     assert result.misfits.max() < 0.1
     with pytest.raises(ValueError, match="align='spline' must be"):

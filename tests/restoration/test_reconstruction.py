@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,144 +16,145 @@ from cvtimg.restoration import RENORMALIZATIONS, Restoration
 Damage = damage.Damage
 
 
-def hidden(sigma: float) -> list[NDArray[np.float64]]:
-    """Three noisy versions, each with parts painted over by the background, and nothing that tells where."""
+@cache
+def union(sigma: float, **options: Any) -> Restoration:
+    """Restore three noisy versions, each with parts painted over by the background, and nothing that tells where."""
     versions, known = damage.damaged_versions(two_phases(), 3, Damage(noise=sigma, occlusions=3), seed=0)
     assert all(mask.all() for mask in known)
-    return list(versions)
+    return restore(versions, 2, **options)
+
+
+def damaged_card(side: int, n: int = 3, seed: int = 0, **suffered: Any) -> tuple[Any, list[Any], list[Any]]:
+    """A card in four colors, damaged versions of it, and what they know."""
+    clean, _ = card(side)
+    return clean, *damage.damaged_versions(clean, n, Damage(**suffered), seed)
+
+
+def in_bytes(versions: list[NDArray[np.float64]]) -> list[NDArray[np.uint8]]:
+    return [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
 
 
 @pytest.mark.parametrize(("sigma", "least"), [(0.1, 0.995), (0.3, 0.98)])
-def test_the_union_of_an_object_comes_back_without_masks(sigma: float, least: float) -> None:
+def test_the_union_of_an_object_comes_back_at_full_contrast_without_masks(sigma: float, least: float) -> None:
     truth = two_phases()[:, :, 0] == 1
-    versions = hidden(sigma)
-    assert max(np.mean((version[:, :, 0] > 0.5) == truth) for version in versions) < 0.97
-    result = restore(versions, 2)
-    assert np.mean((result.labels == 2) == truth) >= least
+    assert np.mean((union(sigma).labels == 2) == truth) >= least
+    np.testing.assert_allclose(union(sigma).colors.ravel(), [0, 1], atol=0.02)
 
 
-@pytest.mark.parametrize("sigma", [0.1, 0.3])
-def test_range_restores_full_contrast_and_means_do_not(sigma: float) -> None:
-    versions = hidden(sigma)
-    np.testing.assert_allclose(restore(versions, 2).colors.ravel(), [0, 1], atol=0.02)
-    np.testing.assert_allclose(restore(versions, 2, hidden=None).colors.ravel(), [0, 1], atol=0.02)
-    diluted = restore(versions, 2, renormalize=None, hidden=None).colors.ravel()
-    assert diluted[1] < 0.95
-    assert diluted[1] < restore(versions, 2, renormalize="median", hidden=None).colors[1, 0] < 1.02
+def test_range_restores_full_contrast_and_means_do_not() -> None:
+    ranged, median, mean = (union(0.1, hidden=None, renormalize=rule).colors[1, 0] for rule in RENORMALIZATIONS)
+    assert ranged == pytest.approx(1, abs=0.02)
+    assert mean < 0.95
+    assert mean < median < 1.02
 
 
 def test_a_card_of_four_colors_comes_back_from_noise_holes_and_blocks() -> None:
-    clean, _ = card()
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.3, holes=0.3, blocks=1), seed=1)
+    clean, versions, known = damaged_card(64, seed=1, noise=0.3, holes=0.3, blocks=1)
     result = restore(versions, 4, masks=known)
-    assert psnr(result.image, clean) > 32
+    assert psnr(result.image, clean) > 28
     np.testing.assert_array_equal(result.coverage, np.sum(known, axis=0))
     np.testing.assert_allclose(result.noise, 0.3, rtol=0.1)
+    assert (np.diff(result.energies) <= 1e-6 * result.energies[0]).all()
+    assert (np.diff(result.colors.sum(axis=1)) > 0).all()
+    for label in range(1, 5):
+        for version, mask, means in zip(versions, known, result.generators[label - 1], strict=True):
+            np.testing.assert_allclose(means, version[(result.labels == label) & mask].mean(axis=0))
 
 
-def test_what_no_version_knows_is_filled_from_around_it() -> None:
-    clean, which = card()
-    versions, known = damage.damaged_versions(clean, 2, Damage(noise=0.1), seed=0)
+@pytest.mark.parametrize("edge_weight", ["auto", 0])
+def test_what_no_version_knows_is_filled_from_around_it(edge_weight: Any) -> None:
+    which = card(64)[1]
+    clean, versions, known = damaged_card(64, 2, noise=0.1)
     for mask in known:
-        mask[20:30, 25:35] = False  # within the disc
-        mask[60:64, 68:72] = False  # within the triangle
-    for edge_weight in ("auto", 0):
-        result = restore(versions, 4, masks=known, edge_weight=edge_weight)
-        unknown = result.coverage == 0
-        assert unknown.sum() == 116
-        np.testing.assert_allclose(result.image[unknown], clean[unknown], atol=0.03)
-        assert len(np.unique(result.labels[unknown])) == len(np.unique(which[unknown]))
+        mask[15:21, 16:24] = False  # within the disc
+        mask[40:43, 46:49] = False  # within the triangle
+    result = restore(versions, 4, masks=known, edge_weight=edge_weight, effort="fast")
+    unknown = result.coverage == 0
+    assert unknown.sum() == 57
+    np.testing.assert_allclose(result.image[unknown], clean[unknown], atol=0.03)
+    assert len(np.unique(result.labels[unknown])) == len(np.unique(which[unknown]))
+    assert (np.diff(result.energies) <= 1e-6 * result.energies[0]).all()
+    assert len(result.energies) > 1
 
 
 def test_nan_alpha_nodata_and_masks_say_the_same() -> None:
-    clean, _ = card(48)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
+    _, versions, known = damaged_card(32, noise=0.1, holes=0.3)
     levels = [np.clip(np.rint(254 * version) + 1, 1, 255).astype(np.uint8) for version in versions]
-    as_masks = restore(levels, 4, masks=known)
-    as_nodata = restore([np.where(mask[..., None], x, 0) for x, mask in zip(levels, known, strict=True)], 4, nodata=0)
-    as_alpha = restore([np.dstack([x, np.uint8(255) * mask]) for x, mask in zip(levels, known, strict=True)], 4)
-    as_nan = restore([np.where(mask[..., None], x, np.nan) for x, mask in zip(levels, known, strict=True)], 4)
-    for other in (as_nodata, as_alpha, as_nan):
+    clear = [np.dstack([x, np.uint8(255) * mask]) for x, mask in zip(levels, known, strict=True)]
+    fast = partial(restore, n_generators=4, effort="fast")
+    as_masks = fast(levels, masks=known)
+    as_nodata = fast([np.where(mask[..., None], x, 0) for x, mask in zip(levels, known, strict=True)], nodata=0)
+    as_alpha, as_images = fast(clear), fast([Image.fromarray(one) for one in clear])
+    as_nan = fast([np.where(mask[..., None], x, np.nan) for x, mask in zip(levels, known, strict=True)])
+    for other in (as_nodata, as_alpha, as_images, as_nan):
         np.testing.assert_array_equal(other.labels, as_masks.labels)
         np.testing.assert_allclose(other.colors, as_masks.colors, atol=1e-3)
         np.testing.assert_array_equal(other.coverage, as_masks.coverage)
-    assert as_alpha.image.shape == (48, 48, 3)
-    images = [Image.fromarray(np.dstack([x, np.uint8(255) * mask])) for x, mask in zip(levels, known, strict=True)]
-    np.testing.assert_array_equal(restore(images, 4).image, as_alpha.image)
+    assert as_alpha.image.shape == (32, 32, 3)
 
 
-def test_depths_agree() -> None:
-    clean, _ = card(48)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.2), seed=0)
-    eight = [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
-    shallow = restore(eight, 4, masks=known)
-    for scale, dtype in ((257, np.uint16), (1 / 255, np.float32), (1 / 255, np.float64)):
-        deep = restore([(version * np.float64(scale)).astype(dtype) for version in eight], 4, masks=known)
-        np.testing.assert_array_equal(deep.labels, shallow.labels)
-        np.testing.assert_allclose(deep.colors / scale, shallow.colors, atol=0.01)
-        assert deep.image.dtype == dtype
+@pytest.mark.parametrize(("scale", "dtype"), [(257, np.uint16), (1 / 255, np.float32), (1 / 255, np.float64)])
+def test_depths_agree_and_an_edge_weight_means_the_same_at_each(scale: float, dtype: type) -> None:
+    _, versions, known = damaged_card(32, noise=0.1, holes=0.2)
+    levels = in_bytes(versions)
+    how = {"masks": known, "edge_weight": 200, "effort": "fast"}
+    shallow = restore(levels, 4, **how)
+    deep = restore([(version * np.float64(scale)).astype(dtype) for version in levels], 4, **how)
+    assert np.mean(deep.labels == shallow.labels) > 0.999
+    np.testing.assert_allclose(deep.colors / scale, shallow.colors, atol=0.01)
+    assert (deep.image.dtype, deep.edge_weight) == (dtype, 200)
 
 
-@pytest.mark.parametrize("shape", [(48, 48), (48, 48, 1), (48, 48, 3), (48, 48, 6)])
+@pytest.mark.parametrize("shape", [(24, 24), (24, 24, 1), (24, 24, 3), (24, 24, 6)])
 def test_the_picture_has_the_shape_of_the_first_version(shape: tuple[int, ...]) -> None:
     picture = np.zeros(shape)
-    picture[10:30, 12:40] = 1
-    result = restore([picture, picture], 2)
+    picture[5:15, 6:20] = 1
+    result = restore([picture, picture], 2, effort="fast")
     np.testing.assert_allclose(result.image, picture, atol=1e-6)
     assert result.image.shape == shape
     assert result.generators.shape == (2, 2, shape[2] if len(shape) == 3 else 1)
 
 
 def test_one_version_alone_is_denoised() -> None:
-    clean, _ = card()
-    versions, _ = damage.damaged_versions(clean, 1, Damage(noise=0.2), seed=0)
+    clean, versions, _ = damaged_card(64, 1, noise=0.2)
     assert psnr(restore(versions, 4).image, clean) > psnr(versions[0], clean) + 12
 
 
-def test_identical_versions_give_what_one_gives() -> None:
-    clean, _ = card(48)
-    flat = np.rint(255 * clean).astype(np.uint8)
-    for n_versions in (1, 2, 5):
-        result = restore([flat] * n_versions, 4)
-        np.testing.assert_array_equal(result.image, flat)
-        assert result.energy == pytest.approx(0, abs=1e-3)
+@pytest.mark.parametrize("n_versions", [1, 2, 5])
+def test_identical_versions_give_what_one_gives(n_versions: int) -> None:
+    flat = in_bytes([card(40)[0]])
+    result = restore(flat * n_versions, 4)
+    np.testing.assert_array_equal(result.image, flat[0])
+    assert result.energy == pytest.approx(0, abs=1e-3)
 
 
 @pytest.mark.slow
 def test_sixteen_versions_are_better_than_four_and_four_than_two() -> None:
-    clean, _ = card()
-    versions, known = damage.damaged_versions(clean, 16, Damage(noise=0.3, holes=0.3, blocks=1), seed=0)
+    clean, versions, known = damaged_card(96, 16, noise=0.3, holes=0.3, blocks=1)
     quality = [psnr(restore(versions[:n], 4, masks=known[:n]).image, clean) for n in (2, 4, 16)]
     assert quality[0] < quality[1] < quality[2]
     assert quality[2] > 40
 
 
 def test_a_noisier_version_counts_for_less() -> None:
-    clean, _ = card()
+    clean, _ = card(48)
     rng = np.random.default_rng(0)
     versions = [clean + sigma * rng.standard_normal(clean.shape) for sigma in (0.05, 0.05, 0.5)]
-    by_noise, alike = restore(versions, 4), restore(versions, 4, weights=[1, 1, 1])
-    np.testing.assert_allclose(by_noise.weights[0] / by_noise.weights[2], 100, rtol=0.3)
-    np.testing.assert_allclose(by_noise.weights.mean(), 1)
-    np.testing.assert_array_equal(alike.weights, 1)
-    spoiled = [version.copy() for version in versions]
-    spoiled[2] += 0.3
-    moved = [
-        np.abs(restore(spoiled, 4, renormalize=None, weights=w).colors - r.colors).max()
-        for w, r in (
-            (None, restore(versions, 4, renormalize=None)),
-            ([1, 1, 1], restore(versions, 4, renormalize=None, weights=[1, 1, 1])),
+    spoiled = [*versions[:2], versions[2] + 0.3]
+    for weights, least, most in ((None, 0, 0.01), ([1, 1, 1], 0.08, 0.12)):
+        one, other = (
+            restore(some, 4, renormalize=None, weights=weights, effort="fast") for some in (versions, spoiled)
         )
-    ]
-    assert moved[0] < 0.01
-    assert moved[1] == pytest.approx(0.1, abs=0.02)
+        assert least <= np.abs(one.colors - other.colors).max() <= most
+        np.testing.assert_allclose(one.weights[0] / one.weights[2], 1 if weights else 100, rtol=0.3)
+        np.testing.assert_allclose(one.weights.mean(), 1)
 
 
 def test_channels_share_segments_and_no_colors() -> None:
-    day = np.zeros((40, 60, 3), np.uint8)
-    day[:, 30:] = 200, 120, 40
-    night = np.zeros((40, 60), np.uint16)
-    night[20:] = 50000
+    day = np.zeros((20, 30, 3), np.uint8)
+    day[:, 15:] = 200, 120, 40
+    night = np.zeros((20, 30), np.uint16)
+    night[10:] = 50000
     result = restore([day, night], 4, channels=True)
     np.testing.assert_array_equal(result.image, day)
     assert len(np.unique(result.labels)) == 4
@@ -179,60 +180,20 @@ def test_detail_brings_a_photograph_back_better_than_blur_or_flat_segments(photo
     assert result.image.shape == clean.shape
 
 
-def test_detail_leaves_a_picture_without_noise_as_it_is(photograph: NDArray[Any]) -> None:
-    clean = photograph[:64, 64:128]
-    assert np.abs(denoise([clean], noise=0.5).image.astype(int) - clean).max() <= 1
-
-
-def test_energies_never_rise() -> None:
-    clean, _ = card(64)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.3, holes=0.3), seed=0)
-    for edge_weight in ("auto", 0):
-        energies = restore(versions, 4, masks=known, edge_weight=edge_weight).energies
-        assert (np.diff(energies) <= 1e-6 * energies[0]).all()
-        assert len(energies) > 1
-
-
-def test_segments_go_from_dark_to_bright_and_hold_their_means() -> None:
-    clean, _ = card(64)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.2, holes=0.3), seed=0)
-    result = restore(versions, 4, masks=known)
-    assert (np.diff(result.colors.sum(axis=1)) > 0).all()
-    for label in range(1, 5):
-        for version in range(3):
-            inside = (result.labels == label) & known[version]
-            np.testing.assert_allclose(result.generators[label - 1, version], versions[version][inside].mean(axis=0))
-
-
-def test_a_space_is_where_distances_are_measured() -> None:
-    clean, _ = card(64)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.2), seed=0)
-    levels = [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
-    for space in ("linear", "lab", "oklab"):
-        result = restore(levels, 4, masks=known, space=space)
-        assert psnr(result.image / 255, clean) > 25
-        assert np.nanmax(result.generators) > 100  # in the units of the versions
-
-
-def test_an_edge_weight_means_the_same_at_every_depth() -> None:
-    clean, _ = card(48)
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.2), seed=0)
-    eight = [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
-    others = [[version / 255 for version in eight], [version.astype(np.uint16) * 257 for version in eight]]
-    others += [[(version // 2).astype(np.int16) * 258 for version in eight]]
-    results = [restore(some, 4, masks=known, edge_weight=200) for some in (eight, *others)]
-    for result, some in zip(results, (eight, *others), strict=True):
-        assert np.mean(result.labels == results[0].labels) > 0.999
-        assert result.edge_weight == 200
-        assert result.image.dtype == some[0].dtype
+@pytest.mark.parametrize("space", ["linear", "lab", "oklab"])
+def test_a_space_is_where_distances_are_measured(space: Any) -> None:
+    clean, versions, known = damaged_card(48, noise=0.1, holes=0.2)
+    result = restore(in_bytes(versions), 4, masks=known, space=space, effort="fast")
+    assert psnr(result.image / 255, clean) > 25
+    assert np.nanmax(result.generators) > 100  # in the units of the versions
 
 
 def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: NDArray[Any]) -> None:
-    versions = [photograph[:48, :48].copy(), photograph[:48, :48] // 2 * 2]
-    for call in (partial(restore, versions, 8), partial(denoise, versions, rng=3)):
+    versions = [photograph[:40, :40].copy(), photograph[:40, :40] // 2 * 2]
+    for call in (partial(restore, versions, 8, effort="fast"), partial(denoise, versions, rng=3, effort="fast")):
         one, other = call(), call()
         assert one.image.tobytes() == other.image.tobytes()
-    np.testing.assert_array_equal(versions[0], photograph[:48, :48])
+    np.testing.assert_array_equal(versions[0], photograph[:40, :40])
 
 
 def test_a_result_cannot_be_changed() -> None:
@@ -244,21 +205,15 @@ def test_a_result_cannot_be_changed() -> None:
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_a_result_shows_and_saves_itself(dtype: type, tmp_path: Path) -> None:
-    clean, _ = card(40)
+    clean, _ = card(24)
     white = np.iinfo(dtype).max if dtype is not np.float32 else 1
-    versions = [(clean * white).astype(dtype)] * 9
-    result = restore(versions, 4)
+    result = restore([(clean * white).astype(dtype)] * 9, 4, effort="fast")
     assert len(repr(result).splitlines()) <= 2
     assert len(repr(result)) < 250
     result.save(tmp_path / "a.tif")
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), result.image)
     (tmp_path / "b.png").write_bytes(result._repr_png_())
     np.testing.assert_allclose(read_image(tmp_path / "b.png") / 255, clean, atol=0.005)
-
-
-def test_every_renormalization_is_there() -> None:
-    for name in RENORMALIZATIONS:
-        assert restore(hidden(0.1), 2, renormalize=name).colors.shape == (2, 1)
 
 
 GREY = np.zeros((6, 8))
@@ -293,8 +248,7 @@ def test_what_is_wrong_is_named(images: Any, options: Any, message: str) -> None
 
 
 def test_auto_finds_about_as_many_segments_as_there_are_colors() -> None:
-    clean, _ = card()
-    versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.2, holes=0.3), seed=0)
+    clean, versions, known = damaged_card(64, noise=0.2, holes=0.3)
     result = restore(versions, "auto", masks=known)
     assert 4 <= len(result.colors) <= 6
     assert psnr(result.image, clean) > 28
