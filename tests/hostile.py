@@ -34,6 +34,8 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageCms, features
 
+from cvtimg.pictures import encode_image
+
 #: Seconds that a command may take for one file.
 LIMIT = 20.0
 RNG = np.random.default_rng(8)
@@ -96,6 +98,7 @@ def measured() -> Iterator[File]:
         npy = io.BytesIO()
         np.save(npy, values.astype(name))
         yield f"order-{name[-2:]}-{'big' if name[0] == '>' else 'little'}.npy", npy.getvalue()
+    yield "deep-rgb.png", encode_image(".png", values.astype(np.uint16) * 257)
     stack = np.stack([values[..., 0], values[..., 1], values[..., 2]])
     for kind in ({}, {"imagej": True}, {"ome": True}, {"bigtiff": True}, {"metadata": None}):
         label = next(iter(kind), "plain")

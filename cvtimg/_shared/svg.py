@@ -11,7 +11,7 @@ from itertools import combinations
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _Floats = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def draw_solid(caption: str, points: _Floats, triangles: NDArray[np.integer], vi
     return captioned(caption, _SIZE, height, f"<g fill='white' stroke='#333' stroke-width='0.5'>{shapes}</g>")
 
 
-def seen_from(direction: Sequence[float]) -> _Floats:
+def seen_from(direction: ArrayLike) -> _Floats:
     """Return the axes of a view, as rows: right, up, and toward the viewer."""
     toward = np.asarray(direction, float) / np.linalg.norm(direction)
     right = np.cross([0.0, 0.0, 1.0], toward)

@@ -106,11 +106,12 @@ class _Found:
 
 def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
-    from cvtimg.tables.files import Scaling, energy_about_mean, read_table, write_clusters, write_row_labels
+    from cvtimg.tables import Spread, read_table, write_clusters, write_row_labels
 
     table = read_table(task.source, **given.read)
+    spread = Spread.of(table.rows, table.weights)
     stopwatch.lap("read")
-    scaling = Scaling.of(table.rows, table.weights) if given.standardize else None
+    scaling = spread.scaling if given.standardize else None
     rows = scaling.apply(table.rows) if scaling else table.rows
     n_generators, curve = _count(given, rows, table.weights)
     result = tessellate(rows, n_generators, density=table.weights, **given.arguments)
@@ -121,7 +122,7 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         write_clusters(task.output, task.source, result.labels, table.kept, overwrite=given.overwrite)
     _write_means(task, table.names, result, scaling, given.overwrite)
     _plot(task, rows, result, given.overwrite)
-    return _Found(result, table.names, len(table.kept), energy_about_mean(rows, table.weights), curve)
+    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve)
 
 
 def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
@@ -144,8 +145,7 @@ def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         if "--plot" in task.outputs:
             _plot(task, sample_rows(blocks, given.seed)[0], result, given.overwrite)
     _write_means(task, blocks.names, result, scaling, given.overwrite)
-    total = spread.squares / scaling.deviations**2 if scaling else spread.squares
-    return _Found(result, blocks.names, n_rows, float(total.sum()), curve)
+    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve)
 
 
 def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:

@@ -104,7 +104,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None, NDArray[Any] | None]:
     """Read the samples, the image if the file is one, and the weights of the rows of a table."""
     from cvtimg.pictures.stacks import read_whole
-    from cvtimg.tables.files import Scaling, read_table
+    from cvtimg.tables import Spread, read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:
         if wrong := [f"--{name}" for name in ("columns", "weight", "standardize") if getattr(given, name)]:
@@ -114,7 +114,7 @@ def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None
     if given.space != "rgb":
         raise ValueError(f"--space {given.space} is for images; a table has no color space")
     table = read_table(source, **given.read)
-    rows = Scaling.of(table.rows, table.weights).apply(table.rows) if given.standardize else table.rows
+    rows = Spread.of(table.rows, table.weights).scaling.apply(table.rows) if given.standardize else table.rows
     return rows, None, table.weights
 
 

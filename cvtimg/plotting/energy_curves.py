@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
-from cvtimg.colors.places import from_places, to_places
-from cvtimg.colors.samples import color_samples
+from cvtimg.colors.places import from_places
 from cvtimg.elbow.curves import EnergyCurve
-from cvtimg.engine.points import assign, pack
 from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.plotting.charts import chart, figure_file
+from cvtimg.quantization.images import quantize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,8 +123,5 @@ def _bands(image: NDArray[Any]) -> NDArray[Any]:
 
 def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: SpaceName) -> NDArray[Any]:
     """Replace each pixel by its nearest generator."""
-    samples = color_samples(image)
-    points = pack(to_places(samples.colors, space, samples.alpha), samples.density)
-    labels = assign(points, points.frame.inward(generators))[: points.n_points]
-    colors = from_places(generators, space, samples.colors.dtype, samples.alpha)
-    return colors[labels[samples.inverse]].reshape(image.shape)
+    colors = from_places(generators, space, image.dtype, says_alpha(image))
+    return quantize(image, palette=colors, space=space).image

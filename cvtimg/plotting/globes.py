@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.svg import seen_from
 from cvtimg.plotting.charts import add_polygons, chart, figure_file, figure_height, show_box
 from cvtimg.plotting.meshes import POOR
 
@@ -203,14 +204,7 @@ def _unit_vectors(places: Values) -> Values:
 
 def _axes_of_view(longitude: float, latitude: float) -> Values:
     """Rows: the directions to the right, up and to the viewer, who is above a place given in degrees."""
-    x, y = np.radians([longitude, latitude])
-    return np.array(
-        [
-            [-np.sin(x), np.cos(x), 0],
-            [-np.sin(y) * np.cos(x), -np.sin(y) * np.sin(x), np.cos(y)],
-            [np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)],
-        ]
-    )
+    return seen_from(_unit_vectors(np.array([[longitude, latitude]]))[:, 0])
 
 
 def _on_globe(image: NDArray[np.uint8], center: tuple[float, float], n_across: int = 1000) -> NDArray[np.uint8]:

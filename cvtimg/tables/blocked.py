@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ from cvtimg.blocks.passes import Block, blocks_of, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.engine.block_descent import survey
 from cvtimg.files.whole import StrPath
-from cvtimg.tables.files import Scaling, write_label_parts
+from cvtimg.tables.files import write_label_parts
+from cvtimg.tables.spread import Scaling, Spread
 
 #: Arrays of more bytes are opened in blocks.
 _LARGE_BYTES = 1 << 30
@@ -27,45 +28,6 @@ def is_large_table(path: Path) -> bool:
     if kind == ".npy" and path.is_file() and path.stat().st_size > _LARGE_BYTES:
         return np.load(path, mmap_mode="r").dtype.names is None  # a structured array is no array of rows
     return kind in (".parquet", ".zarr")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Spread:
-    """Sums over rows: mass, (D,) means and sums of weight times squared distance to them, and (D,) limits."""
-
-    mass: float
-    means: NDArray[np.float64]
-    squares: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, rows: NDArray[Any], weights: NDArray[np.float64]) -> Spread:
-        """Measure rows of positive weight."""
-        rows, weights = rows[weights > 0].astype(np.float64), weights[weights > 0]
-        n_dims = rows.shape[1]
-        if not len(rows):
-            return cls(0.0, np.zeros(n_dims), np.zeros(n_dims), np.full(n_dims, np.inf), np.full(n_dims, -np.inf))
-        means = np.average(rows, axis=0, weights=weights)
-        squares = np.einsum("n,nd->d", weights, (rows - means) ** 2)
-        return cls(float(weights.sum()), means, squares, rows.min(axis=0), rows.max(axis=0))
-
-    @staticmethod
-    def total(parts: Sequence[Spread]) -> Spread:
-        """Join the spreads of parts of the rows."""
-        full = [part for part in parts if part.mass] or list(parts[:1])
-        masses = np.array([part.mass for part in full])
-        all_means = np.stack([part.means for part in full])
-        means = np.average(all_means, axis=0, weights=masses) if masses.any() else all_means[0]
-        squares = np.sum([part.squares for part in full], axis=0) + masses @ (all_means - means) ** 2
-        low, high = (np.stack([getattr(part, limit) for part in full]) for limit in ("low", "high"))
-        return Spread(float(masses.sum()), means, squares, low.min(axis=0), high.max(axis=0))
-
-    @property
-    def scaling(self) -> Scaling:
-        """Scales columns to mean 0 and variance 1."""
-        deviations = np.sqrt(self.squares / self.mass)
-        return Scaling(self.means, np.where((self.low == self.high) | (deviations == 0), 1.0, deviations))
 
 
 def spread_of(blocks: Blocks) -> Spread:

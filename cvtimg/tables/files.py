@@ -24,20 +24,6 @@ from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.tables.columns import Columns, open_columns
 
-__all__ = [
-    "LABEL_SUFFIXES",
-    "MISSING",
-    "Scaling",
-    "Table",
-    "energy_about_mean",
-    "find_tables",
-    "read_table",
-    "write_clusters",
-    "write_generators",
-    "write_label_parts",
-    "write_row_labels",
-]
-
 #: What to do with rows that have missing values.
 MISSING = ("error", "drop")
 #: Suffixes of files of labels.
@@ -143,37 +129,6 @@ def _read_table(path: Path, columns: Sequence[str] | None, weight: str | None, m
     if not values[:, -1].any():
         raise ValueError(f"{path}: column {names[-1]!r}: the weights must not all be 0")
     return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scaling:
-    """Scales columns to mean 0 and variance 1, and back to their own units."""
-
-    means: NDArray[np.float64]  # (D,) weighted
-    deviations: NDArray[np.float64]  # (D,) weighted; 1 for constant columns
-
-    @classmethod
-    def of(cls, rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Scaling:
-        """Measure (N, D) rows with (N,) weights, 1 by default."""
-        means = np.average(rows, axis=0, weights=weights)
-        deviations = np.sqrt(np.average((rows - means) ** 2, axis=0, weights=weights))
-        # The mean of equal numbers may differ from them in the last bit.
-        constant = np.ptp(rows if weights is None else rows[weights > 0], axis=0) == 0
-        return cls(means, np.where(constant | (deviations == 0), 1.0, deviations))
-
-    def apply(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standardize rows."""
-        return (rows - self.means) / self.deviations
-
-    def undo(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Convert standardized rows back to their own units."""
-        return rows * self.deviations + self.means
-
-
-def energy_about_mean(rows: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
-    """Return the sum of weight times squared distance to the mean: the energy of a single generator."""
-    squares = ((rows - np.average(rows, axis=0, weights=weights)) ** 2).sum(axis=1)
-    return float(squares.sum() if weights is None else np.einsum("n,n->", weights, squares))
 
 
 def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:

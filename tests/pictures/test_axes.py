@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cvtimg import read_image
-from cvtimg.pictures import Pages, PixelSize, image_info, read_pages, write_pages
+from cvtimg.pictures import PixelSize, image_info, read_pages
 from cvtimg.pictures.formats.opening import Selection, selecting
 
 STACK = np.random.default_rng(3).integers(0, 65536, (4, 2, 9, 12), np.uint16)
@@ -165,18 +165,3 @@ def test_a_size_is_what_both_conventions_say_of_it(x: float, y: float, z: float 
         again = PixelSize.of(PixelSize(x, y, unit, z).scale(kind))
         assert again is not None
         assert (again.x, again.y, again.z, again.unit) == (pytest.approx(x), pytest.approx(y), z, unit)
-
-
-@pytest.mark.parametrize("kind", ["imagej", "ome"])
-def test_a_size_that_is_written_is_what_tifffile_reads(tmp_path: Path, kind: str) -> None:
-    pages = Pages(tuple(STACK[:, 0]), "Z", (4,), kind, SIZE.scale(kind))
-    write_pages(tmp_path / "a.tif", pages)
-    with tifffile.TiffFile(tmp_path / "a.tif") as tiff:
-        assert tiff.series[0].axes == "ZYX"
-        if kind == "imagej":
-            said = tiff.imagej_metadata or {}
-            assert (said["unit"], said["spacing"]) == ("um", 2.0)
-            assert tiff.pages.first.aspage().get_resolution() == pytest.approx((1 / 0.325, 1 / 0.325))
-        else:
-            assert 'PhysicalSizeX="0.325" PhysicalSizeXUnit="\u00b5m"' in (tiff.ome_metadata or "")
-    assert str(read_pages(tmp_path / "a.tif").pixel_size) == str(SIZE)

@@ -86,18 +86,6 @@ def test_every_frame_comes_back_with_a_palette_of_its_own(tmp_path: Path, suffix
     assert_same(tmp_path / f"a{suffix}", [palette[image] for image, palette in pairs])
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_becomes_clear_is_clear(tmp_path: Path, suffix: str) -> None:
-    """A square that walks over nothing, and then nothing at all."""
-    palette = np.array([[0, 0, 0, 0], [200, 10, 10, 255], [0, 0, 0, 0], [10, 10, 200, 255]], np.uint8)
-    images = np.zeros((5, 12, 17), int)
-    for number in range(4):
-        images[number, number : number + 5, 2 * number : 2 * number + 4] = 1 + 2 * (number % 2)
-        images[number, 11, 16] = 2
-    write_frames(tmp_path / f"a{suffix}", Frames(tuple(images), DURATIONS, 0), palettes=palette)
-    assert_same(tmp_path / f"a{suffix}", [palette[image] for image in images])
-
-
 @pytest.mark.parametrize("suffix", [".png", ".webp"])
 @pytest.mark.parametrize("channels", [(), (3,), (4,)])
 def test_frames_without_palette_come_back(tmp_path: Path, suffix: str, channels: tuple[int, ...]) -> None:
@@ -292,15 +280,6 @@ def test_what_a_format_cannot_hold_is_refused_and_leaves_nothing(
     with pytest.raises(ValueError, match=reason):
         write_frames(tmp_path / name, Frames(tuple(images), DURATIONS, 0), palettes=palettes)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_existing_animation_is_replaced_only_when_asked(tmp_path: Path) -> None:
-    (tmp_path / "a.gif").write_text("mine")
-    with pytest.raises(FileExistsError):
-        write_frames(tmp_path / "a.gif", animation(), palettes=PALETTE)
-    assert (tmp_path / "a.gif").read_text() == "mine"
-    write_frames(tmp_path / "a.gif", animation(), palettes=PALETTE, overwrite=True)
-    assert is_animated(tmp_path / "a.gif")
 
 
 # --- in few colors

@@ -13,15 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.tables.files import (
-    Scaling,
-    Table,
-    energy_about_mean,
-    find_tables,
-    read_table,
-    write_generators,
-    write_row_labels,
-)
+from cvtimg.tables import Spread, find_tables, read_table, write_generators, write_row_labels
+from cvtimg.tables.files import Table
 
 RNG = np.random.default_rng(5)
 
@@ -263,7 +256,7 @@ def test_what_is_no_whole_array_of_numbers_is_named(tmp_path: Path, kind: str | 
 @pytest.mark.parametrize("weights", [None, np.array([1, 0, 3, 2, 5.0])])
 def test_standardized_columns_have_mean_0_and_variance_1_and_go_back(weights: NDArray[Any] | None) -> None:
     rows = RNG.normal(size=(5, 3)) * [1, 1e-3, 1e6] + [5, 0, 1e7]
-    scaling = Scaling.of(rows, weights)
+    scaling = Spread.of(rows, weights).scaling
     standardized = scaling.apply(rows)
     np.testing.assert_allclose(np.average(standardized, axis=0, weights=weights), 0, atol=1e-9)
     np.testing.assert_allclose(np.average(standardized**2, axis=0, weights=weights), 1)
@@ -273,12 +266,12 @@ def test_standardized_columns_have_mean_0_and_variance_1_and_go_back(weights: ND
 @pytest.mark.parametrize("weights", [None, np.array([1, 1, 1, 0.0])])
 def test_a_constant_column_becomes_0_not_noise(weights: NDArray[Any] | None) -> None:
     rows = np.full((4, 1), 0.1)
-    np.testing.assert_allclose(Scaling.of(rows, weights).apply(rows), 0, atol=1e-15)
+    np.testing.assert_allclose(Spread.of(rows, weights).scaling.apply(rows), 0, atol=1e-15)
 
 
 def test_the_energy_about_the_mean_is_the_energy_of_one_generator() -> None:
-    assert energy_about_mean(np.array([[0.0, 0], [0, 2], [4, 1]]), np.array([1, 1, 2.0])) == 18
-    assert energy_about_mean(np.array([[1.0], [3.0]])) == 2
+    assert Spread.of(np.array([[0.0, 0], [0, 2], [4, 1]]), np.array([1, 1, 2.0])).energy() == 18
+    assert Spread.of(np.array([[1.0], [3.0]])).energy() == 2
 
 
 # Writing
