@@ -30,8 +30,8 @@ _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 _INCH = 25.4
 MARKS = ("disks", "circles", "points")
-#: Width of the line of circles and cells, in millimeters, where none is given.
-_LINE = 0.3
+#: Widths of the lines of circles, where none is given, and of cells, in millimeters.
+_LINE, _CELL_LINE = 0.3, 0.1
 #: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
 #: Area that the pen covers for a point, in squared widths of the pen.
@@ -283,7 +283,7 @@ class Stipples(ReadOnly):
     def _cell_layers(self, scale: float) -> Iterator[str]:
         cells = self.cells()
         for pen, name in enumerate(self.names):
-            look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_LINE}"'
+            look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
             own = self.order[self.layers[self.order] == pen]
             outlines = _outlines((cells[dot] for dot in own), scale)
             yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)

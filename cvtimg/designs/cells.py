@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_rows, check_within
-from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.designs import _designs
 from cvtimg.engine.points import assign, pack
@@ -179,7 +179,7 @@ class Cube(SampleMoments):
         if not self.exact:
             return super().__call__(generators)
         sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
-        return Moments(sums.volumes, generators + per_mass(sums.firsts, sums.volumes), sums.energy)
+        return sums.moments(generators)
 
     def labels(self, generators: _Floats) -> NDArray[Any]:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""

@@ -62,12 +62,12 @@ def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -
 
 def _exact(points: _Floats) -> float:
     """Visit all corners that coordinates of points span: boxes with and without their upper sides."""
+    from scipy.stats import kstest
+
     n_points, n_dims = points.shape
-    sides = [np.unique(np.append(axis, 1.0)) for axis in points.T]
     if n_dims == 1:
-        levels = np.sort(points[:, 0])
-        closed, within = (np.searchsorted(levels, sides[0], side) / n_points for side in ("right", "left"))
-        return float(max((closed - sides[0]).max(), (sides[0] - within).max()))
+        return float(kstest(points[:, 0], "uniform").statistic)
+    sides = [np.unique(np.append(axis, 1.0)) for axis in points.T]
     at = [np.searchsorted(own, axis) for own, axis in zip(sides, points.T, strict=True)]
     # An open box has the points up to the corner before its own: the first row and column stay 0.
     counts = np.zeros((len(sides[0]) + 1, len(sides[1]) + 1), np.int32)
@@ -178,7 +178,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     cells = exact_cells(array, periodic) if exact else _sampled_cells(array, periodic, rng)
     return PointMeasures(
         discrepancy=discrepancy,
-        **regularity(cells.reaches, nearest, cells.seconds_per_volume),
+        **regularity(cells, nearest),
         energy=cells.energy,
         exact_discrepancy=is_exact,
         exact_cells=exact,

@@ -81,15 +81,13 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
         found.append(dense)
         lengths.append(np.concatenate([[0.0], np.cumsum(weights)]))
     shares = _shares(np.array([length[-1] for length in lengths]), n_points)
-    corners = region.corners
     spread: list[Points] = []
     for dense, length, n in zip(found, lengths, shares, strict=True):
-        if n == 0:
-            continue
-        first = _first_corner(dense, corners)
-        at = (length[first] + np.arange(n) / n * length[-1]) % length[-1]
+        corners = np.flatnonzero([(np.abs(region.corners - place).max(axis=1) < 1e-9).any() for place in dense[:-1]])
+        first = length[corners[0]] if len(corners) else 0.0
+        at = (first + np.arange(n) / max(n, 1) * length[-1]) % length[-1]
         points = np.stack([np.interp(at, length, column) for column in dense.T], axis=1)
-        spread.append(_with_corners(points, dense, corners))
+        spread.append(_with_corners(points, dense[corners]))
     points = np.concatenate(spread)
     return region.to_boundary(points) if isinstance(region, ImplicitRegion) else points
 
@@ -102,18 +100,10 @@ def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:
     return shares
 
 
-def _first_corner(dense: Points, corners: Points) -> int:
-    if not len(corners):
-        return 0
-    gaps = np.linalg.norm(dense[:, None] - corners, axis=2).min(axis=1)
-    return int(gaps.argmin())
-
-
-def _with_corners(points: Points, dense: Points, corners: Points) -> Points:
+def _with_corners(points: Points, corners: Points) -> Points:
     """Move the nearest point of a ring to each of its corners."""
-    own = [corner for corner in corners if np.linalg.norm(dense - corner, axis=1).min() < 1e-9]
     free = np.ones(len(points), bool)
-    for corner in own[: len(points)]:
+    for corner in corners[: len(points)]:
         gaps = np.where(free, np.linalg.norm(points - corner, axis=1), np.inf)
         points[gaps.argmin()] = corner
         free[gaps.argmin()] = False

@@ -13,7 +13,7 @@ from cvtimg._shared.extras import optional
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.placement.densities import ConstantDensity, Density, Points
 from cvtimg.placement.metrics import LpGauge
-from cvtimg.placement.moments import Moments
+from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.polygons import triangle_areas, triangulate
 from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.samples import SampleMoments
@@ -98,14 +98,8 @@ class PolygonMoments:
     def __call__(self, generators: Points, /) -> Moments:
         """Compute the moments of the cells of (K, 2) generators."""
         cells = voronoi_cells(generators, self._region)
-        exact = isinstance(self._density, ConstantDensity)
-        sums = _exact_sums(cells, generators) if exact else self._sums(cells, generators)
         if isinstance(self._density, ConstantDensity):
-            sums *= self._density.value
-        masses = sums[:, 0].copy()
-        return Moments(masses, generators + per_mass(sums[:, 1:3], masses), float(sums[:, 3].sum()))
-
-    def _sums(self, cells: Geometries, generators: Points) -> NDArray[np.float64]:
+            return polygon_sums(cells, generators).moments(generators, self._density.value)
         triangles, own = _divided(*triangulate(cells), _COARSEST * self._region.measure / len(cells))
         places = np.einsum("qi,tid->tqd", _POINTS, triangles)
         at = places.reshape(-1, 2)
@@ -113,8 +107,10 @@ class PolygonMoments:
             at = self._region.project(at)
         weights = self._density(at).reshape(len(triangles), -1) * _WEIGHTS * triangle_areas(triangles)[:, None]
         steps = places - generators[own][:, None]
-        parts = [weights, weights * steps[..., 0], weights * steps[..., 1], weights * (steps**2).sum(axis=2)]
-        return sum_by_label(own, np.stack([part.sum(axis=1) for part in parts], axis=1), len(cells))
+        masses = sum_by_label(own, weights.sum(axis=1), len(cells))
+        firsts = sum_by_label(own, np.einsum("tq,tqd->td", weights, steps), len(cells))
+        energy = float((weights * (steps**2).sum(axis=2)).sum())
+        return Moments(masses, generators + per_mass(firsts, masses), energy)
 
 
 def _divided(triangles: Points, own: NDArray[np.intp], largest: float) -> tuple[Points, NDArray[np.intp]]:
@@ -131,38 +127,33 @@ def _divided(triangles: Points, own: NDArray[np.intp], largest: float) -> tuple[
     return np.concatenate(done), np.concatenate(cells)
 
 
-def _exact_sums(cells: Geometries, generators: Points) -> NDArray[np.float64]:
-    """Area, first moments and polar second moment of polygons about their generators, by Green's theorem."""
+def polygon_sums(cells: Geometries, points: Points) -> CellSums:
+    """Integrate over polygons about (K, 2) points, exactly: over triangles of a point and a side, with signs."""
     shapely = optional("shapely", "regions")
 
-    rings, own = _oriented_rings(cells)
+    pieces, own = oriented_pieces(cells)
+    rings, piece = shapely.get_rings(pieces, return_index=True)
     places, ring = shapely.get_coordinates(rings, return_index=True)
-    places = places - generators[own[ring]]
+    cell = own[piece[ring]]
+    steps = places - points[cell]
+    reaches = np.zeros(len(points))
+    np.maximum.at(reaches, cell, np.linalg.norm(steps, axis=1))
     inside = ring[1:] == ring[:-1]
-    (x1, y1), (x2, y2) = places[:-1][inside].T, places[1:][inside].T
-    cross = x1 * y2 - x2 * y1
-    squares = x1 * x1 + x1 * x2 + x2 * x2 + y1 * y1 + y1 * y2 + y2 * y2
-    parts = (cross / 2, cross * (x1 + x2) / 6, cross * (y1 + y2) / 6, cross * squares / 12)
-    cell = own[ring[:-1][inside]]
-    return sum_by_label(cell, np.stack(parts, axis=1), len(cells))
+    one, other = steps[:-1][inside], steps[1:][inside]
+    cross, total = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1], one + other
+    products = sum(np.einsum("sd,se->sde", corner, corner) for corner in (one, other, total)).reshape(-1, 4)
+    parts = cross[:, None] * np.concatenate([np.full((len(cross), 1), 1 / 2), total / 6, products / 24], axis=1)
+    sums = sum_by_label(cell[:-1][inside], parts, len(cells))
+    return CellSums(sums[:, 0], sums[:, 1:3], sums[:, 3:].reshape(-1, 2, 2), reaches)
 
 
-def _oriented_rings(cells: Geometries) -> tuple[Geometries, NDArray[np.intp]]:
-    """Rings of polygons, outer ones counter-clockwise and holes clockwise, and the polygon of each."""
+def oriented_pieces(cells: Geometries) -> tuple[Geometries, NDArray[np.intp]]:
+    """Polygons that cells consist of, outer rings counterclockwise and holes clockwise, and the cell of each."""
     shapely = optional("shapely", "regions")
 
     pieces, own = shapely.get_parts(cells, return_index=True)
     flat = shapely.get_dimensions(pieces) == 2  # a cell may touch its region in a line
-    rings, piece = shapely.get_rings(shapely.orient_polygons(pieces[flat]), return_index=True)
-    return rings, own[flat][piece]
-
-
-def cell_rings(cells: Geometries) -> tuple[list[Points], NDArray[np.intp]]:
-    """Coordinates of the rings of polygons, as of `_oriented_rings`, and the polygon of each."""
-    shapely = optional("shapely", "regions")
-
-    rings, own = _oriented_rings(cells)
-    return [shapely.get_coordinates(ring) for ring in rings], own
+    return shapely.orient_polygons(pieces[flat]), own[flat]
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,31 +206,28 @@ class CellMeasures:
 def measure_cells(points: Points, region: Region) -> CellMeasures:
     """Measure the Voronoi cells of (K, D) points in a region: as polygons where they are, else by samples."""
     if region.is_polygonal:
-        heights, areas, second = _polygon_cells(points, region)
+        sums = polygon_sums(voronoi_cells(points, region), points)
     else:
         samples = region.sample(int(np.clip(_SAMPLES * len(points), *_SAMPLE_RANGE)))
         sums = SampleMoments(samples, LpGauge(2), region).cells(points)
-        heights, areas, second = sums.reaches, sums.volumes, sums.seconds_per_volume
     gaps = region.nearest(points, points, 2)[0][:, 1]  # infinite for a single point
     return CellMeasures(
-        **regularity(heights, gaps, second),
-        h_ratio=_ratio(heights),
+        **regularity(sums, gaps),
+        h_ratio=_ratio(sums.reaches),
         gap_ratio=_ratio(gaps) if len(gaps) > 1 else 1.0,
         gap_variation=float(gaps.std() / gaps.mean()) if len(gaps) > 1 else 0.0,
-        area_ratio=_ratio(areas),
+        area_ratio=_ratio(sums.volumes),
     )
 
 
-def regularity(
-    heights: NDArray[np.float64], gaps: NDArray[np.float64], second: NDArray[np.float64]
-) -> dict[str, float]:
-    """Compute h, chi, tau and d of `CellMeasures` from h_i, gamma_i and the (K, D, D) second moments by area."""
-    n_dims = second.shape[1]
+def regularity(cells: CellSums, gaps: NDArray[np.float64]) -> dict[str, float]:
+    """Compute h, chi, tau and d of `CellMeasures` from cells and distances gamma_i to the nearest other points."""
+    second, n_dims = cells.seconds_per_volume, cells.firsts.shape[1]
     traces = np.trace(second, axis1=1, axis2=2)
     deviatoric = second - traces[:, None, None] / n_dims * np.eye(n_dims)
     return {
-        "h": float(heights.max()),
-        "chi": float((2 * heights / gaps).max()) if gaps.min() > 0 else np.inf,
+        "h": float(cells.reaches.max()),
+        "chi": float((2 * cells.reaches / gaps).max()) if gaps.min() > 0 else np.inf,
         "tau": float(np.abs(traces - traces.mean()).max()),
         "d": float(np.abs(np.linalg.det(deviatoric)).max()),
     }
@@ -247,29 +235,6 @@ def regularity(
 
 def _ratio(values: NDArray[np.float64]) -> float:
     return float(values.max() / values.min()) if values.min() > 0 else np.inf
-
-
-def _polygon_cells(points: Points, region: Region) -> tuple[Points, Points, Points]:
-    """Heights, areas and second moments by area of cells that are polygons."""
-    cells = voronoi_cells(points, region)
-    rings, own = cell_rings(cells)
-    heights = np.zeros(len(points))
-    for ring, cell in zip(rings, own, strict=True):
-        farthest = np.linalg.norm(ring - points[cell], axis=1).max()
-        heights[cell] = max(heights[cell], farthest)
-    return heights, *_second_moments(*triangulate(cells), points)
-
-
-def _second_moments(triangles: Points, own: NDArray[np.intp], points: Points) -> tuple[Points, Points]:
-    """Areas (K,), and second moments (K, 2, 2) by area about the points."""
-    steps = triangles - points[own][:, None]
-    areas = triangle_areas(triangles)
-    total = steps.sum(axis=1)
-    # Over a triangle: the outer products of its corners and of their sum, by 12.
-    products = np.einsum("tid,tie->tde", steps, steps) + total[:, :, None] * total[:, None, :]
-    cells = sum_by_label(own, areas, len(points))
-    sums = sum_by_label(own, areas[:, None] * products.reshape(-1, 4) / 12, len(points))
-    return cells, (sums / cells[:, None]).reshape(-1, 2, 2)
 
 
 def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
@@ -305,17 +270,19 @@ def _cut_off(polygon: Points, size: Points) -> Points:
     """Cut a convex polygon off at the sides of a picture, one after the other."""
     for axis in (0, 1):
         for sign, side in ((1, 0.0), (-1, size[axis])):
-            if len(polygon) == 0:
-                return polygon
-            depth = sign * (polygon[:, axis] - side)
-            after = np.roll(depth, -1)
-            crossing = (depth < 0) != (after < 0)
-            part = np.divide(depth, depth - after, out=np.zeros_like(depth), where=crossing)
-            cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
-            cuts[:, axis] = side
-            places = np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
-            polygon = _distinct(places)
+            polygon = _distinct(clipped(polygon, axis, side, sign))
     return polygon
+
+
+def clipped(polygon: Points, axis: int, side: float, sign: int) -> Points:
+    """Keep the part of a polygon (M, 2) that is beyond a side across an axis, or with sign -1 before it."""
+    depth = sign * (polygon[:, axis] - side)
+    after = np.roll(depth, -1)
+    crossing = (depth < 0) != (after < 0)
+    part = np.divide(depth, depth - after, out=np.zeros_like(depth), where=crossing)
+    cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
+    cuts[:, axis] = side
+    return np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
 
 
 def _distinct(places: Points) -> Points:

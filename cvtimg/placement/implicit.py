@@ -116,6 +116,11 @@ class ImplicitRegion(Region):
         """Length, area or volume, right to about 1e-4 of that of the box."""
         return self._measure
 
+    @property
+    def is_polygonal(self) -> bool:
+        """No: its boundary is curved."""
+        return False
+
     def outline(self, tolerance: float = 0) -> Geometry:
         """Trace the boundary on a grid of 512 x 512 cells, and move it to where the function is 0."""
         if self.n_dims != 2:

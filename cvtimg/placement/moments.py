@@ -63,6 +63,11 @@ class CellSums:
         """Integral of the squared distance to the nearest point."""
         return float(np.einsum("kdd->", self.seconds))
 
+    def moments(self, points: NDArray[np.float64], density: float = 1.0) -> Moments:
+        """Return the moments of the cells of (K, D) points for a density that is the same everywhere."""
+        centroids = points + per_mass(self.firsts, self.volumes)
+        return Moments(density * self.volumes, centroids, density * self.energy)
+
 
 class CellMoments(Protocol):
     """What every descent asks for: the moments of the cells of any (K, D) generators."""

@@ -96,11 +96,6 @@ class PolygonRegion(Region):
             found.append(places[np.abs(turn) > np.radians(_SMOOTH)])
         return np.concatenate(found)
 
-    @property
-    def is_polygonal(self) -> bool:
-        """Yes."""
-        return True
-
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return its geometry."""
         return self.geometry
@@ -251,11 +246,6 @@ class PictureRegion(Region):
         ends = np.array(list(np.ndindex(*(2,) * self.n_dims)))
         own = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
         return self.bounds[ends, np.arange(self.n_dims)][own]
-
-    @property
-    def is_polygonal(self) -> bool:
-        """Whether it is of pixels, and not of voxels."""
-        return self.mask.ndim == 2
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""

@@ -56,7 +56,7 @@ class Region(ABC):
     @property
     def is_polygonal(self) -> bool:
         """Whether it is a part of the plane with straight sides, where Voronoi cells are polygons."""
-        return False
+        return self.n_dims == 2
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return a region of the plane as a shapely geometry, one of pixels simplified by `tolerance`."""
@@ -195,11 +195,6 @@ class Box(Region):
         if any(self.periodic):
             return np.empty((0, self.n_dims))
         return np.array(list(product(*self._bounds.T)))
-
-    @property
-    def is_polygonal(self) -> bool:
-        """Whether it is in the plane."""
-        return self.n_dims == 2
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return a box of the plane as a shapely polygon."""

@@ -12,7 +12,7 @@ from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.labels.contours import Polygon
-from cvtimg.placement.cells import CellMeasures, cell_rings, measure_cells, voronoi_cells
+from cvtimg.placement.cells import CellMeasures, measure_cells, oriented_pieces, voronoi_cells
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.polygons import PictureRegion
 from cvtimg.placement.regions import Box, Region
@@ -86,13 +86,9 @@ class Placement(ReadOnly):
         shapely = optional("shapely", "regions")
 
         self._refuse_figures()
-        pieces, own = shapely.get_parts(voronoi_cells(self.points, self.region), return_index=True)
-        flat = shapely.get_dimensions(pieces) == 2
-        rings, piece = cell_rings(pieces[flat])
-        found: list[list[NDArray[np.float64]]] = [[] for _ in range(np.count_nonzero(flat))]
-        for ring, index in zip(rings, piece, strict=True):
-            found[index].append(ring)
-        return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own[flat], found, strict=True))
+        pieces, own = oriented_pieces(voronoi_cells(self.points, self.region))
+        rings = (map(shapely.get_coordinates, shapely.get_rings(piece)) for piece in pieces)
+        return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own, rings, strict=True))
 
     def measures(self) -> CellMeasures:
         """Measure how regular the Voronoi cells are: exactly where they are polygons, else by samples."""

@@ -164,17 +164,11 @@ class Segments(Figures):
 
     def squared_distances(self, figures: Points, places: Points) -> Points:
         """Compute (M, K) squared distances of (M, 2) places."""
-        start, along = figures[:, :2], figures[:, 2:] - figures[:, :2]
-        steps = places[:, None] - start
-        part = _share((steps * along).sum(axis=2), (along**2).sum(axis=1))
-        return ((steps - part[..., None] * along) ** 2).sum(axis=2)
+        return (_from_feet(figures, places[:, None])[1] ** 2).sum(axis=2)
 
     def pulls(self, figures: Points, places: Points) -> Points:
         """Pull the ends by the share of each in the foot."""
-        start, along = figures[:, :2], figures[:, 2:] - figures[:, :2]
-        steps = places - start
-        part = _share((steps * along).sum(axis=1), (along**2).sum(axis=1))[:, None]
-        rest = steps - part * along
+        part, rest = _from_feet(figures, places)
         return np.concatenate([(1 - part) * rest, part * rest], axis=1)
 
     def middles(self, figures: Points) -> Points:
@@ -262,7 +256,10 @@ class FigureMoments:
         return np.concatenate(labels), np.concatenate(squares)
 
 
-def _share(products: NDArray[np.float64], squares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far along a segment the foot lies, 0 to 1; the middle of one without length."""
-    shares = np.where(squares > 0, products / np.where(squares > 0, squares, 1), 0.5)
-    return np.clip(shares, 0, 1)
+def _from_feet(segments: Points, places: Points) -> tuple[Points, Points]:
+    """How far along segments the feet of places are, 0 to 1, the middle of one without length; the steps from them."""
+    along, steps = segments[:, 2:] - segments[:, :2], places - segments[:, :2]
+    squares = (along**2).sum(axis=1)
+    part = np.where(squares > 0, (steps * along).sum(axis=-1) / np.where(squares > 0, squares, 1), 0.5)
+    part = np.clip(part, 0, 1)[..., None]
+    return part, steps - part * along

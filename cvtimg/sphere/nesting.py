@@ -141,10 +141,12 @@ class _Transition:
 
         while least < 1 and surplus(np.log(least)) < 0 and growth < 1:
             growth *= _FASTER
-        ends = np.log(least), np.log(_SIZES[1])
-        high = float(np.exp(brentq(surplus, *ends))) if surplus(ends[0]) > 0 > surplus(ends[1]) else least
-        finest = min(self.size * high, self.size)
-        return lambda points: (finest / self._sizes(self.depth(points), high, growth)) ** 4
+        low, high = np.log(least), np.log(_SIZES[1])
+        if surplus(high) < 0:
+            high = brentq(surplus, low, high) if surplus(low) > 0 else low
+        factor = float(np.exp(high))  # so few points may be asked for that sizes grow as long as there is way
+        finest = self.size * min(factor, 1)
+        return lambda points: (finest / self._sizes(self.depth(points), factor, growth)) ** 4
 
     def start(self, wanted: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         """Return the points of a grid by which about n are in the part, fewer and fewer outside."""

@@ -35,8 +35,6 @@ _FIRST_ROUND = 64
 _MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
 _WORK = 100
-#: What the energy of even cells is, but for what depends on the points.
-UNIFORM_ENERGY = 8 * np.pi
 
 
 class SphereTriangulation(HalfEdges):
@@ -272,21 +270,12 @@ class Cells:
     # mass.
     pulls: Points
     areas: NDArray[np.float64]  # (N,): by which steps are measured
-    energies: NDArray[np.float64]  # (N,): parts of the energy; those of even cells are without a constant
-    constant: float = 0.0  # What is to be added to their sum
-
-    @property
-    def energy(self) -> float:
-        """Integral of the density times the squared distance to the points."""
-        return self.constant + float(self.energies.sum())
+    energy: float  # integral of the density times the squared distance to the points
 
     def offset_of(self, free: NDArray[np.bool_] | None) -> float:
         """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
-        return float(np.sqrt((self.offsets() if free is None else self.offsets()[free]).mean()))
-
-    def offsets(self) -> NDArray[np.float64]:
-        """Return squared distances (N,) to centers of mass, by the areas of cells."""
-        return np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
+        squares = np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
+        return float(np.sqrt((squares if free is None else squares[free]).mean()))
 
     def moving(self, free: NDArray[np.bool_] | None) -> Cells:
         """Return the cells with no pull at points that are not free; None lets all move."""
@@ -302,7 +291,7 @@ def uniform_cells(mesh: SphereTriangulation) -> Cells:
     points, moments = mesh.points, mesh.uniform_moments()
     areas, along = np.sqrt(np.einsum("ij,ij->i", moments, moments)), np.einsum("ij,ij->i", moments, points)
     moments -= along[:, None] * points
-    return Cells(areas, moments, areas, -2 * along, UNIFORM_ENERGY)
+    return Cells(areas, moments, areas, 8 * np.pi - 2 * float(along.sum()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,4 +305,4 @@ class WeightedCells:
         centers, at_points = mesh.circumcenters(), self.density(mesh.points)
         masses, moments, energies = mesh.weighted_moments(at_points, centers, self.density(centers))
         moments -= np.einsum("ij,ij->i", moments, mesh.points)[:, None] * mesh.points
-        return Cells(masses, moments, masses / at_points, energies)
+        return Cells(masses, moments, masses / at_points, float(energies.sum()))

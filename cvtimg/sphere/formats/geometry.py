@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg.halfedges import find_twins, half_edges_out
-from cvtimg.halfedges.half_edges import turn_left
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -44,17 +43,7 @@ class Connectivity:
     edges_on_vertex: Indices
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ClosedConnectivity(Connectivity):
-    """What touches what on all of the sphere, with half-edges."""
-
-    # (3 T,): of each half-edge.
-    twins: Indices
-    edge_of: Indices
-    halves: Indices  # (E,): the half-edge from the first cell of each edge to the second
-
-
-def connect(triangles: Indices, n: int) -> ClosedConnectivity:
+def connect(triangles: Indices, n: int) -> Connectivity:
     """Find out what touches what in a closed triangulation of `n` points."""
     starts = triangles.ravel()
     ends = triangles[:, [1, 2, 0]].ravel()
@@ -70,7 +59,7 @@ def connect(triangles: Indices, n: int) -> ClosedConnectivity:
     first[starts[::-1]] = numbers[::-1]
     outgoing = half_edges_out(first, twins, degrees)
     there = outgoing >= 0
-    return ClosedConnectivity(
+    return Connectivity(
         degrees,
         cells_on_cell=np.where(there, ends[outgoing], -1).astype(np.int32),
         edges_on_cell=np.where(there, edge_of[outgoing], -1).astype(np.int32),
@@ -79,9 +68,6 @@ def connect(triangles: Indices, n: int) -> ClosedConnectivity:
         vertices_on_edge=np.stack([twins[halves] // 3, halves // 3], axis=1),
         cells_on_vertex=triangles,
         edges_on_vertex=edge_of.reshape(-1, 3),
-        twins=twins,
-        edge_of=edge_of,
-        halves=halves,
     )
 
 
@@ -133,7 +119,9 @@ def measure(points: Values, around: Connectivity) -> Geometry:
     return Geometry(vertices, edges, distances, lengths, angles, kites, areas, kites.sum(axis=1))
 
 
-def _in_blocks(measure: Callable[..., tuple[Values, ...]], *tables: NDArray[Any], size: int = 1 << 18) -> list[Values]:
+def _in_blocks(
+    measure: Callable[..., tuple[NDArray[Any], ...]], *tables: NDArray[Any], size: int = 1 << 18
+) -> list[NDArray[Any]]:
     """Measure some rows of tables at a time, so that what is needed in between is small."""
     blocks = [measure(*(table[k : k + size] for table in tables)) for k in range(0, len(tables[0]), size)]
     return [np.concatenate(values) for values in zip(*blocks, strict=True)]
@@ -146,7 +134,7 @@ def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
     return latitudes, np.where(longitudes < 2 * np.pi, longitudes, 0.0)
 
 
-def tangential_weights(around: ClosedConnectivity, geometry: Geometry) -> tuple[Indices, Values]:
+def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indices, Values]:
     """Compute how velocities u through edges nearby add up to that along an edge, to the left of that through it.
 
     Along edge e it is the sum of weights[e, j] u[edges_on_edge[e, j]], (E, 2 M) arrays: the other edges of the first
@@ -155,27 +143,33 @@ def tangential_weights(around: ClosedConnectivity, geometry: Geometry) -> tuple[
     J. Thuburn, T. D. Ringler, W. C. Skamarock, J. B. Klemp, Numerical representation of geostrophic modes on
     arbitrarily structured C-grids, Journal of Computational Physics 228 (2009), doi 10.1016/j.jcp.2009.08.006.
     """
-    n_edges, most = len(around.halves), around.cells_on_cell.shape[1]
-    edges_on_edge = np.full((n_edges, 2 * most), -1, np.int32)
-    weights = np.zeros((n_edges, 2 * most))
-    shares = (geometry.kites / geometry.cell_areas[around.cells_on_vertex]).ravel()
-    filled = np.zeros(n_edges, np.intp)
-    for sign, halves in ((1.0, around.halves), (-1.0, around.twins[around.halves])):
-        cells = around.cells_on_vertex.ravel()[halves]
-        others = around.degrees[cells] - 1
-        current, passed = halves.copy(), np.zeros(n_edges)
-        for j in range(int(others.max())):
-            rows = np.flatnonzero(others > j)
-            # Half-edge 3 t + k leaves corner k, whose kite in triangle t lies between it and the next one.
-            passed[rows] += shares[current[rows]]
-            current[rows] = turn_left(current[rows], around.twins)
-            edge = around.edge_of[current[rows]]
-            outward = np.where(around.cells_on_edge[edge, 0] == cells[rows], sign, -sign)
-            lengths = geometry.edge_lengths[edge] / geometry.cell_distances[rows]
-            edges_on_edge[rows, filled[rows]] = edge
-            weights[rows, filled[rows]] = (0.5 - passed[rows]) * outward * lengths
-            filled[rows] += 1
+
+    def of_edges(edges: Indices, pairs: Indices) -> tuple[Indices, Values]:
+        one, other = of_cells(edges, pairs[:, 0], 1.0), of_cells(edges, pairs[:, 1], -1.0)
+        return _those_first(np.concatenate([one[0], other[0]], axis=1), np.concatenate([one[1], other[1]], axis=1))
+
+    def of_cells(edges: Indices, cells: Indices, sign: float) -> tuple[Indices, Values]:
+        around_cell, corners = around.edges_on_cell[cells], around.vertices_on_cell[cells]
+        kites = np.where(around.cells_on_vertex[corners] == cells[:, None, None], geometry.kites[corners], 0)
+        shares = kites.sum(axis=2) / geometry.cell_areas[cells, None]
+        steps, degrees = np.arange(corners.shape[1] + 1), around.degrees[cells, None]
+        turned = ((around_cell == edges[:, None]).argmax(axis=1)[:, None] + steps) % degrees
+        passed = np.cumsum(np.take_along_axis(shares, turned[:, :-1], 1), axis=1)
+        others = np.take_along_axis(around_cell, turned[:, 1:], 1)
+        outward = np.where(around.cells_on_edge[others, 0] == cells[:, None], sign, -sign)
+        lengths = geometry.edge_lengths[others] / geometry.cell_distances[edges, None]
+        there = steps[1:] < degrees
+        return np.where(there, others, -1), np.where(there, (0.5 - passed) * outward * lengths, 0.0)
+
+    numbers = np.arange(len(around.cells_on_edge), dtype=np.int32)
+    edges_on_edge, weights = _in_blocks(of_edges, numbers, around.cells_on_edge)
     return edges_on_edge, weights
+
+
+def _those_first(table: Indices, weights: Values) -> tuple[Indices, Values]:
+    """Move entries of a table that are -1, and their weights, behind the others of their rows."""
+    order = np.argsort(table < 0, axis=1, kind="stable")
+    return np.take_along_axis(table, order, 1), np.take_along_axis(weights, order, 1)
 
 
 def _unit(places: Values) -> Values:
@@ -217,14 +211,9 @@ class GridContent:
     attributes: Mapping[str, str] = field(default_factory=dict)  # of the whole file, where a format has them
 
     @cached_property
-    def closed(self) -> ClosedConnectivity:
-        """What touches what, with half-edges."""
-        return connect(self.triangles, len(self.points))
-
-    @property
     def around(self) -> Connectivity:
         """What touches what."""
-        return self.closed
+        return connect(self.triangles, len(self.points))
 
     @property
     def identity(self) -> str:
@@ -241,7 +230,7 @@ class GridContent:
     @cached_property
     def tangential(self) -> tuple[Indices, Values]:
         """Edges on edges, and their weights; see `tangential_weights`."""
-        return tangential_weights(self.closed, self.geometry)
+        return tangential_weights(self.around, self.geometry)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,9 +305,7 @@ class CulledContent(GridContent):
         table, weights = (values[self._edges] for values in self.whole.tangential)
         table = _renumbered(self._edges)[table]
         signs = np.append(np.where(self._turned, -1.0, 1.0), 0.0)
-        weights = signs[:-1, None] * weights * signs[table]
-        order = np.argsort(table < 0, axis=1, kind="stable")
-        return np.take_along_axis(table, order, 1), np.take_along_axis(weights, order, 1)
+        return _those_first(table, signs[:-1, None] * weights * signs[table])
 
 
 def _renumbered(kept: NDArray[np.bool_]) -> Indices:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.geojson import collection, feature
 from cvtimg.files.vtu import POLYGON, vtu_content
+from cvtimg.placement.cells import clipped
 from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
 
 #: Decimals of degrees: about a centimeter on the earth.
@@ -142,21 +143,8 @@ def _cut(path: Ring) -> list[Ring]:
     """Cut a ring at the antimeridians that it crosses, and move its pieces to -180..180."""
     pieces = []
     for around in (-360.0, 0.0, 360.0):
-        piece = _clipped(_clipped(path, around - 180, 1.0), around + 180, -1.0)
-        moved = [[round(x - around, _DECIMALS), y] for x, y in piece]
-        if len(moved) > 2 and max(x for x, _ in moved) > min(x for x, _ in moved):
-            pieces.append(moved)
+        piece = clipped(clipped(np.array(path), 0, around - 180, 1), 0, around + 180, -1)
+        moved = (piece - [around, 0]).round(_DECIMALS)
+        if len(moved) > 2 and np.ptp(moved[:, 0]) > 0:
+            pieces.append(moved.tolist())
     return pieces
-
-
-def _clipped(path: Ring, limit: float, side: float) -> Ring:
-    """Keep what lies beyond a meridian (side 1) or before it (side -1)."""
-    kept = []
-    for a, b in zip(path, [*path[1:], *path[:1]], strict=True):
-        inside, next_inside = side * (a[0] - limit) >= 0, side * (b[0] - limit) >= 0
-        if inside:
-            kept.append(a)
-        if inside != next_inside:
-            part = (limit - a[0]) / (b[0] - a[0])
-            kept.append([limit, round(a[1] + part * (b[1] - a[1]), _DECIMALS)])
-    return kept
