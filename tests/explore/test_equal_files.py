@@ -119,23 +119,20 @@ def go_together(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def cases() -> Iterator[Any]:
-    """Yield settings that hold one value of each option of a tab, as few as may be; slowly, each value by itself."""
+    """Yield settings that together hold each value of each option of a tab, as few as may be."""
     for tab in TABS.values():
         controls = {control.name: control for control in tab.controls}
         packed: list[dict[str, Any]] = []
         for control in tab.controls:
-            for number, value in enumerate(variants(control, tab.name)):
+            for value in variants(control, tab.name):
                 if value in ("palette", "picture"):  # have tests of their own
                     continue
                 settings = {**needed(control, controls), control.name: value}
-                yield pytest.param(tab.name, settings, id=f"{control.name}-{value}", marks=pytest.mark.slow)
-                if number and control.name == "effort":
-                    continue
                 pack = next((pack for pack in packed if go_together(pack, settings)), None)
-                if pack is not None:
-                    pack |= settings
-                elif not number:
+                if pack is None:
                     packed.append(settings)
+                else:
+                    pack |= settings
         for number, pack in enumerate(packed):
             marks = [pytest.mark.slow] if number or tab.name not in QUICK else []
             yield pytest.param(tab.name, pack, id=f"{tab.name}-{number}", marks=marks)
