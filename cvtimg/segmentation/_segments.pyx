@@ -6,14 +6,10 @@ labels are padded: a frame of label 0, as wide as the disc of neighbors, surroun
 has a neighbor outside the array. Pixels of label 0 are nobody's neighbors. A disc is given by the steps, in the flat
 padded image, from a pixel to each of its neighbors.
 """
-from libc.math cimport atan2, rint
 from libc.stdint cimport int32_t, uint8_t, uint16_t, uint64_t
 from libc.string cimport memcpy, memset
 
 import numpy as np
-
-#: M_PI is not standard C, and not in the headers for Windows.
-cdef double PI = 3.141592653589793
 
 cdef extern from "cell_weight.h" nogil:
     double cell_weight(double share, double power)
@@ -257,41 +253,6 @@ def sweep(
                 counts[best] = 0
             counts[own] = 0
     return n_moved
-
-
-def orient(
-    const int32_t[:, ::1] places,  # IN (P, 2): twice the row and the column of the middle of each crack
-    const int32_t[::1] starts,     # IN (B + 1,): where the cracks of each border begin
-    Py_ssize_t first,              # IN: borders to look at
-    Py_ssize_t last,
-    double radius,                 # IN: pixels
-    int n_angles,                  # IN
-    int32_t[::1] angles,           # OUT (P,): main axis of the border near each crack, -1 where a crack is alone
-):
-    cdef Py_ssize_t b, i, j, n
-    cdef double reach = 4 * radius * radius, down, right, mean_down, mean_right, rr, rd, dd
-    with nogil:
-        for b in range(first, last):
-            for i in range(starts[b], starts[b + 1]):
-                n = 0
-                mean_down = mean_right = rr = rd = dd = 0
-                for j in range(starts[b], starts[b + 1]):
-                    down = places[j, 0] - places[i, 0]
-                    right = places[j, 1] - places[i, 1]
-                    if down * down + right * right <= reach:
-                        n += 1
-                        mean_down += down
-                        mean_right += right
-                        rr += right * right
-                        rd += right * down
-                        dd += down * down
-                # Sums of whole numbers: exact, so that no axis hangs on rounding.
-                rr = n * rr - mean_right * mean_right
-                rd = n * rd - mean_right * mean_down
-                dd = n * dd - mean_down * mean_down
-                angles[i] = -1
-                if rr + dd > 0:
-                    angles[i] = (<int32_t>rint(atan2(2 * rd, rr - dd) / (2 * PI) * n_angles) + n_angles) % n_angles
 
 
 def half_disc_distances(

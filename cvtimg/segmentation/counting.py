@@ -50,7 +50,7 @@ class Settings:
     max_rounds: int = 15  # of generators; most images need five
     some_planes: int = 9  # in which noise is measured
     enough_pixels: int = 1 << 22  # generators that vary so slowly need no more
-    tile: int = 1 << 24  # pixels at a time, for 1 GB of memory
+    tile: int = 1 << 23  # pixels at a time, for 1 GB of memory
     overlap: float = 4.0  # of tiles, so that each object is whole in one
     significant: float = 4.0  # times the noise that the blur leaves, by which objects differ from the background
     above_noise: float = 5.0  # the same for pixels of a dim object

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,28 +31,70 @@ _SEGMENTS_AT_START = 4
 Floats = NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True)
+class Smoothness:
+    """The options against noise, checked: averaging and the weight of edges."""
+
+    averaging: Averaging | None
+    edge_weight: float | None  # in squared values; none if it is to follow the smallest detail and the noise
+    edge_radius: int  # pixels are near each other up to this distance
+    smallest_detail: float  # radius of the discs that are just worth their edge
+    volume_power: float  # cells count by their share of the mass to this power
+
+    @classmethod
+    def checked(
+        cls,
+        averaging: AveragingName | Averaging | None,
+        edge_weight: float | str,
+        edge_radius: int,
+        smallest_detail: float,
+        volume_power: float = 0,
+    ) -> Smoothness:
+        """Check the arguments of `segment` by these names."""
+        radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
+        detail = check_non_negative("smallest_detail", smallest_detail)
+        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail, volume_power)
+
+    def averages(self, when: str) -> Averaging | None:
+        """Return how to average at this time, if so."""
+        return self.averaging if self.averaging and self.averaging.when == when else None
+
+    def weight_under(self, noise: NDArray[np.float64], gain: float = 1.0) -> tuple[float, float]:
+        """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
+        if self.edge_weight is not None:
+            return self.edge_weight, 0.0
+        return auto_weight(noise, self.edge_radius) * gain, self.smallest_detail
+
+    def prepare(self, values: PictureValues, shaded: int = 0) -> Prepared:
+        """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
+        before, field = self.averages("before"), values.field()
+        data = values.in_even_light(field, shaded) if shaded else field
+        noise = np.zeros((1, 1)) if self.edge_weight == 0 else noise_covariance(data, values.inside)
+        weight, detail = self.weight_under(noise, before.noise_gain if before else 1.0)
+        if before:
+            data = averaged(data, before, values.inside)
+        return Prepared(self, values, field, data, noise, weight, detail)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
     """An image that is ready to be segmented."""
 
+    how: Smoothness
     values: PictureValues  # the colors inside the mask
     field: Floats  # (H, W, D): values of the pixels about their mean; 0 outside the mask
-    data: Floats  # (H, W, D): the values to segment: the field, averaged if averaging comes first
-    is_changed: bool  # whether data are not the field
+    data: Floats  # (H, W, D): the values to segment: the field, in even light or averaged first
     noise: NDArray[np.float64]  # (D, D): covariance of the noise of the field; measured only where edges cost
-    average_after: Averaging | None  # how to average segments once they are found
     edge_weight: float  # cost of each pair of near pixels in different segments, in squared values; or the least
     smallest_detail: float  # radius of the discs that are just worth their edge; 0 if the weight is given
-    edge_radius: int  # pixels are near each other up to this distance
-    volume_power: float  # cells count by their share of the mass to this power
 
     def start(self, n_segments: int) -> Floats | None:
         """(H, W, D) values in which to find the first cells, or None if the distinct colors serve."""
         # An image that is averaged or in even light is taken as it is; another is blurred here if noise would hide its
         # segments.
-        if self.is_changed:
+        if self.data is not self.field:
             return self.data
-        if self.average_after is not None:
+        if self.how.averages("after"):
             return None
         inside = self.values.inside
         variance = float(self.field[inside].var(axis=0, dtype=np.float64).sum())
@@ -64,63 +105,14 @@ class Prepared:
         self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True
     ) -> tuple[NDArray[np.int32], EdgeWeighted | None]:
         """Average segments, then lower their edge-weighted energy, each if asked for."""
-        if self.average_after is not None:
-            labels = average_segments(self.data, labels, n_segments, self.average_after)
-        detail = self.smallest_detail if by_detail else 0.0
+        how, detail = self.how, self.smallest_detail if by_detail else 0.0
+        if after := how.averages("after"):
+            labels = average_segments(self.data, labels, n_segments, after)
         if not (self.edge_weight or detail):
             return labels, None
-        options: dict[str, Any] = {"radius": self.edge_radius, "volume_power": self.volume_power, "detail": detail}
-        end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, **options)
+        moves = {"radius": how.edge_radius, "volume_power": how.volume_power}
+        end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, detail=detail, **moves)
         return end.labels, end
-
-
-@dataclass(frozen=True, slots=True)
-class Smoothness:
-    """The options against noise, checked: averaging and the weight of edges."""
-
-    averaging: Averaging | None
-    edge_weight: float | None  # none if it is to follow the smallest detail and the noise
-    edge_radius: int
-    smallest_detail: float
-
-    @classmethod
-    def checked(
-        cls,
-        averaging: AveragingName | Averaging | None,
-        edge_weight: float | str,
-        edge_radius: int,
-        smallest_detail: float,
-    ) -> Smoothness:
-        """Check the arguments of `segment` by these names."""
-        radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
-        detail = check_non_negative("smallest_detail", smallest_detail)
-        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail)
-
-    def weight_under(self, noise: NDArray[np.float64], gain: float = 1.0) -> tuple[float, float]:
-        """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
-        if self.edge_weight is not None:
-            return self.edge_weight, 0.0
-        return auto_weight(noise, self.edge_radius) * gain, self.smallest_detail
-
-    def prepare(self, values: PictureValues, volume_power: float, shaded: int = 0) -> Prepared:
-        """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
-        before = self.averaging if self.averaging and self.averaging.when == "before" else None
-        field = values.field()
-        data = values.in_even_light(field, shaded) if shaded else field
-        noise = np.zeros((1, 1)) if self.edge_weight == 0 else noise_covariance(data, values.inside)
-        weight, detail = self.weight_under(noise, before.noise_gain if before else 1.0)
-        return Prepared(
-            values=values,
-            field=field,
-            data=averaged(data, before, values.inside) if before else data,
-            is_changed=before is not None or shaded > 0,
-            noise=noise,
-            average_after=None if before else self.averaging,
-            edge_weight=weight,
-            smallest_detail=detail,
-            edge_radius=self.edge_radius,
-            volume_power=volume_power,
-        )
 
 
 def auto_weight(noise: NDArray[np.float64], radius: int) -> float:
@@ -145,12 +137,13 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     """Compute the energies of 1, 2, ... n_max segments from those of the cells that they start from."""
     # The curve never rises: where another segment would cost more, because of its edges, it stays empty, and the curve
     # keeps the energy and the generators of one segment less.
-    inside, volume_power = prepared.values.inside, prepared.volume_power
+    inside, volume_power = prepared.values.inside, prepared.how.volume_power
     start = prepared.start(_SEGMENTS_AT_START)
     rows = (prepared.field if start is None else start)[inside]
     cells = energy_curve(rows, n_max, volume_power=volume_power, rng=rng)
     # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
-    if start is None and prepared.average_after is None and (prepared.smallest_detail or not prepared.edge_weight):
+    averages = prepared.how.averages("after")
+    if start is None and not averages and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
     points = pack(rows, np.ones(len(rows)))
     energies: list[float] = []

@@ -85,8 +85,7 @@ class SegmentedFile(Segments):
     shape : tuple of int
         Shape of the image: (H, W) or (H, W, C).
     exact : bool
-        Whether segments start from all distinct colors of the image, or of its averages in 255 levels. Of more than
-        2^22, similar ones are merged.
+        Whether all distinct colors of the image were told apart. Of more than 2^22, similar ones are merged.
     """
 
     shape: tuple[int, ...]
@@ -176,15 +175,12 @@ class Segmentation(Segments):
 
 def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Segmentation:
     """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
-    inside = labels > 0
-    own, rows = labels[inside] - 1, image.reshape(*labels.shape, -1)[inside]
-    masses = np.bincount(own).astype(np.float64)
-    means = per_mass(sum_by_label(own, rows), masses)
-    rest = rows - means[own]
-    energy = float(np.einsum("nd,nd->", rest, rest))
+    own, rows = labels[labels > 0] - 1, image.reshape(*labels.shape, -1)[labels > 0]
+    center = rows.sum(axis=0, dtype=np.float64) / max(len(rows), 1)
+    masses, means, energy = _moments(own, rows - center)
     return Segmentation(
         labels=labels,
-        generators=means,
+        generators=means + center,
         masses=masses,
         energy=energy,
         energies=(energy,),
@@ -203,13 +199,7 @@ def from_labels(
     curve: EnergyCurve | None = None,
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
-    inside = labels > 0
-    own, rows = labels[inside] - 1, field[inside]
-    masses = np.bincount(own).astype(np.float64)
-    sums = sum_by_label(own, rows)
-    means = per_mass(sums, masses)
-    squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
-    energy = max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
+    masses, means, energy = _moments(labels[labels > 0] - 1, field[labels > 0])
     new_label, ends = sorted_ends(values, means, masses, energy, iteration.energies)
     return Segmentation(
         labels=np.append(np.int32(0), new_label)[labels],
@@ -218,6 +208,14 @@ def from_labels(
         curve=curve,
         **ends,
     )
+
+
+def _moments(own: NDArray[np.int32], rows: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """(K,) sizes, (K, D) means and energy of cells, whose numbers `own` has for each of (N, D) rows about 0."""
+    masses, sums = np.bincount(own).astype(np.float64), sum_by_label(own, rows)
+    means = per_mass(sums, masses)
+    squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
+    return masses, means, max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
 
 
 def sorted_ends(

@@ -28,7 +28,7 @@ from cvtimg.segmentation.edge_weight import length_cost
 from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
-from cvtimg.segmentation.values import picture_values
+from cvtimg.segmentation.values import at_pixels, picture_values
 
 _MAX_SEGMENTS = 1 << 16
 _BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
@@ -125,7 +125,7 @@ def segment(
     >>> np.unique(result.labels, return_counts=True)[1].tolist(), segment(image, 2, edge_weight=0).labels[5, 5].item()
     ([240, 360], 2)
     """
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power)
     size, price = int(check_non_negative("min_size", min_size)), check_non_negative("border_price", border_price)
     check_needs("border_price", bool(price), "components=True", components)
     check_excluded("objects", bool(objects), components=components)
@@ -133,7 +133,7 @@ def segment(
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     values = picture_values(image, check_choice("space", space, SPACES), mask)
     shaded = (2 if n_segments == "auto" else min(n_segments, values.samples.n_colors)) if shading else 0
-    prepared = smoothness.prepare(values, volume_power, shaded)
+    prepared = smoothness.prepare(values, shaded)
     curve = None
     if n_segments == "auto":
         with part(0, _CURVE):
@@ -146,7 +146,7 @@ def segment(
         cells = tessellate(samples, n_cells, effort=effort, volume_power=volume_power, rng=rng)
     own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
     with part(_CELLS, 1):
-        labels, descent = prepared.settle(values.to_pixels(own + np.int32(1)), n_cells)
+        labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
     weight = descent.edge_weight if descent else 0.0
     if components or size:
         labels = _in_pieces(labels, prepared.data, size, max(weight * length_cost(edge_radius), price), components)
@@ -193,9 +193,9 @@ def segment_curve(
     >>> segment_curve(image, edge_weight=1).elbow()
     3
     """
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail=0)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, 0, volume_power)
     values = picture_values(image, check_choice("space", space, SPACES), mask)
-    return curve_of_segments(smoothness.prepare(values, volume_power), n_max, rng)
+    return curve_of_segments(smoothness.prepare(values), n_max, rng)
 
 
 def _in_pieces(

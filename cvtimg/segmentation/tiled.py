@@ -7,11 +7,10 @@ order and with the same sums as in memory, so that strips leave no seams.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -19,10 +18,9 @@ from numpy.typing import DTypeLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg.colors.counting import Counter
-from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import SPACES
 from cvtimg.engine.points import assign, pack
-from cvtimg.engine.tessellation import Tessellation, tessellate
+from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath, scratch_folder
 from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
@@ -31,18 +29,16 @@ from cvtimg.segmentation.edge_weight import Layers, Moves, State
 from cvtimg.segmentation.noise import noise_of_rows
 from cvtimg.segmentation.prepared import Smoothness, blur_at_start
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
-from cvtimg.segmentation.values import values_of
+from cvtimg.segmentation.values import at_pixels, values_of
 
 #: Labels have 8 or 16 bits, and 0 is outside the mask.
 _MOST_SEGMENTS = 65535
-#: Number of levels by which an averaged image is counted.
-_LEVELS = 255
+#: Segments of a noisy image start from so many of its averages, or a few more.
+_ENOUGH_AVERAGES = 1 << 20
 #: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
 STRIP_PIXELS = 1 << 21
 #: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
 _LEAST_ROWS = 32
-#: Bytes that are written at a time where the system cannot allocate a file.
-_AT_ONCE = 1 << 24
 
 
 def segment_file(
@@ -116,17 +112,21 @@ def segment_file(
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)
     with scratch_folder(target) as folder:
         picture = PixelsOnDisk(stack, folder, space)
+        samples, scale, origin = picture.values.samples, picture.values.scale, picture.values.center
         noise = np.zeros((1, 1)) if edge_weight == 0 else noise_of_rows(picture.read, picture.shape)
         weight, detail = smoothness.weight_under(noise)
-        n_cells = min(n_segments, picture.values.samples.n_colors)
-        start = Start(picture, blur_at_start(picture.variance, noise, n_cells))
-        cells = tessellate(start.samples, min(n_cells, start.samples.n_colors), effort=effort, rng=rng)
+        n_cells = min(n_segments, samples.n_colors)
+        blur = blur_at_start(picture.variance, noise, n_cells)
+        if blur:
+            samples, scale, origin = picture.averages(blur), 1.0, np.zeros_like(origin)
+        cells = tessellate(samples, n_cells, effort=effort, rng=rng)
         layers = picture.layers(folder, edge_radius)
-        for (first, last), labels in zip(picture.strips, start.labels(cells), strict=True):
+        nearest = picture.nearest(cells.generators * scale - origin, blur)
+        for (first, last), labels in zip(picture.strips, nearest, strict=True):
             layers.labels[first + edge_radius : last + edge_radius][:, edge_radius:-edge_radius] = labels
-        shape = (picture.shape[1], picture.values.samples.colors.shape[1])
+        shape = (picture.shape[1], len(origin))
         state = State(layers, picture.strips, shape, len(cells.generators), Moves(edge_radius))
-        energies, converged = tuple(energy * start.scale**2 for energy in cells.energies), cells.converged
+        energies, converged = tuple(energy * scale**2 for energy in cells.energies), cells.converged
         if weight or detail:
             energies, weight, converged = state.descend(weight, detail)
         energy = float(state.cells.energies.sum())
@@ -138,8 +138,7 @@ def segment_file(
         numbers = np.append(0, new_label).astype(dtype)
         own = (layers.labels[first + edge_radius : last + edge_radius] for first, last in picture.strips)
         write_bands(target, form, (numbers[rows[:, edge_radius:-edge_radius]] for rows in own), overwrite=overwrite)
-    exact = picture.exact and start.exact
-    return SegmentedFile(edge_weight=weight, converged=converged, shape=bands.shape, exact=exact, **ends)
+    return SegmentedFile(edge_weight=weight, converged=converged, shape=bands.shape, exact=picture.exact, **ends)
 
 
 class RowsOnDisk:
@@ -148,22 +147,14 @@ class RowsOnDisk:
     def __init__(self, path: Path, shape: tuple[int, ...], dtype: DTypeLike) -> None:
         self.shape, self.dtype, self._path = shape, np.dtype(dtype), path
         self._n_bytes = prod(shape[1:]) * self.dtype.itemsize
-        with path.open("wb") as file:
-            _allocate(file, shape[0] * self._n_bytes)
+        with path.open("wb") as file:  # takes the room now: a full disk is an error here, but ends a program that maps
+            for _ in range(shape[0]):
+                file.write(bytes(self._n_bytes))
 
     def __getitem__(self, rows: slice) -> NDArray[Any]:
         first, last, _ = rows.indices(self.shape[0])
         shape = (last - first, *self.shape[1:])
         return np.memmap(self._path, self.dtype, "r+", first * self._n_bytes, shape)
-
-
-def _allocate(file: BinaryIO, n_bytes: int) -> None:
-    """Take the room on the disk now: a full one is an error here, but ends the program where a file is mapped."""
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(file.fileno(), 0, n_bytes)
-        return
-    for left in range(n_bytes, 0, -_AT_ONCE):
-        file.write(bytes(min(left, _AT_ONCE)))
 
 
 class PixelsOnDisk:
@@ -199,9 +190,8 @@ class PixelsOnDisk:
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
         colors, inside = self._pixels[first:last], self._inside[first:last]
-        field = np.zeros(colors.shape, np.float32)
-        field[inside] = self.values.of_colors(colors[inside], self._center)
-        return field, inside
+        own = colors.reshape(inside.size, -1) if inside.all() else colors[inside]
+        return at_pixels(self.values.of_colors(own, self._center), inside), inside
 
     def __getitem__(self, rows: slice) -> NDArray[np.float32]:
         return self.read(rows.start, rows.stop)[0]
@@ -219,45 +209,25 @@ class PixelsOnDisk:
         steps = samples.colors * scale - self._center
         return float(np.einsum("n,nd->", samples.density, steps**2) / samples.density.sum())
 
-
-class Start:
-    """The colors of an image, or of its averages if it is noisy, and the segments that they start from."""
-
-    def __init__(self, picture: PixelsOnDisk, blur: float) -> None:
-        self._picture, self.exact = picture, True
-        self._average = Averaging("before", "gaussian", blur) if blur else None
-        self.samples, self.scale, self._offset = picture.values.samples, picture.values.scale, -picture.values.center
-        if self._average:
-            self.samples = self._count()
-
-    def _count(self) -> ColorSamples:
-        """Count the averages, in levels of the range of the colors."""
-        places = self.samples.colors * self.scale + self._offset
-        low, high = float(places.min()), float(places.max())
-        self.scale, self._offset = (high - low) / _LEVELS, np.full(places.shape[1], low)
-        counter = Counter()
-        for values, inside in self.strips():
-            counter.add(np.rint((values[inside] - low) / self.scale).astype(np.uint8)[None])
-        count = counter.total()
-        self.exact = count.exact
-        return count.of_some()
-
-    def strips(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
-        """Yield strips of values, averaged if asked for, and the mask of each."""
-        halo = int(TRUNCATE * self._average.radius + 0.5) if self._average else 0
-        for first, last in self._picture.strips:
-            above, below = max(first - halo, 0), min(last + halo, self._picture.shape[0])
-            values, inside = self._picture.read(above, below)
+    def blurred(self, blur: float) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+        """Yield strips of values, averaged by a Gaussian unless the blur is 0, and the mask of each."""
+        average = Averaging("before", "gaussian", blur) if blur else None
+        halo = int(TRUNCATE * blur + 0.5)
+        for first, last in self.strips:
+            above = max(first - halo, 0)
+            values, inside = self.read(above, min(last + halo, self.shape[0]))
             own = slice(first - above, last - above)
-            if self._average:
-                values = averaged(values, self._average, inside)
-            yield values[own], inside[own]
+            yield (averaged(values, average, inside) if average else values)[own], inside[own]
 
-    def labels(self, tessellation: Tessellation) -> Iterator[NDArray[np.int32]]:
-        """Yield strips of labels, those of the nearest generators."""
-        generators = tessellation.generators * self.scale + self._offset
+    def averages(self, blur: float) -> NDArray[np.float32]:
+        """(N, D) averages: of a large image, those of pixels at even steps."""
+        step = max(int(self.values.samples.density.sum()) // _ENOUGH_AVERAGES, 1)
+        return np.concatenate([values[inside][::step] for values, inside in self.blurred(blur)])
+
+    def nearest(self, generators: NDArray[np.float64], blur: float) -> Iterator[NDArray[np.int32]]:
+        """Yield strips of labels, those of the generators nearest to the averages."""
         origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are broken alike
-        for values, inside in self.strips():
+        for values, inside in self.blurred(blur):
             labels = np.zeros(inside.shape, np.int32)
             rows = values[inside]
             if len(rows):

@@ -12,7 +12,6 @@ the generators of a tessellation, and the object is its cell.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -130,56 +129,19 @@ def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayL
 def split_at_saddles(height: NDArray[np.floating], inside: NDArray[np.bool_], depth: float) -> NDArray[np.int32]:
     """Label the parts of pixels, of two or three axes, that rise by more than the depth above their saddles."""
     from skimage.measure import label
-    from skimage.morphology import local_maxima
+    from skimage.morphology import local_maxima, reconstruction
     from skimage.segmentation import watershed
 
     n_axes = inside.ndim
-    peaks = local_maxima(height, connectivity=n_axes) & inside  # type: ignore[no-untyped-call]
-    centers = np.asarray(label(peaks, connectivity=n_axes), np.int32)  # type: ignore[no-untyped-call]
-    basins = np.asarray(watershed(-height, centers, mask=inside), np.int32)  # type: ignore[no-untyped-call]
-    # A piece so small that it has no peak is an object all the same.
-    lost = inside & (basins == 0)
-    if lost.any():
-        basins += np.where(lost, label(lost, connectivity=1) + centers.max(), 0).astype(np.int32)  # type: ignore[no-untyped-call]
-    heights = np.full(int(basins.max()) + 1, -np.inf)
-    heights[centers[peaks]] = height[peaks]
-    return numbered(_joined(basins, height, heights, depth)[basins])
-
-
-def _joined(
-    basins: NDArray[np.int32], height: NDArray[np.floating], peaks: NDArray[np.float64], depth: float
-) -> NDArray[np.int32]:
-    """Return for each basin the one that it is part of: its own if it rises by more than the depth above a saddle."""
-    own, heights = np.pad(basins, 1), np.pad(height, 1).ravel()
-    steps = np.array(own.strides) // own.itemsize
-    own = own.ravel()
-    inside = np.flatnonzero(own)
-    pairs, saddles = [], []
-    ways = [way for way in product((0, 1, -1), repeat=basins.ndim) if way > (0,) * basins.ndim]
-    for way in ways:  # to half of the neighbors, by sides and corners
-        there = inside + int(steps @ way)
-        meet = (own[there] != own[inside]) & (own[there] > 0)
-        here, there = inside[meet], there[meet]
-        pairs.append(np.sort([own[here], own[there]], axis=0))
-        saddles.append(np.minimum(heights[here], heights[there]))
-    meetings, levels = np.concatenate(pairs, axis=1), np.concatenate(saddles)
-    order = np.argsort(-levels, kind="stable")
-    # Of two basins, only the highest saddle counts: parts only rise, so that what is apart there is so below.
-    _, first = np.unique(meetings[0, order] * np.int64(len(peaks)) + meetings[1, order], return_index=True)
-    order = order[np.sort(first)]
-    part_of = np.arange(len(peaks), dtype=np.int32)
-
-    def whole(basin: int) -> int:
-        while part_of[basin] != basin:
-            part_of[basin] = part_of[part_of[basin]]
-            basin = int(part_of[basin])
-        return basin
-
-    for one, other, saddle in zip(*meetings[:, order].tolist(), levels[order].tolist(), strict=True):
-        lower, higher = sorted((whole(one), whole(other)), key=peaks.__getitem__)
-        if lower != higher and peaks[lower] - saddle <= depth:
-            part_of[lower] = higher
-    return np.array([whole(basin) for basin in range(len(peaks))], np.int32)
+    # A peak that is lowered by the depth still shows in the flood if its saddles are lower than that. What is outside
+    # lies lower than all, and so does a rim: in an image of one height, all of it is the peak.
+    low = height.min() - depth - 1
+    shown = np.pad(np.where(inside, height, low), 1, constant_values=low)
+    peaks = local_maxima(reconstruction(shown - depth, shown), connectivity=n_axes)  # type: ignore[no-untyped-call]
+    within = peaks[(slice(1, -1),) * n_axes] & inside
+    centers = np.asarray(label(within, connectivity=n_axes), np.int32)  # type: ignore[no-untyped-call]
+    parts = watershed(-height, centers, n_axes, mask=inside)  # type: ignore[no-untyped-call]
+    return numbered(np.asarray(parts, np.int32))
 
 
 def with_own_borders(

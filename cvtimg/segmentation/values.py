@@ -46,7 +46,7 @@ class PictureValues:
     def field(self) -> NDArray[np.float32]:
         """(H, W, D) values about their `center`; 0 outside the mask."""
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
-        return self.to_pixels(places[self.samples.inverse[0]])
+        return at_pixels(places[self.samples.inverse[0]], self.inside)
 
     def of_colors(self, colors: NDArray[Any], center: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, D) values of (N, C) colors of an image without an offset, about their center."""
@@ -73,21 +73,21 @@ class PictureValues:
         even[self.inside] -= even[self.inside].mean(axis=0)
         return even
 
-    def to_pixels(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Put (n, ...) rows at the pixels that they belong to: (H, W, ...), 0 outside the mask."""
-        shape = (*self.inside.shape, *rows.shape[1:])
-        if len(rows) == self.inside.size:
-            return rows.reshape(shape)
-        pixels = np.zeros(shape, rows.dtype)
-        pixels[self.inside] = rows
-        return pixels
-
     def to_picture(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert (K, D) values to (K, C) colors in the units of the image."""
         if self.space == "rgb":
             return values / self.unit + self.offset
         colors: NDArray[np.float64] = from_space(values / self.unit, self.space, np.dtype(np.float64))
         return colors * peak(self.dtype)
+
+
+def at_pixels(rows: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+    """Put (n, ...) rows at the n pixels `inside`, (H, W), that they belong to: (H, W, ...), 0 elsewhere."""
+    if len(rows) == inside.size:
+        return rows.reshape(*inside.shape, *rows.shape[1:])
+    pixels = np.zeros((*inside.shape, *rows.shape[1:]), rows.dtype)
+    pixels[inside] = rows
+    return pixels
 
 
 def unit_of(space: SpaceName, dtype: np.dtype[Any]) -> float:

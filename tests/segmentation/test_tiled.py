@@ -99,7 +99,7 @@ def test_averages_reach_across_strips() -> None:
     write(image)
     picture = tiled_segmentation.PixelsOnDisk(open_stack("a.tif", tiles=True), Path(), "rgb")
     average = Averaging("before", "gaussian", 3.7)
-    strips = [values for values, _ in tiled_segmentation.Start(picture, 3.7).strips()]
+    strips = [values for values, _ in picture.blurred(3.7)]
     expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
     assert len(strips) > 3
     np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)

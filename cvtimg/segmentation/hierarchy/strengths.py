@@ -20,6 +20,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
@@ -43,15 +44,22 @@ def border_strengths(borders: Borders, channels: Channels) -> NDArray[np.float64
 
 def _angles(borders: Borders) -> NDArray[np.int32]:
     """(P,) number of the direction in which the border runs at each crack; a crack alone runs along itself."""
-    angles = np.empty(len(borders.places), np.int32)
+    from scipy.spatial import cKDTree
+
     middles = 2 * borders.places + np.stack([borders.is_flat, ~borders.is_flat], axis=1)
-
-    def orient(first: int, last: int) -> None:
-        _segments.orient(middles, borders.starts, first, last, SETTINGS.straight, SETTINGS.n_angles, angles)
-
-    in_parts(orient, len(borders.pairs), work=float(np.square(borders.lengths, dtype=np.float64).sum()))
+    reach, own = 2 * SETTINGS.straight, np.repeat(np.arange(len(borders.pairs)), borders.lengths)
+    # Borders lie in planes of their own, so that those of others are out of reach.
+    near = cKDTree(np.column_stack([middles, 2 * reach * own])).query_pairs(reach, output_type="ndarray")
+    at, other = np.concatenate([near, near[:, ::-1]]).T
+    down, right = (middles[other] - middles[at]).T
+    n, d, r, dd, dr, rr = sum_by_label(
+        at, np.stack([down**0, down, right, down * down, down * right, right * right], axis=1), len(middles)
+    ).T
+    # Variances by sums of whole numbers, which are exact, so that no axis hangs on rounding; the crack itself counts.
+    along, both, across = (n + 1) * rr - r * r, (n + 1) * dr - d * r, (n + 1) * dd - d * d
+    axes = np.rint(np.arctan2(2 * both, along - across) / (2 * np.pi) * SETTINGS.n_angles) % SETTINGS.n_angles
     alone = np.where(borders.is_flat, 0, SETTINGS.n_angles // 2)
-    return np.where(angles < 0, alone, angles).astype(np.int32)
+    return np.where(n > 0, axes, alone).astype(np.int32)
 
 
 def _half_disc_distances(

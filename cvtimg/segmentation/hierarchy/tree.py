@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -199,23 +200,11 @@ class RegionHierarchy(ReadOnly):
         return cls(**{**arrays, "default_threshold": float(arrays["default_threshold"])})
 
     def divide(self, leaves: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Return which of the N leaves are on the second side of the last merge of some leaves (n >= 2), from 0."""
-        total, count = len(leaves), np.zeros(len(self.sizes), np.int64)
-        count[leaves] = 1
-        second = np.zeros(len(self.sizes), bool)
-        merges = self.merges.tolist()
-        for number, (one, other) in enumerate(merges):
-            count[self.n_leaves + number] = count[one] + count[other]
-            if count[one] and count[other] and count[one] + count[other] == total:
-                second[other] = True
-                break
-        else:  # parts that never merge: the first of them against the others
-            roots = np.setdiff1d(np.arange(len(self.sizes)), self.merges)
-            second[roots[count[roots] > 0][1:]] = True
-        for number in range(len(merges) - 1, -1, -1):
-            if second[self.n_leaves + number]:
-                second[merges[number]] = True
-        return second[: self.n_leaves]
+        """Return which of the N leaves are on one side of the last merge of some leaves (n >= 2), from 0."""
+        sizes = range(self.n_parts, self.n_leaves + 1)
+        apart = bisect_left(sizes, True, key=lambda n: len(np.unique(self._cut(n)[1][leaves])) > 1)
+        parts = self._cut(sizes[apart])[1]
+        return parts == parts[leaves].max()
 
     def _n_regions(self, n_regions: int | None, threshold: float | None, min_regions: int) -> int:
         """Return how many regions a cut has."""
