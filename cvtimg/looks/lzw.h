@@ -15,7 +15,7 @@
 enum { LZW_CODES = 4096, LZW_FIRST = 258, LZW_NONE = LZW_CODES, LZW_LEAST_BITS = 9, LZW_MOST_BITS = 12 };
 // The most paths; the nearest entries of a pixel, by which they go on, and one for what a frame is drawn over; pixels that
 // are decided at a time, and how many are looked ahead.
-enum { LZW_MOST_PATHS = 64, LZW_NEAR = 8, LZW_CHOICES = LZW_NEAR + 1, LZW_DECIDED = 16, LZW_AHEAD = 16 };
+enum { LZW_MOST_PATHS = 64, LZW_CHOICES = RATE_NEAR + 1, LZW_DECIDED = 16, LZW_AHEAD = 16 };
 // A path that costs so many bits more than the cheapest is given up.
 static const float LZW_BEHIND_BITS = 20;
 // Shares of an error that the next pixel, and those below it, get. There are no long runs that would show as streaks.
@@ -43,7 +43,6 @@ typedef struct {
   int n_paths;
   const float *kept;     // (rows, width, 4) places of what a frame is drawn over, or NULL
   float *above, *below;  // (width + 2, 4) errors handed on from the row above, and to the row below
-  float *squares;        // n_entries
   lzw_paths *paths;      // LZW_DECIDED + LZW_AHEAD + 1
   int16_t *slots;        // LZW_CODES: which candidate has a phrase, or -1
 } lzw_scratch;
@@ -85,9 +84,10 @@ static inline const float *lzw_shown(const rate_band *band, const lzw_scratch *s
 // drawn again.
 static int lzw_choose(const rate_band *band, lzw_scratch *scratch, Py_ssize_t at, const float *place, int *choices) {
   rate_near near;
-  rate_look(band, place, band->visibility[at], LZW_BEHIND_BITS * band->price, scratch->squares, &near);
+  rate_look(band, place, band->visibility[at], &near);
+  const float most = near.square[0] + LZW_BEHIND_BITS * band->price;
   int n = 0;
-  for (int i = 0; i < near.n && n < LZW_NEAR; i++) {
+  for (int i = 0; i < near.n && near.square[i] <= most; i++) {
     const float *entry = band->entries + RATE_WIDTH * near.entry[i];
     const int same = scratch->kept && !memcmp(entry, scratch->kept + RATE_WIDTH * at, RATE_WIDTH * sizeof(float));
     if (!same) choices[n++] = near.entry[i];

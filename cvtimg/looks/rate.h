@@ -23,24 +23,25 @@
 
 // Coordinates; the longest and the farthest match of deflate in bytes; the most matches followed from a pixel; how many of
 // the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
-enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 16, RATE_TRIES = 6 };
-// Entries are compared in blocks, of which most have none that is near.
-enum { RATE_BLOCK = 16 };
-// A match may begin with an index that costs so many bits more than the best literal; its first two indices, and all that
-// follow, cost at most so many more than literals; and it is given up when another is so many bits ahead.
-static const float RATE_NEAR_BITS = 10, RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
+enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 8, RATE_TRIES = 6 };
+// Entries are compared in blocks of neighbors, of which most are too far away as a whole.
+enum { RATE_BLOCK = 8, RATE_MOST_BLOCKS = 256 / RATE_BLOCK };
+// The first two indices of a match, and all that follow, cost at most so many bits more than literals; and it is given up
+// when another is so many bits ahead.
+static const float RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
 // Shares of an error that the next pixel, and those below it, get. More goes along the row than Floyd and Steinberg give:
 // long repetitions of too bright or too dark indices, which show as streaks, get dearer with each pixel.
 static const float RATE_RIGHT = 12 / 16.f, RATE_BELOW = 2 / 16.f, RATE_ASIDE = 1 / 16.f;
 
 typedef struct {
-  Py_ssize_t width, n_entries;
+  Py_ssize_t width, n_entries, n_blocks;
   int shift;                // of numbers of pixels to numbers of bytes
   int n_matches;            // at most so many are followed from a pixel
   const float *targets;     // (rows, width, 4) places of the pixels
   const float *visibility;  // (rows, width) how much a squared error counts
-  const float *entries;     // (n_entries + 1, 4) places of the palette; the last is far from all pixels
-  const float *columns;     // (4, n_entries) the same without the last
+  const float *entries;     // (n_entries + 1, 4) places of the palette, neighbors together; the last is far from all pixels
+  const float *columns;     // (n_blocks, 4, RATE_BLOCK) the same without the last, filled up with places far away
+  const float *boxes;       // (8, n_blocks) the lowest and the highest coordinates of each block
   const float *lengths;     // (RATE_LONGEST + 1) price of the length of a match, in bytes
   const float *distances;   // (RATE_FARTHEST + 1) price of its distance, in bytes
   float price, literal;     // price of a bit, and of an index by itself
@@ -69,10 +70,9 @@ typedef struct {
 
 typedef struct {
   rate_node *nodes;         // width + 1
-  rate_near *near;          // width: near entries without the row's own errors
+  rate_near *near;          // width: the nearest entries without the row's own errors
   float *above, *below;     // (width + 2, 4) errors handed on from the row above, and to the row below
   float *floor;             // width: what the best literal costs without the row's own errors
-  float *squares;           // n_entries
   uint16_t *stream;         // rows * stride: indices as deflate sees them, n_entries between rows; then a run of one index
   int32_t *newest, *older;  // 65536 and rows * stride: the chains of equal pairs of indices
   Py_ssize_t stride, run;   // length of a row in the stream, and where the run begins
@@ -106,37 +106,67 @@ static inline void rate_spread(const rate_band *band, const float *wanted, const
   }
 }
 
-// Find the entries near a place, with squares at most `room` above the least, which is returned.
-RATE_CLONES static float rate_look(const rate_band *band, const float *place, float weight, float room, float *squares,
-                                   rate_near *near) {
-  const Py_ssize_t k = band->n_entries;
-  const float *x = band->columns, *y = x + k, *z = y + k, *t = z + k;
-  float least = FLT_MAX;
-  for (Py_ssize_t i = 0; i < k; i++) {
-    const float a = place[0] - x[i], b = place[1] - y[i], c = place[2] - z[i], d = place[3] - t[i];
-    squares[i] = weight * ((a * a + b * b) + (c * c + d * d));
-  }
-  for (Py_ssize_t i = 0; i < k; i++) least = squares[i] < least ? squares[i] : least;
-  float bound = least + room;
-  int n = 0;
-  for (Py_ssize_t start = 0; start < k; start += RATE_BLOCK) {
-    const Py_ssize_t stop = start + RATE_BLOCK < k ? start + RATE_BLOCK : k;
-    int any = 0;
-    for (Py_ssize_t i = start; i < stop; i++) any |= squares[i] <= bound;
-    for (Py_ssize_t i = start; any && i < stop; i++) {
-      if (squares[i] > bound) continue;
-      int at = n < RATE_NEAR ? n++ : n - 1;
-      for (; at > 0 && near->square[at - 1] > squares[i]; at--) {
-        near->square[at] = near->square[at - 1];
-        near->entry[at] = near->entry[at - 1];
-      }
-      near->square[at] = squares[i];
-      near->entry[at] = (int32_t)i;
-      if (n == RATE_NEAR) bound = near->square[n - 1];
+// Lower bounds of the squares of all entries of each block.
+static inline void rate_bounds(const rate_band *band, const float *place, float weight, float *bounds) {
+  const Py_ssize_t n = band->n_blocks;
+  for (Py_ssize_t b = 0; b < n; b++) bounds[b] = 0;
+  for (int c = 0; c < RATE_WIDTH; c++) {
+    const float *low = band->boxes + c * n, *high = low + RATE_WIDTH * n, x = place[c];
+    for (Py_ssize_t b = 0; b < n; b++) {
+      const float under = low[b] - x, over = x - high[b], outside = under > over ? under : over;
+      bounds[b] += outside > 0 ? weight * outside * outside : 0;
     }
   }
-  near->n = n;
-  return least;
+}
+
+// The squares of the entries of a block.
+static inline void rate_squares(const float *columns, const float *place, float weight, float *squares) {
+  for (int i = 0; i < RATE_BLOCK; i++) {
+    const float a = place[0] - columns[i], b = place[1] - columns[i + RATE_BLOCK];
+    const float c = place[2] - columns[i + 2 * RATE_BLOCK], d = place[3] - columns[i + 3 * RATE_BLOCK];
+    squares[i] = weight * ((a * a + b * b) + (c * c + d * d));
+  }
+}
+
+// Put an entry in its place among the nearest.
+static inline void rate_insert(rate_near *near, int32_t entry, float square) {
+  int at = near->n < RATE_NEAR ? near->n++ : RATE_NEAR - 1;
+  for (; at > 0 && near->square[at - 1] > square; at--) {
+    near->square[at] = near->square[at - 1];
+    near->entry[at] = near->entry[at - 1];
+  }
+  near->square[at] = square;
+  near->entry[at] = entry;
+}
+
+// Find the entries nearest to a place.
+RATE_CLONES static void rate_look(const rate_band *band, const float *place, float weight, rate_near *near) {
+  float bounds[RATE_MOST_BLOCKS], squares[RATE_BLOCK], bound = FLT_MAX;
+  Py_ssize_t block = 0;
+  near->n = 0;
+  rate_bounds(band, place, weight, bounds);
+  for (Py_ssize_t b = 1; b < band->n_blocks; b++) block = bounds[b] < bounds[block] ? b : block;
+  for (Py_ssize_t b = -1; b < band->n_blocks; b++) {  // the nearest block first
+    if (b == block || (b >= 0 && bounds[b] >= bound)) continue;
+    const Py_ssize_t first = (b < 0 ? block : b) * RATE_BLOCK;
+    rate_squares(band->columns + RATE_WIDTH * first, place, weight, squares);
+    for (int i = 0; i < RATE_BLOCK && first + i < band->n_entries; i++) {
+      if (squares[i] >= bound) continue;
+      rate_insert(near, (int32_t)(first + i), squares[i]);
+      if (near->n == RATE_NEAR) bound = near->square[RATE_NEAR - 1];
+    }
+  }
+}
+
+// Put entries that are near in their order for a place not far from theirs.
+static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
+                            rate_near *near) {
+  near->n = 0;
+  for (int i = 0; i < before->n; i++) {
+    const float *entry = band->entries + RATE_WIDTH * before->entry[i];
+    const float a = place[0] - entry[0], b = place[1] - entry[1], c = place[2] - entry[2], d = place[3] - entry[3];
+    rate_insert(near, before->entry[i], weight * ((a * a + b * b) + (c * c + d * d)));
+  }
 }
 
 // Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
@@ -210,7 +240,10 @@ static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_match
       for (int c = 0; c < RATE_WIDTH; c++) end->error[c] = matches->error[c][m];
     }
     floor += scratch->floor[i];
-    rate_drop(matches, floor + worse < first + behind ? floor + worse : first + behind);
+    float bound = floor + worse < first + behind ? floor + worse : first + behind;
+    // Beyond this it is cheaper to begin the match here.
+    if (end->cost + band->lengths[3] < bound) bound = end->cost + band->lengths[3];
+    rate_drop(matches, bound);
   }
 }
 
@@ -244,12 +277,14 @@ full:
 static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
   const float *target = band->targets + (row * band->width + i) * RATE_WIDTH;
   rate_node *node = scratch->nodes + i;
+  const float most = node[1].cost + band->lengths[3] - node->cost;  // with more it is cheaper to go on from the next pixel
+  if (most <= 0) return;
   rate_near near;
   rate_matches matches;
   float place[RATE_WIDTH], error[RATE_WIDTH];
   rate_wanted(target, scratch->above + (i + 1) * RATE_WIDTH, node->error, place);
-  const float room = band->literal + RATE_NEAR_BITS * band->price, weight = band->visibility[row * band->width + i];
-  const float literal = node->cost + band->literal + rate_look(band, place, weight, room, scratch->squares, &near);
+  rate_look_again(band, place, band->visibility[row * band->width + i], scratch->near + i, &near);
+  const float literal = node->cost + band->literal + near.square[0];
   if (literal < node[1].cost) {
     rate_hand_on(place, band->entries + RATE_WIDTH * near.entry[0], band, error);
     node[1] = (rate_node){.cost = literal, .from = (int32_t)i, .distance = 0, .last = near.entry[0]};
@@ -263,7 +298,9 @@ static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t
     matches.away[0] = band->distances[1];
     matches.at[matches.n++] = (int32_t)scratch->run;
   }
-  const float pair = scratch->floor[i] + scratch->floor[i + 1] + RATE_PAIR_BITS * band->price;
+  float pair = scratch->floor[i] + scratch->floor[i + 1] + RATE_PAIR_BITS * band->price;
+  const float later = node[2].cost + band->lengths[3] - node->cost;
+  if (later < pair) pair = later;
   rate_begin(band, scratch, row, i, &near, pair, &matches);
   rate_follow(band, scratch, &matches, row, i, limit);
 }
@@ -315,14 +352,13 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
 
 static void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
   const Py_ssize_t width = band->width;
-  const float room = band->literal + RATE_PAIR_BITS * band->price;
   for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = (rate_node){.cost = i ? FLT_MAX : 0, .last = -1};
   for (Py_ssize_t i = 0; i < width; i++) {
     const Py_ssize_t at = row * width + i;
     float place[RATE_WIDTH];
     rate_wanted(band->targets + at * RATE_WIDTH, scratch->above + (i + 1) * RATE_WIDTH, NULL, place);
-    scratch->floor[i] =
-        band->literal + rate_look(band, place, band->visibility[at], room, scratch->squares, scratch->near + i);
+    rate_look(band, place, band->visibility[at], scratch->near + i);
+    scratch->floor[i] = band->literal + scratch->near[i].square[0];
   }
   for (Py_ssize_t i = 0; i < width; i++) rate_extend(band, scratch, row, i);
   rate_trace(band, scratch, row);
