@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
+from picture_files import chunk
 from PIL import Image, ImageCms, features
 
 from cvtimg.pictures import encode_image
@@ -169,11 +170,6 @@ def png_with_palette(image: Image.Image, n_colors: int) -> bytes:
     size = struct.unpack(">I", content[at : at + 4])[0]
     entries = content[at + 8 : at + 8 + 3 * n_colors]
     return content[:at] + (chunk(b"PLTE", entries) if n_colors else b"") + content[at + 12 + size :]
-
-
-def chunk(kind: bytes, content: bytes) -> bytes:
-    """Lay out a chunk of a PNG."""
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
 
 
 def png(width: int, height: int, depth: int = 8, color: int = 2, data: bytes = b"", interlace: int = 0) -> bytes:

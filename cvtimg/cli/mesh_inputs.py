@@ -82,7 +82,7 @@ def _has_voxels(path: Path) -> bool:
 
     if path.suffix.lower() == ".npy":
         return bool(np.load(path, mmap_mode="r").ndim == 3)
-    return image_info(path).has_pages
+    return image_info(path).kind == "pages"
 
 
 def _voxels(path: Path) -> NDArray[Any]:

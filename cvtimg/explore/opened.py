@@ -24,7 +24,6 @@ from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
 from cvtimg.explore.outcomes import safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
-from cvtimg.pictures.frames import ANIMATED
 from cvtimg.pictures.pages import one_page
 from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.pictures.stacks import not_missing
@@ -66,9 +65,9 @@ class Picture:
             said = f"{name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory allows"
             raise UnfitRequestError(f"{said}. Use the command line, which has --max-pixels, or a smaller image")
         self.frames: Frames | Pages | None = None
-        if header.has_pages:
+        if header.kind == "pages":
             self.frames = read_pages(path).joined()
-        elif header.frames > 1 and header.format in ANIMATED:
+        elif header.kind == "frames":
             self.frames = read_frames(path)
         if whole and isinstance(whole.frames, Pages):
             self.array = one_page(whole.frames, page)
@@ -87,7 +86,7 @@ class Picture:
     @property
     def noun(self) -> str:
         """What its images are called."""
-        return "Page" if (self.whole_file or self).header.has_pages else "Frame"
+        return "Page" if (self.whole_file or self).header.kind == "pages" else "Frame"
 
     @property
     def has_channels(self) -> bool:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -20,11 +19,9 @@ from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
+from cvtimg.pictures.formats.header import read_header
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.opening import check_size, open_picture, orientation, reading, selected, writing
-
-#: Formats with frames; those of other formats are pages.
-ANIMATED = ("GIF", "PNG", "WEBP")
+from cvtimg.pictures.formats.opening import ANIMATED, check_size, open_picture, orientation, reading, writing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +56,8 @@ class Frames:
 
 def is_animated(path: StrPath) -> bool:
     """Return whether a file has several frames, of which none is chosen. Pages of a document are no frames."""
-    with reading(path) as file, _opened(file) as image:
-        return image is not None and selected().page is None
+    with reading(path) as file:
+        return read_header(file).kind == "frames"
 
 
 def read_frames(path: StrPath) -> Frames:
@@ -88,20 +85,12 @@ def read_frames(path: StrPath) -> Frames:
 
 def decode_frames(file: BinaryIO) -> Frames | None:
     """Read all frames of an open animation; None for files of one image or of pages."""
-    with _opened(file) as image:
-        return None if image is None else _decode_frames(image)
-
-
-@contextmanager
-def _opened(file: BinaryIO) -> Iterator[ImageFile.ImageFile | None]:
-    """Open an animation with Pillow; None for files of one image or of pages."""
     try:
         image = open_picture(file)
     except OSError:  # a format that Pillow does not read
-        yield None
-        return
+        return None
     with image:
-        yield image if image.format in ANIMATED and getattr(image, "is_animated", False) else None
+        return _decode_frames(image) if image.format in ANIMATED and getattr(image, "is_animated", False) else None
 
 
 def write_frames(

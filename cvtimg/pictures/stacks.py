@@ -19,7 +19,7 @@ from cvtimg.pictures.files import image_info, read_image, write_image
 from cvtimg.pictures.formats.header import ImageInfo
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import Selection, pixels_limited, selected, selecting
-from cvtimg.pictures.frames import ANIMATED, is_animated, read_frames, write_frames
+from cvtimg.pictures.frames import is_animated, read_frames, write_frames
 from cvtimg.pictures.pages import read_pages, write_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
 
@@ -177,9 +177,9 @@ def open_stack(
     with pixels_limited(max_pixels):
         header = image_info(path)
         stack = Stack("image", None, header, header.nodata if nodata is None else nodata, mask)
-        if frames and header.format in ANIMATED and header.frames > 1:
+        if header.kind == "frames" and frames:
             stack = replace(stack, kind="frames", content=read_frames(path))
-        elif header.has_pages:
+        elif header.kind == "pages":
             stack = replace(stack, kind="pages", content=read_pages(path).joined())
         else:
             stack = replace(stack, content=read_image(path, keep_profile=keep_profile))
@@ -251,4 +251,6 @@ def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
 
 def read_whole(source: StrPath) -> NDArray[Any]:
     """Read an image; all pages of a file are stacked vertically, for uses in which only the pixels count."""
-    return np.concatenate(read_pages(source).joined().images) if image_info(source).has_pages else read_image(source)
+    return (
+        np.concatenate(read_pages(source).joined().images) if image_info(source).kind == "pages" else read_image(source)
+    )

@@ -302,7 +302,7 @@ def _fitting(request: Request) -> Request:
         return replace(request, settings={**settings, "per_frame": False})
     if settings["aim"] in ("auto", "max_bytes"):
         raise UnfitRequestError(f"{request.source.noun}s: choose by number of colors, quality or a given palette")
-    if request.source.header.has_pages and request.picture.known is not None:
+    if request.source.header.kind == "pages" and request.picture.known is not None:
         raise UnfitRequestError("Pages with missing values are left to the command line")
     return replace(request, settings={**settings, "brushes": False})
 

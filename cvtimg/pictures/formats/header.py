@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from PIL import ImageFile, UnidentifiedImageError
@@ -13,7 +13,7 @@ from PIL import ImageFile, UnidentifiedImageError
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, npy_header
 from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
-from cvtimg.pictures.formats.opening import open_picture, orientation, selected
+from cvtimg.pictures.formats.opening import ANIMATED, open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.stored import Stack, StoredStack, npy_stack
 from cvtimg.pictures.formats.tiff import (
@@ -30,6 +30,12 @@ from cvtimg.pictures.formats.tiff import (
     tiff_tags,
 )
 from cvtimg.pictures.profiles import profile_name
+
+#: What several images of a file are, by its format.
+_KINDS: dict[str, Literal["frames", "pages"]] = {
+    **dict.fromkeys(ANIMATED, "frames"),
+    **dict.fromkeys(("TIFF", "NPY", "OME-Zarr", "CZI", "ND2"), "pages"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +94,9 @@ class ImageInfo:
     pixel_size: PixelSize | None = None
 
     @property
-    def has_pages(self) -> bool:
-        """Whether the file has several pages; frames of an animation are none."""
-        return self.format in ("TIFF", "NPY", "OME-Zarr", "CZI", "ND2") and self.frames > 1
+    def kind(self) -> Literal["image", "frames", "pages"]:
+        """What the file holds: an image, the frames of an animation, or pages; of other formats, the first frame."""
+        return _KINDS.get(self.format, "image") if self.frames > 1 else "image"
 
 
 def read_header(file: BinaryIO) -> ImageInfo:

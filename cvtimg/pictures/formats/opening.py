@@ -29,6 +29,8 @@ from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, develope
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
 
+#: Formats with frames; those of other formats are pages.
+ANIMATED = ("GIF", "PNG", "WEBP")
 #: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 #: First bytes of textures, whose files Pillow closes.

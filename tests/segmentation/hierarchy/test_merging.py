@@ -74,7 +74,14 @@ def test_merges_are_those_of_comparing_all_pairs(height: int, width: int, seed: 
     sizes = rng.integers(1, 50, cells.size).astype(float)
     histograms = [rng.dirichlet(np.ones(bins), cells.size) * sizes[:, None] for bins in (4, 5)]
     strengths = rng.random(len(pairs))
-    arguments = (pairs, lengths, strengths, sizes, histograms, Settings(color=0.4, texture=0.7, shared=0.4, size_power=0.3))
+    arguments = (
+        pairs,
+        lengths,
+        strengths,
+        sizes,
+        histograms,
+        Settings(color=0.4, texture=0.7, shared=0.4, size_power=0.3),
+    )
     found = merge_regions(*arguments)
     merges, altitudes = merged_naively(*arguments)
     assert [tuple(pair) for pair in found.pairs.tolist()] == merges
