@@ -24,6 +24,13 @@ class Bend:
     low: float
     high: float
 
+    @classmethod
+    def between(cls, first: _Doubles, last: _Doubles, low: float, high: float) -> Bend:
+        """Make it from the (C,) variances at both ends."""
+        rise = np.where(np.abs(last - first) < 1e-3 * first, 1e-3 * first, last - first)  # it is divided by the slope
+        slope = rise / (high - low)
+        return cls(first - slope * low, slope, low, high)
+
     @property
     def _roots(self) -> tuple[_Doubles, _Doubles, _Doubles]:
         """(C,) standard deviation at the low and at the high end, and what noise of one is bent to."""

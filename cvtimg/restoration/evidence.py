@@ -14,8 +14,8 @@ from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.exposure import equalized, exposures
 from cvtimg.restoration.fitting import fitting
-from cvtimg.restoration.noise import bend_of, mean_noise, noise_of_bands
-from cvtimg.restoration.shared import SharedNoise, shared_noise
+from cvtimg.restoration.noise import bend_of, mean_noise, noise_of_bands, shared_noise
+from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
 
 _Doubles = NDArray[np.float64]

@@ -73,7 +73,8 @@ class Noisy:
     def bands(self, chosen: slice) -> Noisy:
         """Return some of the bands."""
         values, estimate = (np.ascontiguousarray(image[:, :, chosen]) for image in (self.values, self.estimate))
-        return Noisy(values, estimate, self.precision, self.shared and self.shared.of_bands(chosen))
+        own = np.eye(self.values.shape[2])[:, chosen]
+        return Noisy(values, estimate, self.precision, self.shared and self.shared.along(own))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,65 +1,86 @@
-"""Claims about how the noise of versions is measured."""
+"""Claims about the noise of versions: its level, how it follows that of the picture, and what pixels share of it."""
 
 from __future__ import annotations
 
+import io
+import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from damaging import psnr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
+from PIL import Image
+from scipy.ndimage import gaussian_filter
 
-from cvtimg.restoration.noise import mean_noise, noise_of_bands
+from cvtimg import denoise, restore
+from cvtimg.restoration.anscombe import Bend
+from cvtimg.restoration.compression import Compressed, Rounding, with_tables
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits
+from cvtimg.restoration.noise import bend_of, mean_noise, noise_of_bands, shared_noise
+from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
 
-def noisy(clean: NDArray[Any], sigma: float, seed: int) -> NDArray[np.uint8]:
-    noise = sigma * np.random.default_rng(seed).standard_normal(clean.shape)
-    return np.rint(np.clip(clean + noise, 0, 255)).astype(np.uint8)
+def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def noisy(clean: NDArray[Any], sigma: float, seed: int = 0) -> NDArray[np.uint8]:
+    return as_bytes(clean + sigma * np.random.default_rng(seed).standard_normal(clean.shape))
+
+
+def level_of(*images: Any, **known: Any) -> NDArray[np.float64]:
+    return mean_noise(noise_of_bands(stack_versions(images, **known)))
+
+
+@pytest.fixture(scope="module")
+def part(photograph: NDArray[Any]) -> NDArray[Any]:
+    """A part of the photograph: of few pixels, for speed."""
+    return np.ascontiguousarray(photograph[40:168, 64:192])
+
+
+# --- the level
 
 
 @pytest.mark.parametrize("sigmas", [(3, 3), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
-def test_several_versions_tell_noise_from_texture(
-    photograph: NDArray[Any], sigmas: tuple[float, ...], holes: float
-) -> None:
-    versions = [noisy(photograph, sigma, seed) for seed, sigma in enumerate(sigmas)]
-    known = [np.random.default_rng(seed + 9).random(photograph.shape[:2]) >= holes for seed in range(len(sigmas))]
-    stack = stack_versions(versions, known)
-    np.testing.assert_allclose(mean_noise(noise_of_bands(stack)), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
+def test_several_versions_tell_noise_from_texture(part: NDArray[Any], sigmas: tuple[float, ...], holes: float) -> None:
+    versions = [noisy(part, sigma, seed) for seed, sigma in enumerate(sigmas)]
+    known = [np.random.default_rng(seed + 9).random(part.shape[:2]) >= holes for seed in range(len(sigmas))]
+    np.testing.assert_allclose(level_of(*versions, masks=known), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
 
 
 @pytest.mark.parametrize("sigma", [0, 1, 3, 12])
 def test_one_version_tells_noise_from_texture(photograph: NDArray[Any], sigma: float) -> None:
-    version = noisy(photograph, sigma, 0)
-    found = mean_noise(noise_of_bands(stack_versions([version])))[0]
+    version = noisy(photograph[:192, :192], sigma)
+    found = level_of(version)[0]
     assert abs(found - sigma) < (0.15 * sigma if sigma > 1 else 0.7)
-    gray = mean_noise(noise_of_bands(stack_versions([version[:, :, 1]])))[0]
-    assert gray < 1.3 * sigma + 1
+    assert level_of(version[:, :, 1])[0] < 1.3 * sigma + 1
     if sigma <= 3:  # that of more noise is the larger part
         everywhere = scattered_noise(version.astype(np.float32), np.ones(version.shape[:2], np.bool_))
         assert abs(found - sigma) < abs(np.sqrt(np.mean(everywhere**2)) - sigma)
 
 
 def test_noise_is_that_before_clipping() -> None:
-    ramp = np.broadcast_to(np.linspace(0, 255, 256), (256, 256))
-    for versions in ([noisy(ramp, 50, 0)], [noisy(ramp, 50, seed) for seed in range(3)]):
-        np.testing.assert_allclose(mean_noise(noise_of_bands(stack_versions(versions))), 50, rtol=0.15)
-        assert mean_noise(noise_of_bands(stack_versions([one / 255 for one in versions])))[0] < 0.97 * 50 / 255
+    ramp = np.broadcast_to(np.linspace(0, 255, 192), (192, 192))
+    for versions in ([noisy(ramp, 50)], [noisy(ramp, 50, seed) for seed in range(3)]):
+        np.testing.assert_allclose(level_of(*versions), 50, rtol=0.15)
+        assert level_of(*(one / 255 for one in versions))[0] < 0.97 * 50 / 255
 
 
-def test_copies_of_one_noisy_version_have_its_noise(photograph: NDArray[Any]) -> None:
-    one = noisy(photograph, 20, 0)
-    np.testing.assert_allclose(
-        mean_noise(noise_of_bands(stack_versions([one, one]))), mean_noise(noise_of_bands(stack_versions([one])))[0]
-    )
+def test_copies_of_one_noisy_version_have_its_noise(part: NDArray[Any]) -> None:
+    one = noisy(part, 20)
+    np.testing.assert_allclose(level_of(one, one), level_of(one)[0])
 
 
-def test_versions_out_of_place_or_of_other_exposure_seem_no_noisier_than_alone(photograph: NDArray[Any]) -> None:
-    moved = noisy(np.roll(photograph, (3, 5), (0, 1)), 10, 1)
-    darker = noisy(photograph * 0.7, 10, 2)
-    for other in (moved, darker):
-        stack = stack_versions([noisy(photograph, 10, 0), other])
+def test_versions_out_of_place_or_of_other_exposure_seem_no_noisier_than_alone(part: NDArray[Any]) -> None:
+    for other in (noisy(np.roll(part, (3, 5), (0, 1)), 10, 1), noisy(part * 0.7, 10, 2)):
+        stack = stack_versions([noisy(part, 10), other])
         assert (mean_noise(noise_of_bands(stack)) <= mean_noise(noise_of_bands(stack, alike=False)) + 1e-6).all()
 
 
@@ -70,3 +91,278 @@ def test_outliers_and_steps_of_integers_do_not_move_the_lower_half() -> None:
         assert lower_variance(differences) == pytest.approx(sigma**2, rel=0.15)
     differences[:5000] = 1000
     assert lower_variance(differences) == pytest.approx(81, rel=0.2)
+
+
+def test_noise_that_is_given_is_taken(part: NDArray[Any]) -> None:
+    image = part[:64, :64] * np.uint16(257)
+    assert restore([image, image], 4, noise=3).noise.tolist() == [3 * 257, 3 * 257]
+    for wrong in (0, -1, float("nan")):
+        with pytest.raises(ValueError, match="noise"):
+            restore([image], noise=wrong)
+    with pytest.raises(ValueError, match="noise_like"):
+        denoise([image], noise_like="pink")  # type: ignore[arg-type]
+
+
+# --- noise that follows the level
+
+
+def grainy(clean: NDArray[Any], constant: float, slope: float, seed: int = 0) -> NDArray[np.uint8]:
+    """Poisson and Gaussian noise, as a camera of 8 bits has."""
+    rng = np.random.default_rng(seed)
+    light = slope * rng.poisson(clean / slope) if slope else clean
+    return as_bytes(light + np.sqrt(constant) * rng.standard_normal(clean.shape))
+
+
+@pytest.mark.parametrize(("constant", "slope"), [(25, 2), (9, 0.5), (25, 1e-4), (500, -1.8)])
+def test_bent_noise_is_even_and_its_mean_gives_the_level_back(constant: float, slope: float) -> None:
+    bend = Bend(np.array([constant]), np.array([slope]), 0, 255)
+    levels = np.array([20, 60, 120, 200, 240])
+    rng = np.random.default_rng(0)
+    noise = np.sqrt(constant + slope * levels) * rng.standard_normal((40000, 5))
+    bent = bend.bent((levels + noise)[..., None].astype(np.float32))
+    np.testing.assert_allclose(bent.std(axis=0) / bent[:, 2].std(), 1, rtol=0.06)
+    np.testing.assert_allclose(bend.straight(bent.mean(axis=0)).ravel(), levels, atol=0.6)
+    ends = bend.bent(np.array([[0], [255]], np.float32))
+    np.testing.assert_allclose(ends.ravel(), [0, 255], atol=0.1)
+
+
+def test_constant_and_slope_are_found_in_quiet_parts() -> None:
+    clean = np.tile(np.linspace(20, 220, 256)[:, None], (160, 1, 3)) * [1, 0.8, 0.6]
+    clean[80:] = np.where(np.indices((80, 256))[0][..., None] // 4 % 2, clean[80:], 120)
+    bend = bend_of(stack_versions([grainy(clean, 16, 1.5)]), in_place=True)
+    assert bend is not None
+    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([60.0])) / 106), 1, rtol=0.15)
+    np.testing.assert_allclose(np.sqrt(bend.variance(np.array([120.0])) / 196), 1, rtol=0.15)
+
+
+def test_versions_in_place_tell_how_noise_follows_the_level_from_texture(photograph: NDArray[Any]) -> None:
+    rough = photograph[:160, :160] * np.where(np.indices((160, 160)).sum(axis=0) % 3, 1, 0.7)[..., None]
+    bend = bend_of(stack_versions([grainy(rough, 4, 0.5, seed) for seed in range(2)]), in_place=True)
+    assert bend is not None
+    ratio = bend.variance(np.array([200.0])) / bend.variance(np.array([50.0]))
+    np.testing.assert_allclose(ratio, 104 / 29, rtol=0.25)
+
+
+@pytest.mark.parametrize("sigma", [0, 5, 40])
+def test_even_noise_in_a_photograph_is_even(photograph: NDArray[Any], sigma: float) -> None:
+    assert bend_of(stack_versions([grainy(photograph[:192, :192], sigma**2, 0)]), in_place=True) is None
+
+
+@pytest.mark.slow
+def test_noise_of_light_is_removed_and_told(photograph: NDArray[Any]) -> None:
+    clean = photograph[:192]
+    light = grainy(clean, 16, 2)
+    found, white = (denoise([light], effort="fast", noise_like=kind) for kind in ("auto", "white"))
+    assert white.noise_lines is None
+    assert found.noise_lines is not None
+    np.testing.assert_allclose(found.noise_lines @ [1, 120], 16 + 2 * 120, rtol=0.3)
+    assert found.noise[0] == pytest.approx(np.std(light - clean.astype(float)), rel=0.1)
+    assert psnr(found.image / 255, clean / 255) > psnr(white.image / 255, clean / 255) + 0.5
+    for shade in (clean < 40, clean > 200):
+        assert abs((found.image - clean.astype(float))[shade].mean()) < 2.5
+    assert denoise([light], effort="fast", noise=12).noise[0] == pytest.approx(12)
+
+
+# --- noise that pixels share
+
+
+def blurred_noise(shape: tuple[int, ...], sigma: float, blur: float, seed: int = 0) -> NDArray[np.float64]:
+    found = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), (blur, blur, *[0] * (len(shape) - 2)))
+    return np.asarray(sigma * found / found.std())
+
+
+def found_in(*images: NDArray[Any]) -> SharedNoise | None:
+    return shared_noise(stack_versions(images), in_place=True)
+
+
+@pytest.mark.parametrize("n_bands", [1, 3])
+def test_level_and_reach_of_shared_noise_are_found_in_the_quiet_part_of_an_image(n_bands: int) -> None:
+    sigmas = np.array([8, 10, 12])[:n_bands]
+    noise = blurred_noise((192, 192, n_bands), 1, 0.8) * sigmas
+    image = blurred_noise((192, 192, 1), 40, 1.2, 1)
+    image[:, 64:, 0] = np.linspace(0, 60, 128)
+    found = found_in(128 + image + noise)
+    assert found is not None
+    np.testing.assert_allclose(np.sqrt(np.diag(found.bands)), sigmas, rtol=0.25)
+    beside = np.diag(found.autocovariance[6, 7]) / np.diag(found.bands)
+    np.testing.assert_allclose(beside, np.exp(-1 / (4 * 0.8**2)), atol=0.08)
+
+
+def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
+    gray = blurred_noise((192, 192, 1), 10, 0.8)
+    found = found_in(128 + blurred_noise((192, 192, 3), 10, 0.8, 1) + 0.5 * gray)
+    assert found is not None
+    assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(0, abs=0.25)
+    assert found_in(128 + gray + np.zeros(3)) is None  # all in common: it may be texture
+
+
+def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: NDArray[Any]) -> None:
+    versions = stack_versions([part + blurred_noise(part.shape, 25, 0.8, seed) for seed in range(2)])
+    found = shared_noise(versions, in_place=True)
+    assert found is not None
+    np.testing.assert_allclose(np.sqrt(found.variance), 25, rtol=0.08)
+    white, shared = (misfits(versions, np.full(2, 25.0), noise).max() for noise in (None, found))
+    assert shared < min(0.5 * white, MOST_MISFIT)
+
+
+@pytest.mark.parametrize("sigma", [5, 40])
+def test_white_noise_in_a_photograph_is_white(photograph: NDArray[Any], sigma: float) -> None:
+    # Texture on all of it, too: as gray as texture is.
+    rough = gaussian_filter(np.random.default_rng(1).standard_normal((200, 200, 1)), (0.8, 0.8, 0))
+    assert found_in(noisy(photograph[:200, :200] + 12 * rough, sigma)) is None
+
+
+def test_images_without_noise_and_small_ones_have_no_shared_noise() -> None:
+    assert found_in(np.full((64, 64), 9, np.uint8)) is None
+    assert found_in(blurred_noise((12, 40), 5, 1)) is None
+
+
+def test_half_the_size_shares_what_means_of_four_pixels_share() -> None:
+    noise = blurred_noise((400, 400), 1, 0.8)
+    half = noise.reshape(200, 2, 200, 2).mean(axis=(1, 3))
+
+    def autocovariance(image: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+        sides = range(-reach, reach + 1)
+        near = [[np.mean(image * np.roll(image, (y, x), (0, 1))) for x in sides] for y in sides]
+        return np.array(near)[:, :, None, None]
+
+    found = SharedNoise(autocovariance(noise, 6)).halved()
+    np.testing.assert_allclose(found.autocovariance[1:-1, 1:-1], autocovariance(half, 2), atol=0.03)
+    assert SharedNoise.white(1, 3).halved().variance == pytest.approx(0.25)
+
+
+def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: NDArray[Any], monkeypatch: Any) -> None:
+    np.testing.assert_allclose(SharedNoise.white(9, 2).of_patches(5), np.eye(50), atol=1e-12)
+    image = part[:40, :40] / 255 + np.random.default_rng(0).normal(0, 0.1, (40, 40, 3))
+    white = denoise([image], effort="fast", noise=25.5)
+    assert white.noise_shared is None
+    monkeypatch.setattr("cvtimg.restoration.evidence.shared_noise", lambda *_, **__: SharedNoise.white(1, 3))
+    shared = denoise([image], effort="fast", noise=25.5)
+    assert shared.noise_shared is not None
+    np.testing.assert_allclose(shared.image, white.image, atol=0.002)  # but for rounding
+
+
+@pytest.mark.slow
+def test_shared_noise_is_removed_and_told(part: NDArray[Any]) -> None:
+    image = as_bytes(part + blurred_noise(part.shape, 15, 0.8))
+    found, white = (denoise([image], noise_like=like, effort="fast") for like in ("auto", "white"))
+    assert found.noise_shared is not None
+    assert white.noise_shared is None
+    assert found.noise[0] == pytest.approx(15, rel=0.15)
+    assert psnr(found.image / 255, part / 255) > psnr(white.image / 255, part / 255) + 2
+
+
+# --- what JPEG has rounded away
+
+
+def as_jpeg(pixels: NDArray[np.uint8], quality: int = 60, subsampling: int = 2) -> Image.Image:
+    file = io.BytesIO()
+    about: dict[str, Any] = {} if pixels.ndim == 2 else {"subsampling": subsampling}
+    Image.fromarray(pixels).save(file, "JPEG", quality=quality, **about)
+    return Image.open(file)
+
+
+@pytest.mark.parametrize("quality", [60, 90])
+@pytest.mark.parametrize("subsampling", [0, 2, None])
+def test_what_was_rounded_away_is_as_much_and_as_shared(part: NDArray[Any], quality: int, subsampling: Any) -> None:
+    # Of chroma, that which is rounded away once its size is halved: at quality 100 the rest is lost.
+    pixels = part if subsampling is not None else part[:, :, 0]
+    coarse, fine = (np.asarray(as_jpeg(pixels, one, subsampling), np.float64) for one in (quality, 100))
+    rounding = Rounding.of(as_jpeg(pixels, quality, subsampling))
+    assert rounding is not None
+    lost = rounding.lost(np.atleast_3d(coarse).astype(np.uint8))
+    assert lost is not None
+    found, true = (SharedNoise.of(np.atleast_3d(one)) for one in (lost, coarse - fine))
+    assert 0.5 < found.variance / true.variance < 1.5
+    for place in ((6, 7), (7, 6), (7, 7), (6, 8), (9, 6)):
+        shares = [np.trace(one.autocovariance[place]) / np.trace(one.bands) for one in (found, true)]
+        assert shares[0] == pytest.approx(shares[1], abs=0.25)
+
+
+def test_arrays_with_tables_count_and_others_do_not(part: NDArray[Any], tmp_path: Path) -> None:
+    gray = as_jpeg(part[:, :, 0])
+    rounding = Rounding.of(gray)
+    assert rounding is not None
+    assert rounding.lost(part) is None
+    assert Rounding.of(part) is Rounding.of(gray.convert("RGB")) is None
+    gray.save(tmp_path / "a.jpg", quality="keep")
+    gray.save(tmp_path / "a.png")
+    assert isinstance(with_tables(np.asarray(gray), tmp_path / "a.jpg"), Compressed)
+    for other in ("a.png", "missing.jpg"):
+        assert not isinstance(with_tables(np.asarray(gray), tmp_path / other), Compressed)
+
+
+@pytest.mark.parametrize("quality", [pytest.param(50, marks=pytest.mark.slow), 90])
+def test_detail_brings_back_what_was_rounded_away_where_the_tables_are_known(part: NDArray[Any], quality: int) -> None:
+    image = as_jpeg(part, quality)
+    blind, found = (psnr(denoise([one], effort="fast").image / 255, part / 255) for one in (np.asarray(image), image))
+    before = psnr(np.asarray(image) / 255, part / 255)
+    assert blind > before - 0.1
+    assert found > before + 0.3
+
+
+# --- nothing fails, and nothing is harmed
+
+SHAPES = [(1, 1), (1, 40), (40, 1), (2, 3), (9, 9, 3), (24, 40), (40, 33, 3), (30, 30, 5)]
+CONTENTS = ["white", "black", "half white", "ramp", "white noise", "clipped noise", "stripes"]
+
+
+def picture(shape: tuple[int, ...], content: str, dtype: type, seed: int) -> NDArray[Any]:
+    """A picture with values in 0..1, in a type."""
+    noise = np.random.default_rng(seed).standard_normal(shape)
+    ramp = np.broadcast_to(np.linspace(0.2, 0.8, shape[1]).reshape(1, -1, *[1] * (len(shape) - 2)), shape)
+    contents = {
+        "white": np.ones(shape),
+        "black": np.zeros(shape),
+        "half white": np.where(ramp < 0.5, ramp + 0.05 * noise, 1),
+        "ramp": ramp,
+        "white noise": ramp + 0.1 * noise,
+        "clipped noise": 0.98 + 0.3 * noise,
+        "stripes": np.broadcast_to(np.indices(shape)[1] // 3 % 2, shape),
+    }
+    values = np.clip(contents[content], 0, 1)
+    white = 1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max
+    return (np.rint(values * white) if white > 1 else values).astype(dtype)
+
+
+@settings(max_examples=25)
+@given(
+    st.builds(
+        picture,
+        st.sampled_from(SHAPES),
+        st.sampled_from(CONTENTS),
+        st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
+        st.integers(0, 99),
+    ),
+    st.integers(1, 3),
+    st.sampled_from([0.0, 0.3, 0.95]),
+)
+def test_nothing_fails(image: NDArray[Any], n_versions: int, holes: float) -> None:
+    rng = np.random.default_rng(0)
+    masks = [rng.random(image.shape[:2]) >= holes for _ in range(n_versions)]
+    masks[0].flat[0] = True
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # copies
+        result = denoise([image] * n_versions, masks=masks, effort="fast")
+    assert (result.image.shape, result.image.dtype) == (image.shape, image.dtype)
+    assert np.isfinite(result.image).all()
+    if not result.noisy and all(mask.all() for mask in masks):
+        np.testing.assert_allclose(result.image, image, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("equal", [1, 3])
+def test_a_photograph_without_noise_comes_back_as_it_is(equal: int) -> None:
+    from skimage.data import chelsea
+
+    photograph = chelsea()[60:188, 100:260]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = denoise([photograph] * equal, effort="fast")
+    assert np.square(result.image.astype(float) - photograph).mean() < 0.65  # 50 dB
+
+
+@pytest.mark.parametrize(("sigma", "gain"), [(1, 0.5), (3, 2.5)])
+def test_little_noise_is_taken_away(part: NDArray[Any], sigma: float, gain: float) -> None:
+    image = noisy(part, sigma)
+    done = denoise([image], effort="fast").image
+    assert psnr(done / 255, part / 255) > psnr(image / 255, part / 255) + gain
