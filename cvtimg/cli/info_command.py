@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import run_plan
 from cvtimg.options.record import Given
 
-EXAMPLES = "  cvtimg info photos/ --json"
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info IMG_1.jpg --noise"
 COLUMNS = (
     *("input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "distinct_colors"),
     *("channels", "pixel_size", "icc"),
 )
+NOISE_COLUMNS = ("noise", "noise_slope", "noise_neighbors")
 
 
 def info(given: Given) -> int:
@@ -21,7 +26,7 @@ def info(given: Given) -> int:
 
     For stacks and micrographs, show the axes, the names of channels and the size of a pixel, too.
     """
-    return run_plan(plan_each(given.inputs), _info, COLUMNS, given)
+    return run_plan(plan_each(given.inputs), _info, COLUMNS + NOISE_COLUMNS * given.noise, given)
 
 
 def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -42,4 +47,13 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
     known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
     n_colors = color_samples(known).n_colors if known.size else 0
-    return {**header, "distinct_colors": n_colors}
+    return {**header, "distinct_colors": n_colors, **(_noise(task, image, found.nodata) if given.noise else {})}
+
+
+def _noise(task: Task, image: NDArray[Any], nodata: float | None) -> Row:
+    from cvtimg.restoration import measure_noise
+    from cvtimg.restoration.compression import with_tables
+
+    found = measure_noise([with_tables(image, task.source)], nodata=nodata)
+    values = found.levels[0], found.slope, found.neighbors
+    return {name: value if math.isfinite(value) else None for name, value in zip(NOISE_COLUMNS, values, strict=True)}

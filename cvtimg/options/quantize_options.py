@@ -221,4 +221,12 @@ PALETTE = (
     *common.BATCH,
 )
 
-INFO = (common.IMAGES, common.MAX_PIXELS, *common.READING, *common.BATCH)
+INFO = (
+    common.IMAGES,
+    switch(
+        "noise", "Measure the noise in 8-bit levels, how its variance grows with the level, and how neighbors share it."
+    ),
+    common.MAX_PIXELS,
+    *common.READING,
+    *common.BATCH,
+)

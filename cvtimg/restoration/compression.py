@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 #: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
-_SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
+_SUBSAMPLINGS: dict[tuple[int, ...], int] = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
 #: Side of the blocks of JPEG, and the largest of what is compressed again.
 _SIDE, _LARGEST = 8, 512
 #: What is rounded for the second time loses less: so many times its variance was lost the first time.
@@ -57,8 +57,8 @@ class Rounding:
         tables, layers = getattr(image, "quantization", None), getattr(image, "layer", ())
         if not tables or len(layers) not in (1, 3):
             return None
-        (_, across, down, _), (_, *chroma, _) = layers[0], layers[-1]
-        subsampling = _SUBSAMPLINGS.get((across // chroma[0], down // chroma[1]))
+        sizes = tuple(layers[0][axis] // layers[-1][axis] for axis in (1, 2))
+        subsampling = _SUBSAMPLINGS.get(sizes)
         return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
 
     def lost(self, values: NDArray[Any]) -> NDArray[np.float64] | None:

@@ -1,4 +1,4 @@
-"""Flat drawings and photographs, told apart: whether few colors explain what versions show."""
+"""What versions are: flat drawings, whose few colors explain what they show, or photographs; and how noisy."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from cvtimg.engine import tessellate
+from cvtimg.restoration.evidence import prepare
+from cvtimg.restoration.merging import level_of
 from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
@@ -69,3 +71,62 @@ def is_drawing(
     noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
     noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * flat.blur**2
     return bool(left <= flat.left * (noisy + (versions.rounding / 2) ** 2))  # a level of 8 bits is lost by rounding
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredNoise:
+    """The noise of versions, in 8-bit levels at any depth.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Standard deviation in each version; NaN where too little is known.
+    slope : float
+        How much the variance grows with each level, a mean over bands, as that of light does; 0 where noise is even.
+    neighbors : float
+        Correlation of the noise of pixels next to each other in a row; 0 where noise is white.
+    """
+
+    levels: tuple[float, ...]
+    slope: float
+    neighbors: float
+
+
+@threadpool_limits.wrap(1, user_api="blas")
+def measure_noise(
+    images: Sequence[Any],
+    *,
+    masks: Sequence[ArrayLike | None] | None = None,
+    nodata: float | None = None,
+    alpha: bool | None = None,
+) -> MeasuredNoise:
+    """Measure the noise of versions of one image, or of a single one, as `denoise` does.
+
+    Parameters
+    ----------
+    images, masks, nodata, alpha
+        As in `restore`. Versions are in place.
+
+    Returns
+    -------
+    MeasuredNoise
+
+    References
+    ----------
+    G. Chen, F. Zhu, P. A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62, for the level.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvtimg.restoration import measure_noise
+    >>> rng = np.random.default_rng(0)
+    >>> found = measure_noise([rng.normal(128, 5, (64, 64)).astype(np.uint8)])
+    >>> 4 < found.levels[0] < 6, found.slope, found.neighbors
+    (True, 0.0, 0.0)
+    """
+    given = stack_versions(images, masks, nodata, alpha=alpha)
+    evidence = prepare(given, None, align=None, hidden="none", level=None, white=False)
+    noise, bend, unit = evidence.noise, evidence.placed.bend, level_of(given, "rgb")
+    slope = float(bend.lines(evidence.variances(given)[0])[:, 1].mean() / unit) if bend else 0.0
+    levels = tuple((noise.levels * noise.unit / unit).tolist())
+    return MeasuredNoise(levels, slope, noise.shared.neighbors if noise.shared else 0.0)

@@ -16,6 +16,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.restoration.evidence import Evidence
+from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import Versions
 
 
@@ -100,11 +101,7 @@ class Denoised(ReadOnly):
     @property
     def noise_neighbors(self) -> float:
         """Correlation of the noise of pixels next to each other in a row; 0 where noise is white."""
-        if self.noise_shared is None:
-            return 0.0
-        middle = len(self.noise_shared) // 2
-        here, near = (np.einsum("cc->", self.noise_shared[middle, middle + apart]) for apart in (0, 1))
-        return float(near / here)
+        return 0.0 if self.noise_shared is None else SharedNoise(self.noise_shared).neighbors
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the image, as `write_image` does."""

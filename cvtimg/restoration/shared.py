@@ -47,6 +47,12 @@ class SharedNoise:
         middle = len(self.autocovariance) // 2
         return np.asarray(self.autocovariance[middle, middle])
 
+    @property
+    def neighbors(self) -> float:
+        """Correlation of pixels next to each other in a row."""
+        middle = len(self.autocovariance) // 2
+        return float(np.trace(self.autocovariance[middle, middle + 1]) / np.trace(self.bands))
+
     def along(self, matrix: _Doubles | None) -> SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
         return self if matrix is None else SharedNoise(matrix.T @ self.autocovariance @ matrix)

@@ -202,6 +202,16 @@ def test_the_report_says_what_noise_is_like(run: Run, photograph: NDArray[Any]) 
     assert run("photo.png", "-o", "no.png", "--noise", "0")[0] == 2
 
 
+def test_info_measures_the_noise_of_any_picture(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    noise = np.random.default_rng(0).normal(0, 8, (96, 96))
+    write_image("gray.tif", (np.clip(120 + noise, 0, 255) * 257).astype(np.uint16))
+    write_image("tiny.png", np.zeros((2, 2), np.uint8))
+    assert cli.main(["info", "gray.tif", "tiny.png", "--noise", "--json"]) == 0
+    gray, tiny = map(json.loads, capsys.readouterr().out.splitlines())
+    assert gray["noise"] == pytest.approx(8, rel=0.15)
+    assert (gray["noise_slope"], gray["noise_neighbors"], tiny["noise"]) == (0, 0, None)
+
+
 def test_versions_are_upright_as_their_exif_says(run: Run) -> None:
     for number in (1, 2, 3):
         image = Image.open(f"rgb_{number}.png").transpose(Image.Transpose.ROTATE_90)

@@ -153,11 +153,6 @@ def test_with_motion_what_departs_from_the_first_is_left_out_whatever_most_show(
     assert kept[~moved].mean() > 0.9
 
 
-def test_hidden_is_one_of_four_words() -> None:
-    with pytest.raises(ValueError, match="hidden='all' must be one of outliers, background, motion, none"):
-        restore([np.eye(4)], 1, hidden="all")
-
-
 def test_moved_versions_may_differ_where_pixels_vary_but_not_where_they_are_alike() -> None:
     images = np.full((3, 20, 24), 50.0)
     images[:, :, 12:] = 200

@@ -43,7 +43,9 @@ def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_deno
     versions, known = damage.damaged_versions(bands, 3, Damage(noise=0.1, holes=0.3), seed=0)
     weight = np.sum(known, axis=0)[:, :, None]
     mean = np.divide(np.sum(versions, axis=0), weight, out=np.full_like(bands, bands.mean()), where=weight > 0)
-    assert psnr(restored(versions, masks=known), bands) > psnr(restored([mean]), bands) + 1
+    alone = psnr(restored([mean]), bands)
+    assert alone > psnr(mean, bands) + 3
+    assert psnr(restored(versions, masks=known), bands) > alone + 1
 
 
 def test_bands_of_unequal_noise_are_each_denoised(clean: NDArray[np.float64]) -> None:
@@ -89,13 +91,6 @@ def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any
     shade = looks[0][inner] < 0.1
     error = ((found.image / 255)[inner] - looks[0][inner])[shade].mean()
     assert abs(error) < 0.5 * abs((as_if_not_clipped[inner] - looks[0][inner])[shade].mean())
-
-
-@pytest.mark.parametrize("n_bands", [1, pytest.param(5, marks=pytest.mark.slow)])
-def test_any_number_of_bands_is_denoised(clean: NDArray[np.float64], n_bands: int) -> None:
-    bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
-    image = noisy(bands, 0.1)
-    assert psnr(restored([image]), bands) > psnr(image, bands) + 6
 
 
 @pytest.mark.slow
