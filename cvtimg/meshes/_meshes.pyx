@@ -32,9 +32,9 @@ cdef extern from "quality.h" nogil:
         half_edges *mesh, double *points, const uint8_t *fixed, double *steps, int32_t n_vertices, int32_t n_triangles,
         double *least, uint8_t *is_late,
     )
-    void smooth_vertex(half_edges *mesh, double *place, int32_t vertex, const double *metric, int power)
+    void smooth_vertex(half_edges *mesh, double *place, int32_t vertex, int power)
     bint step_to_even(
-        const half_edges *mesh, const double *metric, int32_t vertex, const double *tangent, double mean, double share,
+        const half_edges *mesh, const double *worth, int32_t vertex, const double *tangent, double mean, double share,
         double *step,
     )
 
@@ -98,10 +98,10 @@ def move(mesh, const uint8_t[::1] fixed, double[:, ::1] steps):
         )
 
 
-def even(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, double[:, ::1] steps, double mean, double share):
+def even(mesh, const double[::1] worth, const uint8_t[::1] fixed, double[:, ::1] steps, double mean, double share):
     """Move vertices one after the other, so that edges get nearer to a mean length squared, by a share of the way.
 
-    Vertices that slide, those marked 2, do not move: `steps` (N, 2) has their tangents, and gets the steps to make.
+    `worth` (N,) is by what squared lengths are multiplied. Vertices that slide, those marked 2, do not move: `steps` (N, 2) has their tangents, and gets the steps to make.
     """
     cdef half_edges c_mesh = with_borders(mesh)
     cdef double[:, ::1] points = mesh.points
@@ -112,7 +112,7 @@ def even(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, double[:, 
             if fixed[vertex] == 1:
                 continue
             if not step_to_even(
-                &c_mesh, &metric[0, 0], vertex, &steps[vertex, 0] if fixed[vertex] == 2 else NULL, mean, share, step
+                &c_mesh, &worth[0], vertex, &steps[vertex, 0] if fixed[vertex] == 2 else NULL, mean, share, step
             ):
                 step[0] = step[1] = 0
             if fixed[vertex] == 2:
@@ -123,8 +123,8 @@ def even(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, double[:, 
                 points[vertex, 1] += step[1]
 
 
-def smooth(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, int power):
-    """Move vertices one after the other, so that the triangles around become more equilateral in the metric (N, 3).
+def smooth(mesh, const uint8_t[::1] fixed, int power):
+    """Move vertices one after the other, so that the triangles around become more equilateral.
 
     The larger the power, the more the worst triangle counts.
     """
@@ -134,7 +134,7 @@ def smooth(mesh, const double[:, ::1] metric, const uint8_t[::1] fixed, int powe
     with nogil:
         for vertex in range(<int32_t>points.shape[0]):
             if not fixed[vertex]:
-                smooth_vertex(&c_mesh, &points[vertex, 0], vertex, &metric[vertex, 0], power)
+                smooth_vertex(&c_mesh, &points[vertex, 0], vertex, power)
 
 
 def locate(mesh, const double[:, ::1] places, int32_t[::1] found):

@@ -14,7 +14,7 @@ from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
-from cvtimg.meshes.triangulation import Borders, Tracks, places_at
+from cvtimg.meshes.triangulation import Borders
 
 Points = NDArray[np.float64]
 Values = NDArray[np.float64]
@@ -25,7 +25,7 @@ Index = NDArray[np.intp]
 class Spacing:
     """How close vertices on borders are."""
 
-    share: float = 0.95  # part of the vertices that sizes ask for: cells end at borders, so triangles would be flat
+    share: float = 0.95  # part of the vertices that sizes ask for, for cells end at borders; metrics get all of them
     closed: int = 6  # edges that a closed smooth line has at least
     near: float = 0.4  # no vertex is nearer to the edge of another line than this part of that edge,
     beyond: float = 0.3  # or than this part of that where only the outside is between them, and no triangle
@@ -36,7 +36,6 @@ class Spacing:
     short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
-    farthest: float = 0.6  # by no more than this part of the distance to the next vertex
     step: float = 0.34  # a line is sampled at steps of at most this part of an edge
     parts: int = 256  # into which steps are divided at once, since sizes may be tiny at one end only
     least_passes: int = 3
@@ -97,9 +96,6 @@ class _Chains:
     outline: Outline
     places: Points  # (P, 2): points of all lines, one after the other
     along: Values  # (P,): the length in the metric until each
-    until: Values  # (P,): the length until each; lines are 1 apart
-    starts: Index  # (M,): where lines start in these
-    stops: Index  # (M,)
     of_line: Index  # (C,): the line of each vertex
     at: Values  # (C,): where it is along all lines
     vertices: NDArray[np.int32]  # (C,): its number; lines share their nodes, which come first
@@ -110,21 +106,20 @@ class _Chains:
         starts = np.flatnonzero(np.diff(line_of, prepend=-1) > 0)
         stops = np.append(starts[1:], len(places)) - 1
         steps = np.diff(places, axis=0)
-        lengths = lengths_of(field.metric((places[1:] + places[:-1]) / 2), steps)
-        far = np.linalg.norm(steps, axis=1)
-        lengths[stops[:-1]], far[stops[:-1]] = 0, 1
+        lengths, far = lengths_of(field.metric((places[1:] + places[:-1]) / 2), steps), np.linalg.norm(steps, axis=1)
+        lengths[stops[:-1]] = far[stops[:-1]] = 0
         along, until = (np.append(0, np.cumsum(each)) for each in (lengths, far))
         spacing, chords = Spacing.of(outline), np.linalg.norm(places[stops] - places[starts], axis=1)
         is_curved = (until[stops] - until[starts] > (1 + 1e-6) * chords) & (outline.mask is None)
         least = np.where(outline.is_closed, spacing.closed, np.where(is_curved, on_curves, 1))
         totals = along[stops] - along[starts]
-        n_edges = np.maximum(np.rint(spacing.share * totals).astype(np.intp), least)
+        n_edges = np.maximum(np.rint((spacing.share if field.isotropic else 1.0) * totals).astype(np.intp), least)
         of_line, number = divided(n_edges + 1)
         is_inner = (number > 0) & (number < n_edges[of_line])
         vertices = outline.ends[of_line, (number > 0).astype(np.intp)].astype(np.int32)
         vertices[is_inner] = len(outline.nodes) + np.arange(is_inner.sum())
         at = along[starts][of_line] + number / n_edges[of_line] * totals[of_line]
-        return cls(outline, places, along, until, starts, stops, of_line, at, vertices)
+        return cls(outline, places, along, of_line, at, vertices)
 
     @property
     def inner(self) -> Index:
@@ -133,7 +128,8 @@ class _Chains:
 
     def points(self) -> Points:
         """Return vertices (B, 2)."""
-        return np.concatenate([self.outline.nodes, places_at(self.at[self.inner], self.along, self.places)])
+        inner = [np.interp(self.at[self.inner], self.along, axis) for axis in self.places.T]
+        return np.concatenate([self.outline.nodes, np.stack(inner, axis=1)])
 
     def borders(self) -> Borders:
         """Join the vertices; segments get their areas."""
@@ -147,24 +143,16 @@ class _Chains:
             points = outline.areas.kept(points, edges, of_line, ends, np.append(rim, outline.still).astype(np.intp))
         corners = np.append(outline.corners, np.zeros(len(points) - len(outline.nodes), bool))
         borders = Borders(points, edges, sides, corners, of_line)
-        return replace(borders, tracks=self._tracks(points)) if outline.mask is None else borders
+        return replace(borders, slides=self._slides(points)) if outline.mask is None else borders
 
     def first_of_edges(self) -> Index:
         """Where the first vertex (E,) of each edge is in chains."""
         return np.flatnonzero(self.of_line[1:] == self.of_line[:-1])
 
-    def _tracks(self, points: Points) -> Tracks | None:
-        """Let vertices slide along lines where edges hardly turn."""
-        inner = self.inner
-        before, here, after = (points[self.vertices[inner + step]] for step in (-1, 0, 1))
-        smooth = turns_of(before, here, after) < Spacing.of(self.outline).straight
-        gaps = np.minimum(np.linalg.norm(here - before, axis=1), np.linalg.norm(after - here, axis=1))
-        start, stop = (self.until[ends][self.of_line[inner]] for ends in (self.starts, self.stops))
-        periods = np.where(self.outline.is_closed[self.of_line[inner]], stop - start, 0)
-        along = np.interp(self.at[inner], self.along, self.until)
-        reach = along[:, None] + Spacing.of(self.outline).farthest * gaps[:, None] * np.array([-1.0, 1.0])
-        tracks = Tracks(self.vertices[inner], along, reach, self.places, self.until, periods, start)
-        return tracks.kept(smooth)
+    def _slides(self, points: Points) -> NDArray[np.int32]:
+        """Tell which vertices slide along lines: those where edges hardly turn."""
+        before, here, after = (self.vertices[self.inner + step] for step in (-1, 0, 1))
+        return here[turns_of(points[before], points[here], points[after]) < Spacing.of(self.outline).straight]
 
 
 def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Points, NDArray[np.intp]]:

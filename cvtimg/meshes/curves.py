@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import optional
-from cvtimg.meshes.outlines import Outline, cross
+from cvtimg.meshes.outlines import Outline, StraightParts, cross
 from cvtimg.meshes.triangulation import FIXED, FREE, PlaneTriangulation
 
 Points = NDArray[np.float64]
@@ -70,11 +69,11 @@ class _Chords:
 
 def _chords(outline: Outline, mesh: PlaneTriangulation) -> _Chords:
     """Find the lines that edges are on: those that their ends, if they are no corners, are nearest to."""
-    lengths, middle = np.array([len(line) for line in outline.lines]), outline.bounds.mean(axis=0)
-    places, of_line = np.concatenate(outline.lines) - middle, np.repeat(np.arange(len(lengths)), lengths)
-    stops = np.cumsum(lengths) - 1
-    starts = stops + 1 - lengths
-    # The straight parts, by the point where each starts; and what was swept over until there, around the middle.
+    parts, middle = StraightParts.of(outline.lines), outline.bounds.mean(axis=0)
+    places, of_line = parts.places - middle, parts.of_line
+    starts, stops = (np.searchsorted(of_line, np.arange(len(outline.lines)), side) for side in ("left", "right"))
+    stops -= 1
+    # What was swept over, around the middle, until each point.
     inner = np.diff(of_line) == 0
     until = np.append(0, np.cumsum(inner * cross(places[:-1], places[1:]) / 2))
     half_edges = mesh.half_edges_on_borders()
@@ -83,10 +82,8 @@ def _chords(outline: Outline, mesh: PlaneTriangulation) -> _Chords:
     moving = on_border[~mesh.corners[on_border]]
     may_move = np.zeros(len(mesh.points), bool)
     may_move[moving] = True
-    nearest = outline.segments().nearest(optional("shapely", "mesh").points(mesh.points[moving]))
-    part = np.flatnonzero(inner)[nearest]
+    part, share = parts.nearest(mesh.points[moving])
     start, step = places[part], places[part + 1] - places[part]
-    share = np.clip(((mesh.points[moving] - middle - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
     feet, (at, swept), line = mesh.points - middle, np.zeros((2, len(mesh.points))), np.zeros(len(mesh.points), np.intp)
     feet[moving], at[moving], line[moving] = start + share[:, None] * step, part + share, of_line[part]
     swept[moving] = until[part] + cross(start, feet[moving]) / 2

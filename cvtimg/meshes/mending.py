@@ -60,7 +60,7 @@ def mend(
         field = field.lowered(places, sizes, grade)
         relax(mesh, field.metric, isotropic=True, most=how.moves, tolerance=0.0)
         for _ in range(how.smoothings):
-            mesh.smooth(field.metric(mesh.points), how.power)
+            mesh.smooth(how.power)
             mesh.flip(None)
         badness, since = _badness(mesh, how.small), since + 1
         if badness < least:

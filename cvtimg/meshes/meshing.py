@@ -26,7 +26,7 @@ from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.curves import keep_areas
 from cvtimg.meshes.mending import Mending, mend
-from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, with_points
+from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outline, with_points
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
@@ -48,14 +48,17 @@ class MeshEffort:
     tolerance: float  # they rest when this near to the centers of mass, as a part of the length of edges
     sweeps: int  # that make edges even
     mending: Mending  # of small angles
-    trials: int = 1  # of small meshes of one size, of which the most regular one is kept
-    small: int = 1000  # vertices that are few enough for that
+    trials: int = 1  # of small meshes of one size, of which the most regular one is kept,
+    small: int = 1000  # while they have no more vertices in all
     work: int = 600_000  # meshes of one size have more moves and sweeps: as many as move this many vertices in all,
     most_moves: int = 200  # but not more than these
     most_sweeps: int = 20
     power: int = 8  # where sizes vary, sweeps lower the sum of the shapes of triangles to this power: the worst counts
     smoothings: int = 2  # so often
     even_again: float = 0.55  # part of a last even step: with 0 the mean quality is best, with 1 lengths are
+    polishes: int = 6  # so often, in the end, vertices of narrow triangles alone move,
+    narrow: float = 40.0  # those with a smaller angle, in degrees,
+    polish: int = 16  # by this power
 
     def of(self, plan: Plan, n: int) -> MeshEffort:
         """Return the effort for a plan with n vertices."""
@@ -68,8 +71,8 @@ class MeshEffort:
 #: The registry: names for `effort`.
 EFFORTS: dict[str, MeshEffort] = {
     "fast": MeshEffort(10, 1e-2, 2, Mending(4)),
-    "balanced": MeshEffort(15, 1e-3, 2, Mending(10)),
-    "best": MeshEffort(300, 1e-4, 5, Mending(20), trials=24),
+    "balanced": MeshEffort(15, 1e-3, 2, Mending(10), trials=4),
+    "best": MeshEffort(300, 1e-4, 5, Mending(20), trials=24, small=24_000),
 }
 #: Part of the best effort, for the time, until vertices move with the balanced one.
 _BEST = 0.75
@@ -156,8 +159,8 @@ def mesh_region(
     triangulation, inner vertices move to the centers of mass of their cells, with density size^-4, while edges
     flip. Edges are made even; those at angles below 30 degrees are split, as in Delaunay refinement, and with `n` other
     vertices are taken away; angles that the borders themselves have stay. Last, vertices move off the boundary of
-    polygons by as much as edges cut off, so that areas stay. With effort "best", small meshes of one size are made
-    several times, and the most regular one is returned.
+    polygons by as much as edges cut off, so that areas stay. Small meshes of one size are made several times, more
+    often with effort "best", and the most regular one is returned.
 
     References
     ----------
@@ -265,22 +268,21 @@ def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, r
     with part(0, _PLANNED):
         plan = plan_mesh(outline, wanted, alone)
     with part(_PLANNED, 1):
-        found = [_made(outline, plan, wanted, one, random) for one in each(_trials(plan, wanted.n, effort))]
+        found = [
+            _made(outline, plan, wanted, one, random) for one in each(_trials(plan, wanted.n or plan.number, effort))
+        ]
     if len(found) == 1:
         return found[0]
     return max(found, key=lambda one: float(one.qualities.mean())) if plan.varies else min(found, key=_irregularity)
 
 
-def _trials(plan: Plan, n: int | None, effort: MeshEffort) -> list[MeshEffort]:
-    """Return the efforts of meshes of which the best is kept: of one size, their edges differ in how even they are.
-
-    Where sizes vary, more moves are not always better.
-    """
-    if effort.trials == 1:
-        return [effort]
-    if plan.varies or (n or plan.number) > effort.small:
-        return [effort, EFFORTS["balanced"]]
-    return [replace(effort, most_sweeps=effort.most_sweeps if k % 3 else k % 2, sweeps=0) for k in range(effort.trials)]
+def _trials(plan: Plan, n: int, effort: MeshEffort) -> list[MeshEffort]:
+    """Return the efforts of meshes of which the best is kept: of one size, their edges differ in how even they are."""
+    if plan.varies:  # where more moves are not always better
+        return [effort, EFFORTS["balanced"]] if effort is EFFORTS["best"] else [effort]
+    n_trials = min(effort.trials, effort.small // n)
+    tried = [replace(effort, most_sweeps=effort.most_sweeps if k % 3 else k % 2, sweeps=0) for k in range(n_trials)]
+    return tried if n_trials > 1 else [effort]
 
 
 def _irregularity(mesh: Mesh) -> float:
@@ -311,14 +313,18 @@ def _finished(
     """Make edges even, and triangles regular; mend small angles, and give polygons the areas that edges cut off."""
     field = plan.field
     if field.isotropic:
+        lines = None if outline.mask is not None else StraightParts.of(outline.lines)
         for _ in each(range(effort.sweeps)):
-            mesh.even(field.metric(mesh.points))
+            mesh.even(field.metric(mesh.points), lines)
             mesh.flip(None)
         for _ in range(effort.smoothings):
-            mesh.smooth(field.metric(mesh.points), effort.power)
+            mesh.smooth(effort.power)
             mesh.flip(None)
         if effort.even_again:
-            mesh.even(field.metric(mesh.points), effort.even_again)
+            mesh.even(field.metric(mesh.points), lines, effort.even_again)
+            mesh.flip(None)
+        for _ in range(effort.polishes):
+            mesh.smooth(effort.polish, among=mesh.has_angles_below(effort.narrow))
             mesh.flip(None)
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(

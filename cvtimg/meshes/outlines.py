@@ -114,12 +114,41 @@ class Outline:
             found, size = size if simpler.area > 0 else found, size / 2**0.5
         return found
 
-    def segments(self) -> Any:
-        """Return the straight parts of all lines, in a tree of shapely."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StraightParts:
+    """The straight parts of lines, to find the nearest one."""
+
+    places: Points  # (P, 2): the points of all lines, one after the other
+    of_line: NDArray[np.intp]  # (P,): the line of each
+    first: NDArray[np.intp]  # (S,): the points where parts start
+    tree: Any  # Of shapely, with the parts
+
+    @classmethod
+    def of(cls, lines: Sequence[Points]) -> StraightParts:
+        """Divide lines into their straight parts."""
         shapely = optional("shapely", "mesh")
 
-        parts = [np.stack([line[:-1], line[1:]], axis=1) for line in self.lines]
-        return shapely.STRtree(shapely.linestrings(np.concatenate(parts)))
+        places, of_line = np.concatenate(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+        first = np.flatnonzero(np.diff(of_line) == 0)
+        return cls(places, of_line, first, shapely.STRtree(shapely.linestrings(places[first[:, None] + [0, 1]])))
+
+    def nearest(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Return where the parts nearest to points (N, 2) start, and how far along them these are, from 0 to 1."""
+        first = self.first[self.tree.nearest(optional("shapely", "mesh").points(points))]
+        start, step = self.places[first], self.places[first + 1] - self.places[first]
+        return first, np.clip(((points - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
+
+    def feet(self, points: Points) -> Points:
+        """Return the places (N, 2) on lines that are nearest to points."""
+        first, share = self.nearest(points)
+        return self.places[first] + share[:, None] * (self.places[first + 1] - self.places[first])
+
+    def directions(self, points: Points) -> Points:
+        """Return unit vectors (N, 2) along the parts nearest to points."""
+        first, _ = self.nearest(points)
+        steps = self.places[first + 1] - self.places[first]
+        return steps / np.linalg.norm(steps, axis=1, keepdims=True)
 
 
 def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:

@@ -11,7 +11,7 @@ from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
-from cvtimg.meshes.outlines import Outline, cross
+from cvtimg.meshes.outlines import Outline, StraightParts, cross
 
 Points = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -138,8 +138,8 @@ class _Ways:
     def of(cls, outline: Outline, ends: Points) -> _Ways:
         shapely = optional("shapely", "mesh")
 
-        line_of_part = np.repeat(np.arange(len(outline.lines)), [len(line) - 1 for line in outline.lines])
-        line = line_of_part[outline.segments().nearest(shapely.points(ends.mean(axis=1)))]
+        parts = StraightParts.of(outline.lines)
+        line = parts.of_line[parts.nearest(ends.mean(axis=1))[0]]
         strings = np.array([shapely.LineString(line) for line in outline.lines])[line]
         places = shapely.points(ends)
         along = shapely.line_locate_point(strings[:, None], places)

@@ -116,13 +116,12 @@ static void move_vertices(struct half_edges *mesh, double *points, const uint8_t
             move_vertex(mesh, points + 2 * i, i, fixed[i] == 2, steps + 2 * i);
 }
 
-/* What a triangle a b c costs, and how that changes with a: a power of (sum of squared sides) / (4 3^(1/2) area), in the
- * plane where the metric is Euclidean. It is 1 for an equilateral triangle and grows without bound for flat ones. */
+/* What a triangle a b c costs, and how that changes with a: a power of (sum of squared sides) / (4 3^(1/2) area), which
+ * is 1 for an equilateral triangle and grows without bound for flat ones. */
 static double cost_of(const double *a, const double *b, const double *c, int power, double *slope, double *curvature)
 {
     double abx = b[0] - a[0], aby = b[1] - a[1], acx = c[0] - a[0], acy = c[1] - a[1];
-    double bcx = c[0] - b[0], bcy = c[1] - b[1], area2 = abx * acy - aby * acx;
-    double squares = abx * abx + aby * aby + acx * acx + acy * acy + bcx * bcx + bcy * bcy;
+    double bcx = c[0] - b[0], bcy = c[1] - b[1], area2 = abx * acy - aby * acx, squares = squared_sides(a, b, c);
 
     if (area2 <= 0)
         return INFINITY_COST;
@@ -136,56 +135,48 @@ static double cost_of(const double *a, const double *b, const double *c, int pow
     return ratio * below;
 }
 
-/* Move a vertex one step downhill on the cost of the triangles around it. The metric there is L^T L. */
-static void smooth_vertex(struct half_edges *mesh, double *place, int32_t vertex, const double *metric,
-                          int power)
+/* Move a vertex one step downhill on the cost of the triangles around it. */
+static void smooth_vertex(struct half_edges *mesh, double *place, int32_t vertex, int power)
 {
     int32_t around[MOST_AROUND];
-    double ring[MOST_AROUND + 1][2], l11 = sqrt(metric[0]), l12 = metric[1] / l11;
-    double l22 = sqrt(fmax(metric[2] - l12 * l12, 1e-300)), slope[2] = {0, 0}, curvature = 0, cost = 0;
-    const double center[2] = {0, 0};
+    double slope[2] = {0, 0}, curvature = 0, cost = 0;
     int n = ring_of(mesh, vertex, around);
 
-    for (int i = 0; i < n; i++) {
-        const double *b = origin2(mesh, next_edge(around[i]));
-        ring[i][0] = l11 * (b[0] - place[0]) + l12 * (b[1] - place[1]);
-        ring[i][1] = l22 * (b[1] - place[1]);
-    }
     for (int i = 0; i < n; i++)
-        cost += cost_of(center, ring[i], ring[(i + 1) % n], power, slope, &curvature);
+        cost += cost_of(place, origin2(mesh, next_edge(around[i])), origin2(mesh, last_edge(around[i])), power, slope,
+                        &curvature);
     if (!n || cost >= INFINITY_COST)
         return;
     for (double part = 1; part > 0.1; part /= 2) {
-        double there[2] = {-part * slope[0] / curvature, -part * slope[1] / curvature}, ignored[3] = {0, 0, 0};
-        double less = 0;
+        double there[2] = {place[0] - part * slope[0] / curvature, place[1] - part * slope[1] / curvature};
+        double less = 0, ignored[3] = {0, 0, 0};
         for (int i = 0; i < n && less < cost; i++)
-            less += cost_of(there, ring[i], ring[(i + 1) % n], power, ignored, ignored + 2);
+            less += cost_of(there, origin2(mesh, next_edge(around[i])), origin2(mesh, last_edge(around[i])), power,
+                            ignored, ignored + 2);
         if (less >= cost)
             continue;
-        double up = there[1] / l22;
-        place[0] += (there[0] - l12 * up) / l11;
-        place[1] += up;
+        place[0] = there[0], place[1] = there[1];
         return;
     }
 }
 
-/* What the edges at a vertex cost when it is at `place`: the sum of (length^2 / `mean` - 1)^4 in the metric halfway, and
- * how that changes: slopes x, y and the matrix xx, xy, yy of second derivatives but for terms that vanish with it. */
-static double cost_of_edges(const struct half_edges *mesh, const double *metric, const int32_t *ends, int n,
+/* What the edges at a vertex cost when it is at `place`: the sum of (length^2 / `mean` - 1)^4, by what squared lengths are
+ * worth halfway, and how that changes: slopes x, y and the matrix xx, xy, yy of second derivatives but for terms that
+ * vanish with it. */
+static double cost_of_edges(const struct half_edges *mesh, const double *worth, const int32_t *ends, int n,
                             int32_t vertex, const double *place, double mean, double *slope, double *curvature)
 {
-    const double *here = metric + 3 * (ptrdiff_t)vertex;
     double cost = 0;
 
     for (int i = 0; i < n; i++) {
-        const double *end = mesh->points + 2 * (ptrdiff_t)ends[i], *there = metric + 3 * (ptrdiff_t)ends[i];
+        const double *end = mesh->points + 2 * (ptrdiff_t)ends[i];
         double x = place[0] - end[0], y = place[1] - end[1];
-        double xx = here[0] + there[0], xy = here[1] + there[1], yy = here[2] + there[2];
-        double mx = (xx * x + xy * y) / mean, my = (xy * x + yy * y) / mean; /* half of how length^2 / mean changes */
-        double excess = 0.5 * (mx * x + my * y) - 1, square = excess * excess;
+        double per_square = (worth[vertex] + worth[ends[i]]) / mean; /* twice */
+        double excess = 0.5 * per_square * (x * x + y * y) - 1, square = excess * excess;
         cost += square * square;
         if (!slope)
             continue;
+        double mx = per_square * x, my = per_square * y;
         slope[0] += 4 * excess * square * mx;
         slope[1] += 4 * excess * square * my;
         curvature[0] += 12 * square * mx * mx;
@@ -208,7 +199,7 @@ static int ends_around(const struct half_edges *mesh, const int32_t *around, int
 
 /* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
  * one that leaves all triangles enough area, and makes none flat. */
-static int step_to_even(const struct half_edges *mesh, const double *metric, int32_t vertex, const double *tangent,
+static int step_to_even(const struct half_edges *mesh, const double *worth, int32_t vertex, const double *tangent,
                         double mean, double share, double *step)
 {
     int32_t around[MOST_AROUND], ends[MOST_AROUND + 1];
@@ -219,7 +210,7 @@ static int step_to_even(const struct half_edges *mesh, const double *metric, int
     if (!n)
         return 0;
     int n_ends = ends_around(mesh, around, n, ends);
-    double cost = cost_of_edges(mesh, metric, ends, n_ends, vertex, place, mean, slope, curvature);
+    double cost = cost_of_edges(mesh, worth, ends, n_ends, vertex, place, mean, slope, curvature);
     if (tangent) {
         double x = tangent[0], y = tangent[1];
         double along = curvature[0] * x * x + 2 * curvature[1] * x * y + curvature[2] * y * y;
@@ -235,7 +226,7 @@ static int step_to_even(const struct half_edges *mesh, const double *metric, int
     }
     for (double part = share; part > 0.1 * share; part /= 2) {
         double there[2] = {place[0] + part * down[0], place[1] + part * down[1]};
-        if (cost_of_edges(mesh, metric, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
+        if (cost_of_edges(mesh, worth, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
             || !keeps_area(mesh, around, n, place, there) || gets_flat(mesh, around, n, place, there))
             continue;
         step[0] = part * down[0], step[1] = part * down[1];

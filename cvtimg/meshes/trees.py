@@ -14,7 +14,7 @@ from cvtimg._shared.extras import optional
 from cvtimg.engine.samples import along_curve
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
-from cvtimg.meshes.outlines import Outline
+from cvtimg.meshes.outlines import Outline, StraightParts
 from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
 
 Points = NDArray[np.float64]
@@ -128,7 +128,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     origin = (low + high) / 2 - side / 2
     grid = np.arange(1 << _FIRST_LEVEL)
     cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
-    is_whole, lines = np.zeros(len(cells), bool), outline.segments()
+    is_whole, lines = np.zeros(len(cells), bool), StraightParts.of(outline.lines).tree
     wanted, done, n_cells = _SIDE * sizes(probes), [], 0
     for level in range(_FIRST_LEVEL, _LAST_LEVEL + 1):
         step = side / (1 << level)

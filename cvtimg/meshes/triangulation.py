@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import needs
-from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, find_twins
+from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
-from cvtimg.meshes.fields import lengths_of
+from cvtimg.meshes.outlines import StraightParts
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
@@ -20,58 +20,6 @@ Triangles = NDArray[np.int32]
 _MOST_FLIPS = 20
 #: How vertices move.
 FREE, FIXED, SLIDES = 0, 1, 2
-
-
-def places_at(at: NDArray[np.float64], lengths: NDArray[np.float64], places: Points) -> Points:
-    """Return the places (..., 2) at lengths along a line over (P, 2) places, with the lengths (P,) until there."""
-    return np.stack([np.interp(at, lengths, places[:, axis]) for axis in (0, 1)], axis=-1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tracks:
-    """Lines, and the vertices that slide along them."""
-
-    vertices: NDArray[np.int32]  # (S,)
-    along: NDArray[np.float64]  # (S,): where they are: the length along all lines, one after the other
-    reach: Points  # (S, 2): the least and the greatest value that `along` may have
-    # (P, 2): points of the lines, and the lengths until there.
-    places: Points
-    lengths: NDArray[np.float64]
-    periods: NDArray[np.float64]  # (S,): lengths of closed lines, which go on at their start; 0 for vertices of others
-    starts: NDArray[np.float64]  # (S,): where the line of each vertex starts
-
-    def tangents(self) -> Points:
-        """Return the directions (S, 2) of the lines where the vertices are."""
-        at = np.searchsorted(self.lengths, self._on_line(self.along), side="right")
-        at = np.clip(at, 1, len(self.lengths) - 1)
-        steps = self.places[at] - self.places[at - 1]
-        return steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300)
-
-    def moved(self, by: NDArray[np.float64]) -> Tracks:
-        """Return the tracks with vertices moved by lengths (S,), as far as they may."""
-        return replace(self, along=np.clip(self.along + by, *self.reach.T))
-
-    def kept(self, kept: NDArray[np.bool_], number: NDArray[np.int32] | None = None) -> Tracks:
-        """Return the tracks of some of the vertices (S,), with new numbers (N,) of all vertices."""
-        vertices = self.vertices[kept]
-        return replace(
-            self,
-            vertices=vertices if number is None else number[vertices],
-            along=self.along[kept],
-            reach=self.reach[kept],
-            periods=self.periods[kept],
-            starts=self.starts[kept],
-        )
-
-    def points(self) -> Points:
-        """Return where the vertices are, (S, 2)."""
-        return places_at(self._on_line(self.along), self.lengths, self.places)
-
-    def _on_line(self, along: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Go around closed lines."""
-        periods = np.where(self.periods > 0, self.periods, np.inf)
-        since = along - self.starts
-        return along - np.floor(since / periods) * self.periods
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +33,9 @@ class Borders:
     sides: Triangles
     corners: NDArray[np.bool_]  # (B,): points that stay where the others move to keep areas
     of_line: NDArray[np.intp] | None = None  # (E,): the line of the outline that each edge is on
-    tracks: Tracks | None = None  # Along which some of the points may slide
+    slides: NDArray[np.int32] = field(
+        default_factory=lambda: np.empty(0, np.int32)
+    )  # Points (S,) that may slide along lines
 
     def chain(self, line: int) -> NDArray[np.int32]:
         """Return the points (C,) along a line."""
@@ -102,8 +52,6 @@ class PlaneTriangulation(HalfEdges):
         `FREE`, `FIXED` or `SLIDES`.
     corners : (N,) bool array
         Those of the borders.
-    tracks : Tracks or None
-        Of the vertices that slide.
     tags : (T,) int32 array
         Label of the side of the border that each triangle is on; flips do not change it.
     borders : (T, 3) uint8 array
@@ -116,7 +64,6 @@ class PlaneTriangulation(HalfEdges):
         super().__init__(points, triangles)
         self.fixed = fixed.astype(np.uint8)
         self.corners = np.zeros(len(points), bool)
-        self.tracks: Tracks | None = None
         self.tags = np.ones(len(triangles), np.int32)
         self._mark(edges)
 
@@ -130,9 +77,7 @@ class PlaneTriangulation(HalfEdges):
         triangles = triangles[np.argsort(triangles.max(axis=1))]
         mesh = cls(points, fixed, triangles, borders.edges)
         mesh.corners[: len(borders.points)] = borders.corners
-        if borders.tracks is not None:
-            mesh.tracks = borders.tracks
-            mesh.fixed[mesh.tracks.vertices] = SLIDES
+        mesh.fixed[borders.slides] = SLIDES
         mesh._tag(borders)
         inside = mesh.tags > 0
         if not inside.all():
@@ -156,29 +101,31 @@ class PlaneTriangulation(HalfEdges):
         _meshes.move(self, self.fixed if fixed is None else fixed, done)
         return done
 
-    def even(self, metric: Points, share: float = 1.0) -> None:
+    def even(self, metric: Points, lines: StraightParts | None = None, share: float = 1.0) -> None:
         """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
 
-        They make a share of the best steps. Those on borders slide along them, as far as their tracks lead.
+        They make a share of the best steps; those that slide stay on the lines. The metric (N, 3) is of sizes alone.
         """
-        a, b = self.edges[self._each_once()].T
-        mean = float((lengths_of((metric[a] + metric[b]) / 2, self.points[a] - self.points[b]) ** 2).mean())
-        steps = np.zeros_like(self.points)
-        tracks = self.tracks
-        if tracks is not None:
-            tangents = steps[tracks.vertices] = tracks.tangents()
-        _meshes.even(self, metric, self.fixed, steps, mean, share)
-        if tracks is None:
-            return
-        moved = tracks.moved((steps[tracks.vertices] * tangents).sum(axis=1))
-        steps[tracks.vertices] = moved.points() - self.points[tracks.vertices]
-        _meshes.move(self, np.maximum(self.fixed, FIXED), steps)
-        stayed = (steps[tracks.vertices] == 0).all(axis=1)
-        self.tracks = replace(moved, along=np.where(stayed, tracks.along, moved.along))
+        worth, (a, b) = np.ascontiguousarray(metric[:, 0]), self.edges[self._each_once()].T
+        mean = float(((worth[a] + worth[b]) / 2 * ((self.points[a] - self.points[b]) ** 2).sum(axis=1)).mean())
+        steps, sliding = np.zeros_like(self.points), np.flatnonzero(self.fixed == SLIDES)
+        if lines is not None:
+            steps[sliding] = lines.directions(self.points[sliding])
+        _meshes.even(self, worth, self.fixed, steps, mean, share)
+        if lines is not None:
+            steps[sliding] = lines.feet(self.points[sliding] + steps[sliding]) - self.points[sliding]
+            _meshes.move(self, np.maximum(self.fixed, FIXED), steps)
 
-    def smooth(self, metric: Points, power: int) -> None:
-        """Move vertices so that the triangles around each, above all the worst, get more equilateral in its metric."""
-        _meshes.smooth(self, metric, self.fixed, power)
+    def smooth(self, power: int, among: NDArray[np.bool_] | None = None) -> None:
+        """Move vertices, or some of them (N,), so that triangles around get more equilateral, above all the worst."""
+        fixed = self.fixed if among is None else np.where(among, self.fixed, FIXED).astype(np.uint8)
+        _meshes.smooth(self, fixed, power)
+
+    def has_angles_below(self, least: float) -> NDArray[np.bool_]:
+        """Tell which vertices (N,) are corners of triangles with an angle below this, in degrees."""
+        found = np.zeros(len(self.points), bool)
+        found[self.triangles[measure_triangles(self.points, self.triangles).least_angles < least]] = True
+        return found
 
     def locate(self, places: Points, near: Triangles | None = None) -> tuple[Triangles, Points]:
         """Walk to the triangles of (M, 2) places; return them and barycentric coordinates.
@@ -245,8 +192,6 @@ class PlaneTriangulation(HalfEdges):
         used[self.triangles[kept]] = True
         number = np.cumsum(used, dtype=np.int32) - 1
         tags = self.tags[kept]
-        if self.tracks is not None:
-            self.tracks = self.tracks.kept(used[self.tracks.vertices], number)
         self.points, self.fixed = np.ascontiguousarray(self.points[used]), self.fixed[used]
         self.corners = self.corners[used]
         self.triangles = number[self.triangles[kept]]
