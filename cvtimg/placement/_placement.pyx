@@ -22,6 +22,9 @@ cdef extern from "moments.h" nogil:
         double *c
         int32_t *index
         Py_ssize_t n
+        int32_t *own
+        double *starts
+        double *heights
 
     struct c_running "running":
         pass
@@ -54,17 +57,16 @@ cdef inline Py_ssize_t bucket_of(
 cdef class Scratch:
     """Room for the owners of boxes; what is not needed is never touched."""
     cdef double[:, ::1] places
-    cdef int32_t[::1] indices
+    cdef int32_t[:, ::1] indices
     cdef c_owners owners
 
     def __cinit__(self, Py_ssize_t n_generators):
         cdef Py_ssize_t room = ROOM_PER_GENERATOR * n_generators + ROOM
-        self.places = np.empty((3, room))
-        self.indices = np.empty(room, np.int32)
-        self.owners.x = &self.places[0, 0]
-        self.owners.y = &self.places[1, 0]
-        self.owners.c = &self.places[2, 0]
-        self.owners.index = &self.indices[0]
+        self.places = np.empty((5, room))
+        self.indices = np.empty((2, room), np.int32)
+        self.owners.x, self.owners.y, self.owners.c = &self.places[0, 0], &self.places[1, 0], &self.places[2, 0]
+        self.owners.starts, self.owners.heights = &self.places[3, 0], &self.places[4, 0]
+        self.owners.index, self.owners.own = &self.indices[0, 0], &self.indices[1, 0]
         self.owners.n = room
 
 

@@ -23,7 +23,7 @@
 
 /* A box is no longer split when so few may own it, or its sides are so short in pixels; larger leaves compare more
  * parabolas in each row, smaller ones have more rows. */
-enum { FEW_OWNERS = 8, SHORT_SIDE = 8, MOST_SORTED = 24 };
+enum { FEW_OWNERS = 8, SHORT_SIDE = 8 };
 
 /* Generators, in the order of square buckets, row by row of the grid. Those outside of the picture lie in the nearest
  * bucket. */
@@ -42,6 +42,9 @@ struct owners {
     double *x, *y, *c;
     int32_t *index; /* in the order of buckets */
     ptrdiff_t n;
+    /* Of the intervals of a row: who owns each, where it starts, and the height of each parabola. */
+    int32_t *own;
+    double *starts, *heights;
 };
 
 typedef void visitor(void *state, struct box box, int x_corner, int y_corner, struct owners sorted);
@@ -88,31 +91,34 @@ INLINE ptrdiff_t keep_owners(struct owners from, double x, double y, double half
     return n;
 }
 
-/* Sort few owners from left to right, which is the order of their intervals in every row. */
+/* Sort owners from left to right, which is the order of their intervals in every row: by Shell's method, which few need
+ * one round of. */
 INLINE void sort_owners(struct owners all)
 {
-    for (ptrdiff_t i = 1; i < all.n; i++) {
-        double x = all.x[i], y = all.y[i], c = all.c[i];
-        int32_t index = all.index[i];
-        ptrdiff_t j = i;
-        for (; j > 0 && all.x[j - 1] > x; j--) {
-            all.x[j] = all.x[j - 1];
-            all.y[j] = all.y[j - 1];
-            all.c[j] = all.c[j - 1];
-            all.index[j] = all.index[j - 1];
+    for (ptrdiff_t gap = all.n > 64 ? all.n / 2 : 1; gap > 0; gap /= 2)
+        for (ptrdiff_t i = gap; i < all.n; i++) {
+            double x = all.x[i], y = all.y[i], c = all.c[i];
+            int32_t index = all.index[i];
+            ptrdiff_t j = i;
+            for (; j >= gap && all.x[j - gap] > x; j -= gap) {
+                all.x[j] = all.x[j - gap];
+                all.y[j] = all.y[j - gap];
+                all.c[j] = all.c[j - gap];
+                all.index[j] = all.index[j - gap];
+            }
+            all.x[j] = x;
+            all.y[j] = y;
+            all.c[j] = c;
+            all.index[j] = index;
         }
-        all.x[j] = x;
-        all.y[j] = y;
-        all.c[j] = c;
-        all.index[j] = index;
-    }
 }
 
 /* The intervals of a row: the lower envelope of the owners' parabolas, kept as a stack. Returns how many there are.
  * `starts` gets one more entry, the end. */
-INLINE int cut_row(struct owners sorted, double y, double from, double to, int *own, double *starts)
+INLINE int cut_row(struct owners sorted, double y, double from, double to)
 {
-    double height[MOST_SORTED];
+    double *height = sorted.heights, *starts = sorted.starts;
+    int32_t *own = sorted.own;
     int top = 0;
 
     for (ptrdiff_t i = 0; i < sorted.n; i++)
@@ -140,75 +146,22 @@ INLINE int cut_row(struct owners sorted, double y, double from, double to, int *
     return top + 1;
 }
 
-/* Too many to sort, as where generators crowd in one place: keep those of this row's intervals, walking from left to
- * right. `to` gets at most `room` of them, sorted; the walk ends where that is full. Returns the end of the walk. */
-static double walk_row(struct owners all, double y, double from, double to, struct owners *kept, int room)
-{
-    ptrdiff_t at = 0;
-    double x = from, least = DBL_MAX;
-
-    for (ptrdiff_t i = 0; i < all.n; i++) {
-        double score = all.c[i] - 2 * (x * all.x[i] + y * all.y[i]);
-        if (score < least || (score == least && all.x[i] > all.x[at])) {
-            least = score;
-            at = i;
-        }
-    }
-    kept->n = 0;
-    for (;;) {
-        ptrdiff_t next = -1;
-        double end = to, own = all.c[at] - 2 * y * all.y[at];
-        kept->x[kept->n] = all.x[at];
-        kept->y[kept->n] = all.y[at];
-        kept->c[kept->n] = all.c[at];
-        kept->index[kept->n] = all.index[at];
-        kept->n++;
-        for (ptrdiff_t i = 0; i < all.n; i++)
-            if (all.x[i] > all.x[at]) {
-                double cross = (all.c[i] - 2 * y * all.y[i] - own) * 0.5 / (all.x[i] - all.x[at]);
-                if (cross < end || (cross == end && next >= 0 && all.x[i] > all.x[next])) {
-                    end = cross;
-                    next = i;
-                }
-            }
-        if (next < 0 || kept->n == room)
-            return end;
-        at = next;
-    }
-}
-
-static void visit_crowded(struct pass *pass, struct box box, int x_corner, int y_corner, struct owners all)
-{
-    double x[MOST_SORTED], y[MOST_SORTED], c[MOST_SORTED];
-    int32_t index[MOST_SORTED];
-    struct owners kept = {x, y, c, index, 0};
-
-    /* Pixel by pixel in a row, so that a walk is never cut short by more owners than fit. */
-    for (int row = box.y0; row < box.y1; row++)
-        for (int column = box.x0; column < box.x1; column++) {
-            struct box pixel = {column, column + 1, row, row + 1};
-            walk_row(all, row + 0.5 - y_corner, column - x_corner, column + 1 - x_corner, &kept, MOST_SORTED);
-            pass->visit(pass->state, pixel, x_corner, y_corner, kept);
-        }
-}
-
 static void split_box(struct pass *pass, struct box box, int x_corner, int y_corner, struct owners all,
                       ptrdiff_t room)
 {
     int width = box.x1 - box.x0, height = box.y1 - box.y0;
-    int small = width <= SHORT_SIDE && height <= SHORT_SIDE;
 
-    if (all.n <= FEW_OWNERS || (small && all.n <= MOST_SORTED)) {
+    if (all.n <= FEW_OWNERS || (width <= SHORT_SIDE && height <= SHORT_SIDE) || room < all.n) {
         sort_owners(all);
         pass->visit(pass->state, box, x_corner, y_corner, all);
         return;
     }
-    if (small || room < all.n) {
-        visit_crowded(pass, box, x_corner, y_corner, all);
-        return;
-    }
     int halves_x = 1 + (2 * width > height && width > 1), halves_y = 1 + (2 * height > width && height > 1);
-    struct owners part = {all.x + all.n, all.y + all.n, all.c + all.n, all.index + all.n, 0};
+    struct owners part = all;
+    part.x += all.n;
+    part.y += all.n;
+    part.c += all.n;
+    part.index += all.n;
     for (int i = 0; i < halves_x; i++)
         for (int j = 0; j < halves_y; j++) {
             struct box half = {box.x0 + width * i / halves_x, box.x0 + width * (i + 1) / halves_x,

@@ -62,21 +62,16 @@ static void visit_moments(void *pointer, struct box box, int x_corner, int y_cor
 {
     const struct moments_state *state = pointer;
     const struct running *row = state->running + (ptrdiff_t)(box.y0 - state->top) * (state->width + 1);
-    double starts[MOST_SORTED + 1];
-    int own[MOST_SORTED];
 
     for (int y = box.y0; y < box.y1; y++, row += state->width + 1) {
         struct running from = row[box.x0];
-        int n = sorted.n == 1 ? 1
-                              : cut_row(sorted, y + 0.5 - y_corner, box.x0 - x_corner, box.x1 - x_corner, own,
-                                        starts);
-        own[0] = sorted.n == 1 ? 0 : own[0];
+        int n = cut_row(sorted, y + 0.5 - y_corner, box.x0 - x_corner, box.x1 - x_corner);
         for (int i = 0; i < n - 1; i++) {
-            struct running to = sum_until(row, state->width, starts[i + 1] + x_corner);
-            add_interval(state->sums + sorted.index[own[i]], from, to, y + 0.5);
+            struct running to = sum_until(row, state->width, sorted.starts[i + 1] + x_corner);
+            add_interval(state->sums + sorted.index[sorted.own[i]], from, to, y + 0.5);
             from = to;
         }
-        add_interval(state->sums + sorted.index[own[n - 1]], from, row[box.x1], y + 0.5);
+        add_interval(state->sums + sorted.index[sorted.own[n - 1]], from, row[box.x1], y + 0.5);
     }
 }
 
@@ -125,16 +120,14 @@ struct labels_state {
 static void visit_labels(void *pointer, struct box box, int x_corner, int y_corner, struct owners sorted)
 {
     const struct labels_state *state = pointer;
-    double starts[MOST_SORTED + 1];
-    int own[MOST_SORTED];
 
     for (int y = box.y0; y < box.y1; y++) {
         int32_t *row = state->labels + (ptrdiff_t)y * state->width;
-        int n = cut_row(sorted, y + 0.5 - y_corner, box.x0 - x_corner, box.x1 - x_corner, own, starts);
+        int n = cut_row(sorted, y + 0.5 - y_corner, box.x0 - x_corner, box.x1 - x_corner);
         int x = box.x0;
         for (int i = 0; i < n; i++)
-            for (; x < box.x1 && (i == n - 1 || x + 0.5 - x_corner < starts[i + 1]); x++)
-                row[x] = state->order[sorted.index[own[i]]];
+            for (; x < box.x1 && (i == n - 1 || x + 0.5 - x_corner < sorted.starts[i + 1]); x++)
+                row[x] = state->order[sorted.index[sorted.own[i]]];
     }
 }
 

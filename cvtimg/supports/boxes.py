@@ -7,7 +7,7 @@ what the radii are too large by.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from cvtimg.placement import Region
 _Floats = NDArray[np.float64]
 
 #: Boxes at first, for each point; and all that are made.
-_BOXES_PER_POINT, _MOST_BOXES = 200, 1 << 20
+_BOXES_PER_POINT, _MOST_BOXES = 16, 1 << 19
+#: The neighbor by whose distance boxes are small.
+_AROUND = 3
 #: By this share, more than rounding, balls are apart that shall not meet.
 _APART = 1e-12
 
@@ -26,12 +28,14 @@ class Tightening(NamedTuple):
     """How near radii come to the least."""
 
     margin: float = 0.02  # by this share they may be larger than samples show before boxes are halved,
+    boxes: float = 100.0  # or if there are fewer for each point, by how far its neighbors are;
     halvings: int = 8  # so many times at most
-    few: int = 28  # points that each box sees the nearest of,
-    few_per_order: int = 4  # and more per unit of the order
-    parts: tuple[float, ...] = (0.3, 0.3, 0.5, 0.5, 1.0)  # of what they can spare that balls give up in turn
+    few: int = 90  # points that each box sees the nearest of: with 40, where distances vary, 8 % more balls meet
     rounds: int = 48  # in which balls grow and draw back: pairs still part after 16, hardly any after 48
     growth: float = 1.5  # to this times their first radius, so that others can shrink
+    every: int = 4  # such rounds, one ball also takes over from another, where that
+    parted: int = 8  # parts so many pairs at most; of all, the helpers that grow least are tried
+    helpers: int = 3
 
 
 _HOW = Tightening()
@@ -45,7 +49,7 @@ class Boxes(NamedTuple):
     points: NDArray[np.intp]
     distances: _Floats
 
-    def only(self, chosen: NDArray[np.bool_]) -> Boxes:
+    def only(self, chosen: NDArray[Any]) -> Boxes:
         """Leave some."""
         return Boxes(self.middles[chosen], self.halves[chosen], self.points[chosen], self.distances[chosen])
 
@@ -67,12 +71,12 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool)
     axes = [low + (np.arange(n_side) + 0.5) * (1 / n_side) * (high - low) for low, high in region.bounds.T]
     middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))
     done, left = _looked_up(middles, sides, points, region, order), None
-    radii = np.zeros(len(points))
-    finished: list[Boxes] = []
+    radii, finished = np.zeros(len(points)), list[Boxes]()
+    finest, around = _HOW.boxes ** (-1 / len(sides)), min(_AROUND, len(points) - 1)
     for _ in range(_HOW.halvings):
         if len(done.middles):
             _reach(radii, done.only(region.contains(done.middles)), order, beyond=False)
-        held = _depths(done, (1 + _HOW.margin) * radii) >= order
+        held = (_depths(done, (1 + _HOW.margin) * radii) >= order) & (sides.max() <= finest * done.distances[:, around])
         finished.append(done.only(held))
         left = done.only(~held)
         n_made = len(left.middles) * 2 ** points.shape[1]
@@ -100,7 +104,7 @@ def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region
 
     half = float(np.linalg.norm(sides)) / 2
     middles = middles[lies_in(region, middles, half * (1 + 1e-9))]
-    n_near = min(len(points), _HOW.few + _HOW.few_per_order * order)
+    n_near = min(len(points), max(_HOW.few, order))
     distances, near = cKDTree(points).query(middles, n_near)
     distances, near = distances.reshape(len(middles), n_near), near.reshape(len(middles), n_near)
     return Boxes(middles, np.full(len(middles), half), near, distances)
@@ -120,19 +124,18 @@ def _depths(boxes: Boxes, radii: _Floats) -> NDArray[np.intp]:
 def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Floats:
     """Let balls shrink as long as enough of them hold each box, so that fewer of them meet.
 
-    First each gives up a part of what it can spare, in turn. Then they take turns: balls grow as far as they meet no
-    others, which costs nothing, and shrink by as much as parts them from one other.
+    They take turns: balls grow as far as they meet no others, which costs nothing, and shrink by as much as parts them
+    from one other; now and then one takes over what others hold.
     """
-    cover = _Cover(points, radii, boxes, order)
-    for part in _HOW.parts:
-        for ball in np.argsort(-cover.radii):
-            cover.set(ball, cover.radii[ball] - part * (cover.radii[ball] - cover.least(ball)))
-    random = np.random.default_rng(0)
-    for _ in range(_HOW.rounds):
+    cover, random = _Cover(points, radii, boxes, order), np.random.default_rng(0)
+    for turn in range(_HOW.rounds):
         for ball in random.permutation(len(points)):
             cover.grow(ball)
         for ball in random.permutation(len(points)):
             cover.draw_back(ball)
+        if turn % _HOW.every == 0:
+            for ball in random.permutation(len(points)):
+                cover.exchange(ball)
     for ball in np.argsort(-cover.radii):
         cover.set(ball, cover.least(ball))
     return cover.radii
@@ -145,7 +148,7 @@ class _Cover:
         from scipy.spatial import cKDTree
 
         self.radii = radii.copy()
-        self._order = order
+        self._order, self._seen = order, boxes
         self._limits = _HOW.growth * radii
         self._floors = np.zeros(len(points))
         _reach(self._floors, boxes, 1, beyond=True)
@@ -194,6 +197,31 @@ class _Cover:
         radius = float(room.max(where=(room >= least) & (room < self.radii[ball]), initial=0.0))
         if radius:
             self.set(ball, radius)
+
+    def exchange(self, ball: int) -> None:
+        """Let a ball shrink, and another take over what too few others hold then, if fewer meet in all."""
+        held = slice(0, np.searchsorted(self._reaches[ball], self.radii[ball], side="right"))
+        alone = self._depths[self._boxes[ball][held]] <= self._order
+        boxes, reaches = self._seen.only(self._boxes[ball][held][alone]), self._reaches[ball][held][alone]
+        others, rooms = self._others[ball], np.sort(self._room(ball))
+        column = np.full(len(self.radii), len(others))
+        column[others] = np.arange(len(others))
+        # How far the others must reach for what it alone holds; those that do already are no help.
+        ways = np.full((len(reaches), len(others) + 1), np.inf)
+        ways[np.arange(len(ways))[:, None], column[boxes.points]] = boxes.distances + boxes.halves[:, None]
+        ways = np.where(ways[:, :-1] > self.radii[others], ways[:, :-1], np.inf)
+        rooms = rooms[(rooms >= self._floors[ball]) & (rooms < self.radii[ball])][::-1]
+        best = (0, 0, 0.0, 0.0)
+        for n_parted, radius in enumerate(rooms[: _HOW.parted].tolist(), 1):
+            grown = ways[reaches > radius].max(axis=0, initial=0)
+            can = np.flatnonzero((grown > 0) & (grown <= self._limits[others]))
+            for other in can[np.argsort(grown[can] - self.radii[others[can]])[: _HOW.helpers]]:
+                room, now = self._room(others[other]), self.radii[others[other]]
+                n_met = int(((room >= now) & (room < grown[other])).sum())
+                best = min(best, (n_met - n_parted, int(others[other]), float(grown[other]), radius))
+        if best[0] < 0:
+            self.set(*best[1:3])
+            self.set(ball, best[3])
 
     def _room(self, ball: int) -> _Floats:
         """Return the radii up to which a ball does not meet others."""
