@@ -30,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         from cvtimg.cli.commands import command_of
 
-        status = int(command_of(given)(standalone_mode=False) or 0)
+        todo = command_of(given)(standalone_mode=False)
+        status = int((todo() if callable(todo) else todo) or 0)
         sys.stdout.flush()
         return status
     except BrokenPipeError:  # the reader has what it wanted

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ COLUMNS = ("snapshots", "kind", "n", "cells", "explained", "energy", "seconds", 
 _MOST_SHOWN, _IN_A_ROW = 23, 6
 
 
-def basis(given: Given) -> int:
+def basis(given: Given) -> Todo:
     """Find N modes that nearly contain all frames of an animation, or all rows of an array.
 
     The file has the arrays of cvtimg.bases.Basis; cvtimg.bases.read_basis reads it. Arrays may be larger than memory.
     """
     plan = plan_one(given.inputs, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
-    return run_plan(plan, _basis, COLUMNS, given)
+    return planned(plan, _basis, COLUMNS, given)
 
 
 def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

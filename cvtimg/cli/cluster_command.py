@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ EXAMPLES = """\
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 
-def cluster(given: Given) -> int:
+def cluster(given: Given) -> Todo:
     """Cluster the rows of tables: find the N means that represent them with the least error.
 
     A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
@@ -53,7 +53,7 @@ def cluster(given: Given) -> int:
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
-    return run_plan(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))
+    return planned(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))
 
 
 def _output_of(source: Path, labels_only: bool) -> str:

@@ -27,6 +27,7 @@ from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
 from cvtimg.cli.overview import COMMANDS, overview
 from cvtimg.cli.overview import version as version_text
+from cvtimg.cli.running import Todo
 from cvtimg.options import options_of, panel_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 from cvtimg.options.settings import read_settings
@@ -38,7 +39,7 @@ class _Command(TyperCommand):
     """A command whose parameters are made from records."""
 
     options: dict[str, Option]
-    function: Callable[[Any], int]
+    function: Callable[[Any], Todo | int]
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Convert values by the records; Typer sees to --help, and to arguments that are missing."""
@@ -65,7 +66,7 @@ class _Command(TyperCommand):
             ctx.fail(f"Got unexpected extra argument(s) ({' '.join(rest)})")
         return rest
 
-    def invoke(self, ctx: Any) -> int:
+    def invoke(self, ctx: Any) -> Todo | int:
         given = collected(self.options.values(), ctx.params)
         given.command = f"{ctx.command_path} {shlex.join(ctx.meta['words'])}"
         return self.function(given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import read_beside, run_plan
+from cvtimg.cli.running import Todo, planned, read_beside
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ COLUMNS = ("n", "dimensions", "energy", "latin", "seconds", "output")
 MEASURES = ("discrepancy", "h", "chi", "tau", "d")
 
 
-def design(given: Given) -> int:
+def design(given: Given) -> Todo:
     """Place N points for experiments, as evenly as the cells of a centroidal Voronoi tessellation.
 
     Points fill the box of -d or --bounds. By default they are Latin as well: each of N slices along each axis has one
@@ -39,7 +39,7 @@ def design(given: Given) -> int:
     plan = plan_one((), {"-o": given.output, "--plot": given.plot}, also_read=[given.bounds, given.existing])
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
     given.prints = given.output is None and not given.as_json
-    return run_plan(plan, _design, Report(columns, as_json=given.as_json, quiet=given.quiet or given.prints), given)
+    return planned(plan, _design, Report(columns, as_json=given.as_json, quiet=given.quiet or given.prints), given)
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

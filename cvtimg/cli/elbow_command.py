@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli.cluster_command import reading
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
 TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
 
 
-def elbow(given: Given) -> int:
+def elbow(given: Given) -> Todo:
     """Suggest how many colors or clusters images and tables need, by the elbow of the energy.
 
     The energy falls with each generator: fast up to the number of colors that an image really has, slowly beyond it.
@@ -47,7 +48,12 @@ def elbow(given: Given) -> int:
         given.segments["edge_weight"] = given.edge_weight
     if given.segments and given.effort != "fast":
         raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
-    status = run_plan(plan, _measure, report, given)
+    return partial(_run, planned(plan, _measure, report, given), report, given)
+
+
+def _run(run: Todo, report: _Curves, given: Given) -> int:
+    """Run the plan, and print and write the curves."""
+    status = run()
     done = report.plotted
     if len(done) == 1 and not (given.as_json or given.quiet):
         _print_curve(done[0].curve, {**done[0].curve.elbows(), given.rule: done[0].k})

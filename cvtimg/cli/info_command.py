@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -21,12 +21,12 @@ COLUMNS = (
 NOISE_COLUMNS = ("noise", "noise_slope", "noise_neighbors")
 
 
-def info(given: Given) -> int:
+def info(given: Given) -> Todo:
     """Show the size, format, bands, bit depth and number of distinct colors of images.
 
     For stacks and micrographs, show the axes, the names of channels and the size of a pixel, too.
     """
-    return run_plan(plan_each(given.inputs), _info, COLUMNS + NOISE_COLUMNS * given.noise, given)
+    return planned(plan_each(given.inputs), _info, COLUMNS + NOISE_COLUMNS * given.noise, given)
 
 
 def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

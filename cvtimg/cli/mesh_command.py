@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, check_suffix, plan_each
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.mesh_options import GRADE
 from cvtimg.options.record import Given
 
@@ -26,7 +26,7 @@ COLUMNS = ("input", "n", "triangles", "least_angle", "mean_quality", "seconds", 
 MEASURES = ("h", "chi", "tau", "d", "alpha", "beta", "q", "p")
 
 
-def mesh(given: Given) -> int:
+def mesh(given: Given) -> Todo:
     """Divide masks, label images and polygons into triangles that are nearly equilateral.
 
     Vertices are generators of a centroidal Voronoi tessellation. Segments side by side share the vertices on their
@@ -49,7 +49,7 @@ def mesh(given: Given) -> int:
         check_suffix("--order 2", Path(output), suffixes("triangle6"))
     outputs = {"-o": output, "--plot": given.plot}
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])
-    return run_plan(plan, _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
+    return planned(plan, _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
 
 
 def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -15,7 +15,7 @@ EXAMPLES = """\
 COLUMNS = ("input", "n", "energy", "psnr", "seconds", "output")
 
 
-def mosaic(given: Given) -> int:
+def mosaic(given: Given) -> Todo:
     """Turn images into mosaics of N convex, single-colored tiles.
 
     Tiles move until the mosaic matches the image as closely as possible, so their borders follow its edges.
@@ -25,7 +25,7 @@ def mosaic(given: Given) -> int:
     """
     output = given.output or ("{}.png" if given.out_dir else "{}-mosaic.png")
     plan = plan_each(given.inputs, {"-o": output}, out_dir=given.out_dir)
-    return run_plan(plan, _mosaic, COLUMNS, given)
+    return planned(plan, _mosaic, COLUMNS, given)
 
 
 def _mosaic(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

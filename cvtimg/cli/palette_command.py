@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
 from cvtimg.options.record import Given
 
@@ -24,7 +24,7 @@ EXAMPLES = """\
 _MOST_OWN = 256
 
 
-def palette(given: Given) -> int:
+def palette(given: Given) -> Todo:
     """Print the palette of images, and the share of the pixels of each color.
 
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
@@ -32,7 +32,7 @@ def palette(given: Given) -> int:
     field.
     """
     plan = plan_each(given.inputs, {"--save-palette": given.save_palette})
-    return run_plan(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
+    return planned(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
 
 
 def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

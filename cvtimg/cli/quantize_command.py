@@ -13,7 +13,7 @@ from cvtimg._shared.extras import needs
 from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.runner import check_plan
-from cvtimg.cli.running import run_plan, running_of, selected
+from cvtimg.cli.running import Todo, planned, running_of, selected
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ _FLAGS = {
 }
 
 
-def quantize(given: Given) -> int:
+def quantize(given: Given) -> Todo:
     """Reduce images to the N colors that represent them with the least error.
 
     Give the number of colors by -k, or let it follow from --psnr or --max-bytes (-k is then the largest number), or
@@ -110,7 +110,7 @@ def quantize(given: Given) -> int:
     if for_eyes:
         columns = tuple("quality" if name == "energy" else name for name in columns)
     report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
-    return run_plan(plan, partial(_quantize, options=how), report, given)
+    return planned(plan, partial(_quantize, options=how), report, given)
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class VersionFiles(NamedTuple):
     alpha: bool | None  # False: no version has any
 
 
-def restore(given: Given) -> int:
+def restore(given: Given) -> Todo:
     """Restore one image from several noisy or incomplete versions of it.
 
     Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
@@ -66,7 +66,7 @@ def restore(given: Given) -> int:
     n_versions = sum(len(task.sources) for task in plan.tasks)
     if masks and plan.tasks and len(masks) != n_versions:
         raise WrongUsageError(f"--mask is given {len(masks)} times, for {n_versions} versions")
-    return run_plan(plan, _restore, COLUMNS, given)
+    return planned(plan, _restore, COLUMNS, given)
 
 
 def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> tuple[list[VersionFiles], Pages]:

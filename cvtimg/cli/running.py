@@ -8,21 +8,24 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.options.record import Given
 
+#: What is left to do when a command line is read: what runs its plan, and returns the exit status.
+Todo: TypeAlias = Callable[[], int]
 _Read = TypeVar("_Read")
 #: Options that choose within files.
 CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
 
 
-def run_plan(
+def planned(
     plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, by_url: tuple[str, ...] = ()
-) -> int:
-    """Run a plan, with `work` for each task, a function of a module; `report` may be the columns of its table."""
+) -> Todo:
+    """Return what runs a plan, by `work` for each task, a function of a module, and returns the exit status."""
+    # `report` may be the columns of its table.
     sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
     if sends and given.as_json:
         raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")
@@ -30,7 +33,7 @@ def run_plan(
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
     report.quiet |= sends  # a table would mix with the output
     running = replace(running_of(given, by_url), around=partial(_as_asked, given=given))
-    return run(plan, partial(work, given=given), report, running)
+    return partial(run, plan, partial(work, given=given), report, running)
 
 
 def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.cli.segment_outputs import Style, check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
@@ -37,7 +37,7 @@ _OF_PLANES = "objects are those of each plane by itself; --volume finds them in 
 COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 
 
-def segment(given: Given) -> int:
+def segment(given: Given) -> Todo:
     """Divide images into N segments of similar color.
 
     Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, transparent ones,
@@ -75,7 +75,7 @@ def segment(given: Given) -> int:
     plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
-    return run_plan(plan, _segment, (*columns[:2], *more, *columns[2:]), given)
+    return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given)
 
 
 def _settings(given: Given) -> list[str]:

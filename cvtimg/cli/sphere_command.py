@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_ob
 _WIDTHS = ("least_width_km", "median_width_km", "largest_width_km")
 
 
-def sphere(given: Given) -> int:
+def sphere(given: Given) -> Todo:
     """Place N points on the sphere as the cells of a grid for models of oceans and atmospheres.
 
     Points are generators of a centroidal Voronoi tessellation; triangles between them are nearly equilateral, and none
@@ -57,7 +57,7 @@ def sphere(given: Given) -> int:
     pictures += [given.width] if isinstance(given.width, Path) else []
     outputs = {"-o": given.output, "--plot": given.plot, "--histograms": given.histograms}
     plan = plan_one((), outputs, also_read=pictures)
-    return run_plan(plan, _sphere, COLUMNS, given)
+    return planned(plan, _sphere, COLUMNS, given)
 
 
 def _refinement(text: str) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -17,7 +17,7 @@ EXAMPLES = """\
 COLUMNS = ("input", "n", "radius", "max_ink", "energy", "seconds", "output")
 
 
-def stipple(given: Given) -> int:
+def stipple(given: Given) -> Todo:
     """Reproduce the tones of images by dots.
 
     Drawings are light; with --tones true, they are as bright as the image from afar, scaled by --max-ink. Transparent
@@ -30,7 +30,7 @@ def stipple(given: Given) -> int:
         raise WrongUsageError("--radius-range: A and B must be > 0, the least first")
     output = given.output or ("{}.svg" if given.out_dir else "{}-stippled.svg")
     plan = plan_each(given.inputs, {"-o": output, "--cells": given.cells}, out_dir=given.out_dir)
-    return run_plan(plan, _stipple, COLUMNS, given)
+    return planned(plan, _stipple, COLUMNS, given)
 
 
 def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import run_plan
+from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -17,7 +17,7 @@ EXAMPLES = """\
 COLUMNS = ("input", "n", "triangles", "components", "borders", "least_angle", "mean_quality", "seconds", "output")
 
 
-def surface(given: Given) -> int:
+def surface(given: Given) -> Todo:
     """Place N points on surfaces, evenly or by a density, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
@@ -28,7 +28,7 @@ def surface(given: Given) -> int:
     """
     output = given.output or ("{}.vtu" if given.out_dir else "{}-points.vtu")
     plan = plan_each(given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
-    return run_plan(plan, _surface, COLUMNS, given)
+    return planned(plan, _surface, COLUMNS, given)
 
 
 def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

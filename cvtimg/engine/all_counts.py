@@ -94,7 +94,7 @@ def _alone(
     points: Points, n_generators: int, method: Method, conditions: Conditions, effort: SearchEffort
 ) -> Iteration:
     none, once = np.empty((0, points.n_dims)), replace(effort, evolution=None)  # which is for a single number
-    start = search(points, none, n_generators, "split", method, once, conditions)
+    start = search(points, none, n_generators, "split", method, conditions, once)
     return method(points, start, conditions.until(effort.stopping))
 
 

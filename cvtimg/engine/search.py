@@ -70,8 +70,8 @@ def search(
     n_generators: int,
     init: str,
     method: Method,
-    effort: SearchEffort,
     conditions: Conditions,
+    effort: SearchEffort,
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)

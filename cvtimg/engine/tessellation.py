@@ -6,7 +6,9 @@ the energy, the sum of density times squared distance to the nearest generator, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -178,7 +180,7 @@ def tessellate(
     points, order = _points(samples, density, n_generators)
     descent = _Descent(points, asked)
     with part(0, SEARCHED):
-        start = descent.start(settings)
+        start = descent.search(settings)
     with part(SEARCHED, 1):
         end = descent.method.iterate(points, start, descent.conditions)
     labels = assign(points, end.generators) if end.labels is None else end.labels
@@ -208,7 +210,6 @@ class _Descent:
     """How the generators of some points start and move."""
 
     def __init__(self, points: Points, asked: _Asked) -> None:
-        self._points, self._asked = points, asked
         self.has_start = not isinstance(asked.init, str)
         self.fixed = points.frame.inward(check_locked(asked.locked, asked.n_generators, points.n_dims))
         self.method = choose_method(
@@ -220,18 +221,17 @@ class _Descent:
         )
         watch = Watch(asked.callback, points.frame.energy)
         self.conditions = Conditions(asked.effort.stopping, asked.rng, len(self.fixed), asked.volume_power, watch)
-
-    def start(self, effort: SearchEffort) -> NDArray[np.float64]:
-        """Return the given generators, or those of a search."""
-        asked, points = self._asked, self._points
+        #: Returns where the generators start: the end of a search, unless a start is given.
+        self.search: Callable[[SearchEffort], NDArray[np.float64]]
         if not isinstance(asked.init, str):
             free = check_generators("init", asked.init, asked.n_generators - len(self.fixed), points.n_dims)
-            return np.concatenate([self.fixed, points.frame.inward(free)])
-        check_choice("init", asked.init, SEEDINGS)
-        if self.method.exact_in_one_dimension:
-            return np.zeros((asked.n_generators, points.n_dims))  # only their number matters
-        n_generators = asked.n_generators
-        return search(points, self.fixed, n_generators, asked.init, self.method, effort, self.conditions)
+            start = np.concatenate([self.fixed, points.frame.inward(free)])
+            self.search = lambda effort: start
+            return
+        init, n_generators = check_choice("init", asked.init, SEEDINGS), asked.n_generators
+        self.search = partial(search, points, self.fixed, n_generators, init, self.method, self.conditions)
+        if self.method.exact_in_one_dimension:  # only their number matters
+            self.search = lambda effort: np.zeros((n_generators, points.n_dims))
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
@@ -244,7 +244,7 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
     kept = Checkpoint(checkpoint, found.fingerprint(*options))
     state = kept.load()
     if state is None:
-        start = of_sample.start(effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
+        start = of_sample.search(effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
         if not of_sample.has_start:  # from given generators the descent starts at once
             start = of_sample.method.iterate(points, start, of_sample.conditions).generators
         state = start, []

@@ -5,7 +5,7 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -74,35 +74,28 @@ def divide_stack(
     pages = stack.content if stack.kind == "pages" and len(parts) > 1 else None
     if track:
         _check_frames(pages, volumes)
-    if volumes and pages is None:
-        raise ValueError("is one image, and a volume has several planes")
+    # So many pages are divided at a time, as one image or volume.
+    n_together = len(pages.images) if pages and together else 1
+    spacing: dict[str, Any] = {}
     if volumes:
-        each = _volumes(parts, pages, divide)
-    elif together and pages:
-        each = iter([_together(parts, divide, apart)])
-    else:
-        each = (_edited(image, known, divide, edits) for image, known in parts)
-    labels, results, at = np.empty((len(parts), *parts[0][0].shape[:2]), np.int32), [], 0
-    for result in each:
-        own = labels[at : at + result.labels.size // labels[0].size]
-        own[:] = result.labels.reshape(own.shape)
-        at += len(own)
+        spacing, n_together = {"spacing": _spacing(pages)}, pages.shape[-1] if pages else 1
+    labels, results = np.empty((len(parts), *parts[0][0].shape[:2]), np.int32), []
+    for start in range(0, len(parts), n_together):
+        some = parts[start : start + n_together]
+        image, known = some[0] if n_together == 1 and not volumes else _stacked(some, None if volumes else apart)
+        if not known.any():
+            raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
+        result = divide(image, mask=known, **spacing)
+        if edits:
+            tree = result.hierarchy or partial(segment_hierarchy, image, mask=known)
+            result = measured(edit_labels(result.labels, edits, hierarchy=tree), image, hierarchy=result.hierarchy)
+        own = labels[start : start + n_together]
+        own[:] = result.labels.reshape(n_together, -1, own.shape[2])[:, : own.shape[1]]
         results.append(replace(result, labels=own))
     if track:
         frames = labels.reshape(pages.shape[0] if pages else 1, -1, *labels.shape[1:])
         labels = track_labels(frames).reshape(labels.shape)
     return DividedStack(stack.header, pages, tuple(image for image, _ in parts), tuple(results), labels)
-
-
-def _edited(image: NDArray[Any], known: NDArray[np.bool_], divide: Divide, edits: Sequence[str]) -> Segmentation:
-    """Divide an image, and change its labels by hand."""
-    if not known.any():
-        raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
-    result = divide(image, mask=known)
-    if not edits:
-        return result
-    tree = result.hierarchy or partial(segment_hierarchy, image, mask=known)
-    return measured(edit_labels(result.labels, edits, hierarchy=tree), image, hierarchy=result.hierarchy)
 
 
 def _check_frames(pages: Pages | None, in_volumes: bool) -> None:
@@ -114,29 +107,27 @@ def _check_frames(pages: Pages | None, in_volumes: bool) -> None:
         raise ValueError(f"has the axes {axes}YX: objects are tracked with --volume, or in one plane, --z N")
 
 
-def _together(parts: Sequence[_Part], divide: Divide, apart: int) -> Segmentation:
-    """Divide pages as one image, in which rows that do not count are between them."""
-    images, known = (
-        np.concatenate([np.pad(page, ((0, apart), *[(0, 0)] * (page.ndim - 1))) for page in pages])
-        for pages in zip(*parts, strict=True)
-    )
-    found = _edited(images, known, divide, ())
-    rows = found.labels.reshape(len(parts), -1, found.labels.shape[1])[:, : len(parts[0][0])]
-    return replace(found, labels=rows)
+def _stacked(parts: Sequence[_Part], apart: int | None) -> _Part:
+    """Return pages as a volume, or below each other with so many rows between them that do not count."""
+    images, known = zip(*parts, strict=True)
+    if apart is None:
+        return np.stack(images), np.stack(known)
+    gap = (0, apart), (0, 0)
+    below = [np.pad(one, (*gap, *[(0, 0)] * (one.ndim - 2))) for one in images]
+    return np.concatenate(below), np.concatenate([np.pad(one, gap) for one in known])
 
 
-def _volumes(parts: Sequence[_Part], pages: Pages | None, divide: Divide) -> Iterator[Segmentation]:
-    """Divide the volume of each frame of a stack."""
-    assert pages is not None
+def _spacing(pages: Pages | None) -> tuple[float, float, float]:
+    """Return the sides of the voxels of a stack, along its axes."""
+    if pages is None:
+        raise ValueError("is one image, and a volume has several planes")
     size = pages.pixel_size
     if size is None or size.z is None:
         said = f", of which only {size} is known" if size else ""
         raise ValueError(f"needs the size of voxels{said}; name it by --pixel-size, such as 0.3x0.3x2um")
     if pages.axes not in ("Z", "TZ", "Q"):
         raise ValueError(f"has the axes {pages.axes}YX, where (T)ZYX is expected; --axes names them")
-    for start in range(0, len(parts), pages.shape[-1]):
-        images, known = zip(*parts[start : start + pages.shape[-1]], strict=True)
-        yield divide(np.stack(images), mask=np.stack(known), spacing=(size.z, size.y, size.x))
+    return size.z, size.y, size.x
 
 
 def _without_alpha(image: NDArray[Any], known: NDArray[np.bool_], header: ImageInfo) -> _Part:

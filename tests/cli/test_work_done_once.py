@@ -1,4 +1,4 @@
-"""`cvtimg quantize in.png` reads, checks and counts its input once."""
+"""Commands go a short way to the engine, and `cvtimg quantize in.png` reads, checks and counts its input once."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -43,3 +44,24 @@ def test_quantize_does_each_step_once(tmp_path: Path, monkeypatch: pytest.Monkey
     once = {"decode": 1, "check_pixels": 1, "color_samples": 1}
     # The header is read before the pixels, to plan. Colors are packed for the search and, in their own order, to map.
     assert counts == {**once, "open_picture": 2, "pack": 2}
+
+
+@pytest.mark.parametrize("verb", ["quantize", "segment"])
+def test_the_engine_is_thirteen_stations_from_the_command_line(tmp_path: Path, verb: str) -> None:
+    write_image(tmp_path / "in.png", np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8))
+    stations: list[str] = []
+
+    def look(frame: FrameType | None, event: str, _: object) -> None:
+        if event == "call" and frame and frame.f_code.co_name == "assign" and not stations:
+            while frame:
+                name = frame.f_globals.get("__name__", "")
+                stations.extend([f"{name}.{frame.f_code.co_name}"] if name.startswith("cvtimg.") else [])
+                frame = frame.f_back
+
+    sys.setprofile(look)
+    try:
+        assert main([verb, str(tmp_path / "in.png"), "-k", "4", "--quiet", "-o", str(tmp_path / "out.png")]) == 0
+    finally:
+        sys.setprofile(None)
+    assert stations[0] == "cvtimg.engine.points.assign"
+    assert len(stations) <= 13, stations[::-1]
