@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
+
+SAMPLES = Path(__file__).parents[1] / "sample_images"
 
 
 class Outcome(NamedTuple):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
+from commands import SAMPLES
 from PIL import Image
 
 from cvtimg.cli.app import main
@@ -20,7 +21,6 @@ from cvtimg.cli.overview import COMMANDS
 pytestmark = pytest.mark.timeout(300)
 #: Largest count of points, dots or colors that is run; results are as right with fewer.
 MOST = 300
-SAMPLES = Path(__file__).parents[2] / "sample_images"
 
 
 def examples(verb: str) -> list[list[str]]:

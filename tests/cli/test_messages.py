@@ -56,6 +56,19 @@ quantize a.png -k 3 --weight-map pages.tif | has 3 pages, where one image is exp
 quantize a.png -k 4 --weight-map a.png | --weight-map: a.png: must be a gray image
 palette a.png --lock #ff00ff | --lock needs -k
 segment pages.tif --objects --volume -k 2 -o l.tif | takes no -k
+segment a.png -k 2 --write labels,borders | --write: 'borders' must be one of labels, mean, edges, overlay, contours
+segment a.png -k 2 --write table.xls | .xls' must end in one of .csv
+segment a.png -k 2 --contours a.dxf | .dxf' must end in one of .svg, .geojson
+segment a.png -k 2 -o a.jpg | .jpg' must end in one of .png, .tif, .tiff, .npy
+segment a.png -k 2 --line-color loud | 'loud' must be a color such as '#rgb'
+segment a.png -k 2 --averaging after --radius 0 | --radius: radius=0.0 must be > 0
+segment a.png b.png -k 2 --overlay a.png | --overlay is for one input
+segment a.png --objects --neck-depth 2 | --objects with --neck-depth needs -k
+restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
+restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
+restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
+restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
+restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
 segment a.png -k 3 --track -o l.tif | --track needs --objects
 cluster trees.csv | Missing option '--clusters' / '-k'
 cluster trees.csv -k many | 'many' must be auto or a whole number in 1..
@@ -101,6 +114,8 @@ quantize pages.tif -k 3 | has several pages: name an output that can hold them, 
 quantize pages.tif -k 3 --depth 8 -o b.tif | --depth cannot be used for
 quantize pages.tif -k 4 --page 4 -o none.png | pages.tif: has 3 pages, and no page 4
 quantize pages.tif -k 4 --mask two.tif -o out.tif | needs a mask of 1 or 3 pages or frames, and two.tif has 2
+quantize pages.tif -k 4 --mask none.tif -o out.tif | page 2 of 3 has no pixel that counts
+quantize low.tif -k 4 -o low.png | .png cannot hold; write .tif or .tiff or .npy
 quantize bands.npy -k 4 -o out.npy | say which by --channel-axis 0 or 2
 segment pages.tif -k 3 | has several pages: name an output that can hold them, -o FILE.tif
 segment pages.tif -k 3 --edges e.png | that can hold them, --edges FILE.tif
@@ -111,9 +126,15 @@ segment pages.tif --objects --volume --z 1 -o l.tif | a volume has several plane
 segment pages.tif --objects --track -o l.tif | without T to track objects along
 segment series.tif --objects --track -o l.tif | objects are tracked with --volume, or in one plane, --z N
 segment clear.png -k 2 | clear.png: has no pixel that counts: all are transparent
+restore a.png black.png -k 2 -o out.png | black.png has size (20, 40) and a.png has (24, 32)
+restore a.png wrong.gpl -k 2 -o out.png | wrong.gpl: cannot be read
+restore a.png b.png --mask black.png --mask black.png -k 2 -o out.png | black.png of shape (20, 40)
+restore a.png b.png -k 2 -o out.png --weights 1 | weights of shape (1,) must be (2,)
+restore clear.png clear.png -k 2 -o out.png | no version knows any pixel
 restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
 restore pages.tif -k 3 --merge T -o r.tif | without T to --merge
 palette six.tif | has 6 bands, which are not colors
+elbow a.png --columns a | --columns must not be given for images
 elbow numbers.csv --edge-weight 3 | for images, not for tables
 elbow a.png --max-pixels 99 | has over 99 pixels
 cluster trees.csv -k 3 | choose columns of numbers (--columns height,girth,count)
@@ -155,6 +176,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_image(made / "clear.png", np.zeros((6, 6, 4), np.uint8))
     write_image(made / "float.tif", RGB[..., 0].astype(np.float32))
     write_image(made / "six.tif", np.zeros((2, 2, 6), np.uint8))
+    write_image(made / "low.tif", RGB[..., 0].astype(np.int16) - 300)
+    inside = np.ones((3, 8, 8), np.uint8) * np.array([1, 0, 1], np.uint8)[:, None, None]
+    tifffile.imwrite(made / "none.tif", inside, photometric="minisblack")
     np.save(made / "bands.npy", np.zeros((3, 24, 32), np.uint8))
     frames = [Image.fromarray(np.roll(RGB, shift, 0)) for shift in range(3)]
     frames[0].save(made / "film.png", save_all=True, append_images=frames[1:])

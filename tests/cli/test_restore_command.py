@@ -104,40 +104,6 @@ def test_the_sheet_has_the_versions_on_top_and_the_restored_picture_below(run: R
     assert sheet.shape[1] > 3 * 300
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        ("v_1.png small.png -k 2 -o out.png", 1, "small.png has size (5, 6) and v_1.png has (64, 64)"),
-        ("v_1.png gone.png -k 2 -o out.png", 1, "gone.png: no such file"),
-        ("v_1.png broken.png -k 2 -o out.png", 1, "broken.png: "),
-        ("v_1.png v_2.png --mask mask_1.png -k 2 -o out.png", 2, "--mask is given 1 times, for 2 versions"),
-        ("v_1.png v_2.png --mask mask_1.png --mask small.png -k 2 -o out.png", 1, "small.png of shape (5, 6)"),
-        ("v_1.png v_2.png -k 2 -o v_2.png --overwrite", 2, "v_2.png is an input"),
-        ("v_1.png v_2.png -k 2 -o out.png --labels out.png", 2, "would both become out.png"),
-        ("v_1.png v_2.png -k 2 -o mask_1.png", 1, "mask_1.png: exists already"),
-        ("v_1.png v_2.png -k 0 -o out.png", 2, "'0' must be auto or a whole number in 1..65535"),
-        ("v_1.png v_2.png -k 2 -o out.txt", 2, "'out.txt' must end in one of"),
-        ("v_1.png v_2.png -k 2 -o out.png --edge-weight x", 2, "'x' must be auto or a number >= 0"),
-        ("v_1.png v_2.png -k 2 -o out.png --weights 1,-2", 2, "'1,-2' must be numbers > 0"),
-        ("v_1.png v_2.png -k 2 -o out.png --weights 1", 1, "weights of shape (1,) must be (2,)"),
-        ("v_1.png v_2.png -k 2 -o out.png --renormalize max", 2, "must be one of range, median, none"),
-        ("v_1.png v_2.png -k 2 -o out.png --nodata x", 2, "'x' must be a number"),
-        ("v_1.png v_2.png -k 2 -o out.png --detail", 2, "-k and --detail exclude each other"),
-        ("clear.png clear.png -k 2 -o out.png", 1, "no version knows any pixel"),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_line(run: Run, arguments: str, status: int, message: str) -> None:
-    write_image("small.png", np.zeros((5, 6), np.uint8))
-    write_image("clear.png", np.zeros((5, 6, 4), np.uint8))
-    Path("broken.png").write_bytes(Path("v_1.png").read_bytes()[:500])
-    before = {path: path.read_bytes() for path in Path().iterdir()}
-    code, out, err = run(*arguments.split())
-    assert (code, out) == (status, "")
-    assert message in err
-    assert err.count("\n") == 1
-    assert {path: path.read_bytes() for path in Path().iterdir()} == before
-
-
 def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
     how = ["v_1.png", "v_2.png", "-k", "4", "-o", "out.png", "--report", "rows.jsonl"]
     status, _, err = run(*how, "--max-pixels", "99")
