@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 
-_T = TypeVar("_T")
 _Name = TypeVar("_Name", bound=str)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What an image must have.
@@ -52,12 +51,6 @@ def raise_unsupported(name: str, value: object, what: str, able: Collection[str]
     raise ValueError(f"{name}={value!r} does not support {what}; {' or '.join(able)} does")
 
 
-def check_alone(name: str, others: Collection[str]) -> None:
-    """Refuse other arguments, by their names, beside one that leaves nothing for them to do."""
-    if others:
-        raise ValueError(f"{name} must not be given with {' or '.join(others)}")
-
-
 def check_that(name: str, holds: bool | np.bool_, demand: str) -> None:
     """Refuse an argument that does not do what it must."""
     if not holds:
@@ -78,13 +71,6 @@ def refuse(name: str, value: object, allowed: str) -> NoReturn:
 def refuse_type(name: str, kind: object, allowed: str) -> NoReturn:
     """Refuse a value for its type."""
     raise TypeError(f"{name} of type {kind} must be {allowed}")
-
-
-def check_given(names: str, value: _T | None) -> _T:
-    """Return a value that must be given, under one of these names."""
-    if value is None:
-        raise TypeError(f"{names} must be given")
-    return value
 
 
 def check_needs(name: str, given: bool, other: str, has_other: bool) -> None:
@@ -200,12 +186,6 @@ def check_within(name: str, array: NDArray[Any], low: float, high: float, reason
         raise ValueError(f"{name} in {least}..{most} must be in {low:.15g}..{high:.15g}{reason}")
 
 
-def check_fewer(name: str, n_rows: int, n_generators: int) -> None:
-    """Refuse so many generators that stay where they are that none is left to move."""
-    if n_rows >= n_generators:
-        raise ValueError(f"{name} must have fewer than n_generators={n_generators}, not {n_rows}")
-
-
 def check_returned(name: str, values: NDArray[Any], n_points: int) -> None:
     """Refuse what a function of points returned if it is not one value per point."""
     if values.shape != (n_points,):
@@ -252,7 +232,7 @@ def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> ND
     if locked is None:
         return np.empty((0, n_dims))
     array = check_generators("locked", locked, len(np.asarray(locked)), n_dims)
-    check_fewer("locked", len(array), n_generators)
+    check_that("locked", len(array) < n_generators, f"have fewer than n_generators={n_generators}, not {len(array)}")
     return array
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cvtimg._shared.checks import check_alone, check_numbers, check_shape, check_that
+from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg._shared.extras import needs
 
 if TYPE_CHECKING:
@@ -87,8 +87,7 @@ def as_blocks(samples: Any, weights: Any = None, *, weights_name: str = "density
     Blocks(1 blocks of 3 columns, float64)
     """
     if isinstance(samples, Blocks):
-        if weights is not None:
-            check_alone(weights_name, ["Blocks, which carry their own weights"])
+        check_that(weights_name, weights is None, "not be given with Blocks, which carry their own weights")
         return samples
     rows = _dask_array(samples)
     check_shape("samples", rows.shape, rows.ndim == 2 and 0 not in rows.shape, "(N, D) with N, D >= 1")

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
-    check_alone,
     check_choice,
     check_count,
     check_in_range,
@@ -261,14 +260,13 @@ def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Flo
 def _check_together(region: Region, latin: bool | None, periodic: bool, criterion: str, n_all: int) -> None:
     """Refuse what excludes each other."""
     limits = " or ".join(region.given)
-    if periodic and limits:
-        check_alone(limits, ["periodic=True"])
-    if latin and not region.may_be_latin:
-        check_alone(limits, ["latin=True"])
+    check_that(limits, not (periodic and limits), "not be given with periodic=True")
+    check_that(limits, not latin or region.may_be_latin, "not be given with latin=True")
     if latin and not region.is_box:
         check_in_range("n_points", n_all, n_all <= _MOST_WITHIN, f"at most {_MOST_WITHIN} for latin=True with {limits}")
     if criterion != "cvt":
-        check_alone(f"criterion={criterion!r}", region.given + ["latin=False"] * (latin is False))
+        others = region.given + ["latin=False"] * (latin is False)
+        check_that(f"criterion={criterion!r}", not others, f"not be given with {' or '.join(others)}")
 
 
 def _with_categories(factors: list[Factor], existing: _Floats, unit: _Floats, rng: np.random.Generator) -> _Floats:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
-    check_alone,
     check_choice,
     check_count,
     check_density,
@@ -24,6 +23,7 @@ from cvtimg._shared.checks import (
     check_needs,
     check_non_negative,
     check_rows,
+    check_that,
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
@@ -275,7 +275,6 @@ def _points(samples: Any, density: ArrayLike | None, n_generators: int) -> tuple
         weights = check_density(density, len(rows))
         check_count("n_generators", n_generators, len(rows), "the number of samples")
         return pack_in_order(rows, weights, n_generators)
-    if density is not None:
-        check_alone("density", ["weighted samples"])
+    check_that("density", density is None, "not be given with weighted samples")
     check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
     return pack(samples.rows, samples.density, in_order=samples.in_order), None

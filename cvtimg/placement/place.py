@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import (
     check_choice,
     check_count,
-    check_fewer,
     check_in_range,
     check_picture_density,
     check_places,
@@ -232,7 +231,7 @@ def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike
         parts.append(checked_boundary(on_boundary, region))
     still = np.concatenate(parts)
     name = "fixed" if on_boundary is None else "fixed and on_boundary"
-    check_fewer(name, len(still), n_generators)
+    check_that(name, len(still) < n_generators, f"have fewer than n_generators={n_generators}, not {len(still)}")
     check_apart(name, still, region.bounds)
     return still
 

@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
-    check_alone,
     check_choice,
     check_count,
     check_excluded,
-    check_given,
     check_in_range,
     check_needs,
     check_non_negative,
     check_one_of,
+    check_that,
     refuse,
 )
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
@@ -139,10 +138,11 @@ class QuantizeOptions:
                 refuse("n_colors", self.n_colors, "a number with palette")
             found = {"locked": self.locked, "psnr": self.psnr, "color_bits": self.color_bits, **others, **self.engine}
             found["per_frame"] = self.per_frame or None
-            check_alone("palette", [name for name, value in found.items() if value is not None])
-        elif self.psnr is None:
-            check_given("n_colors, psnr or palette", self.n_colors)
-        else:
+            given = " or ".join(name for name, value in found.items() if value is not None)
+            check_that("palette", not given, f"not be given with {given}")
+        elif self.psnr is None and self.n_colors is None:
+            raise TypeError("n_colors, psnr or palette must be given")
+        elif self.psnr is not None:
             check_non_negative("psnr", self.psnr)
             if self.n_colors == "auto":
                 refuse("n_colors", self.n_colors, "a number with psnr")

@@ -319,10 +319,6 @@ def test_a_frame_that_comes_often_counts_as_often(photograph: NDArray[Any]) -> N
 def test_a_given_palette_is_taken(photograph: NDArray[Any]) -> None:
     result = quantize_frames(film(photograph), palette=PALETTE)
     assert all((one.palette == PALETTE).all() for one in result.results)
-    with pytest.raises(ValueError, match="palette must not be given with locked"):
-        quantize_frames(film(photograph), locked=PALETTE, palette=PALETTE)
-    with pytest.raises(TypeError, match="n_colors, psnr or palette must be given"):
-        quantize_frames(film(photograph))
 
 
 def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photograph: NDArray[Any]) -> None:

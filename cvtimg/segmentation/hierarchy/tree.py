@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_alone, check_at_least, check_choice, check_count, check_non_negative
+from cvtimg._shared.checks import check_at_least, check_choice, check_count, check_non_negative, check_that
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
@@ -211,7 +211,7 @@ class RegionHierarchy(ReadOnly):
         if n_regions is None:
             least = check_count("min_regions", min_regions, self.n_leaves, "the number of leaves")
             return max(self.n_regions(threshold), least)
-        check_alone("n_regions", ["threshold"] if threshold is not None else [])
+        check_that("n_regions", threshold is None, "not be given with threshold")
         check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
         return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
 
