@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
@@ -51,6 +52,23 @@ def same_partition(one: NDArray[Any], other: NDArray[Any]) -> float:
     table = np.zeros((first.max() + 1, second.max() + 1))
     np.add.at(table, (first.ravel(), second.ravel()), 1)
     return float(table[linear_sum_assignment(table, maximize=True)].sum() / table.sum())
+
+
+def shape_of(polygon: Any) -> Any:
+    """Return a polygon of cvtimg as one of Shapely."""
+    return shapely.Polygon(polygon.rings[0], polygon.rings[1:])
+
+
+def covered(polygon: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Tell which centers of pixels are in a polygon."""
+    return inside_rings(polygon.rings, shape)
+
+
+def inside_rings(rings: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Tell which centers of pixels are inside of rings, by the rule of even and odd."""
+    down, right = np.indices(shape) + 0.5
+    inside = [shapely.contains_xy(shapely.Polygon(ring), right, down) for ring in rings]
+    return np.logical_xor.reduce(inside)
 
 
 def edge_weighted_energy(

@@ -14,9 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import tifffile
-from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 from PIL import Image
+from reference import inside_rings
 from skimage.color import rgb2lab
 
 from cvtimg import find_contours
@@ -36,15 +36,6 @@ from cvtimg.pictures import read_indices, write_image
 RNG = np.random.default_rng(4)
 LABELS = np.kron(RNG.integers(0, 5, (5, 7)), np.ones((3, 2), int))
 IMAGE = RNG.integers(0, 256, (*LABELS.shape, 3), np.uint8)
-
-
-def fill(rings: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Tell which centers of pixels are inside, by the rule of even and odd."""
-    centers = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1).reshape(-1, 2)
-    inside = np.zeros(len(centers), bool)
-    for ring in rings:
-        inside ^= Outline(ring).contains_points(centers)
-    return inside.reshape(shape)
 
 
 # Labels
@@ -169,7 +160,7 @@ def test_svg_paths_cover_the_segments_in_their_colors(tmp_path: Path, image: Any
             for ring in drawing.removesuffix("Z").split("Z")
             for places in [[place.split(",") for place in ring.removeprefix("M").split(" ")]]
         ]
-        np.testing.assert_array_equal(fill(rings, LABELS.shape), label == LABELS)
+        np.testing.assert_array_equal(inside_rings(rings, LABELS.shape), label == LABELS)
 
 
 def features(path: Path) -> dict[int, list[list[NDArray[np.float64]]]]:
@@ -197,7 +188,8 @@ def test_geojson_polygons_cover_the_segments(tmp_path: Path) -> None:
     assert [one["properties"] for one in whole["features"]] == [{"label": n, "area": 10 * n} for n in range(1, 5)]
     assert "crs" not in whole
     for label, pieces in features(tmp_path / "a.geojson").items():
-        np.testing.assert_array_equal(fill([ring for piece in pieces for ring in piece], LABELS.shape), label == LABELS)
+        rings = [ring for piece in pieces for ring in piece]
+        np.testing.assert_array_equal(inside_rings(rings, LABELS.shape), label == LABELS)
 
 
 @pytest.mark.parametrize(

@@ -65,18 +65,6 @@ def test_at_the_end_no_single_transfer_to_a_near_segment_lowers_the_energy(
             assert edge_weighted_energy(values, moved, edge_weight, 2, weights) >= least - 1e-5
 
 
-def test_generators_are_the_weighted_means_of_their_segments() -> None:
-    values, labels, weights = drawn(3, 4, weighted=True)
-    assert weights is not None
-    end = descend(values, labels, 4, edge_weight=0.01, weights=weights)
-    for segment in np.unique(end.labels[end.labels > 0]):
-        inside = end.labels == segment
-        masses = weights[inside].sum(axis=0)
-        np.testing.assert_allclose(end.masses[segment - 1], masses, rtol=1e-5)
-        means = (weights * values)[inside].sum(axis=0) / masses
-        np.testing.assert_allclose(end.generators[segment - 1], means, rtol=1e-4, atol=1e-6)
-
-
 def test_an_axis_aligned_edge_costs_36_a_pixel() -> None:
     left, right = (np.full((60, 40, 1), level, np.float32) for level in (0, 100))
     labels = np.repeat([1, 2], 40)[None].repeat(60, axis=0).astype(np.int32)

@@ -3,10 +3,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from cvtimg.segmentation.values import to_levels
 
@@ -32,18 +30,10 @@ def test_evenly_spaced_numbers_have_the_levels_of_the_integers_they_stand_for(
     )
 
 
-@pytest.mark.parametrize(
-    "samples",
-    [
-        np.uint8([3, 9, 21]),
-        np.uint16([0, 65535, 17]),
-        np.array([0.1, np.pi, 7.0]),
-        np.random.default_rng(0).normal(size=1000),
-    ],
-)
-def test_samples_come_back(samples: NDArray[Any]) -> None:
-    found = to_levels(samples)
-    np.testing.assert_allclose(found.offset + found.step * found.levels.astype(float), samples, atol=2e-6)
+def test_samples_without_even_spacing_come_back() -> None:
+    for samples in (np.array([0.1, np.pi, 7.0]), np.random.default_rng(0).normal(size=1000)):
+        found = to_levels(samples)
+        np.testing.assert_allclose(found.offset + found.step * found.levels.astype(float), samples, atol=2e-6)
 
 
 def test_levels_are_the_smallest_whole_numbers() -> None:

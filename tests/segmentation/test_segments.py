@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference import edge_weighted_energy
 from scipy import ndimage
 
 from cvtimg import read_image, segment, tessellate
@@ -101,18 +100,6 @@ def test_signed_integers_have_the_white_of_their_type(dtype: type) -> None:
     np.testing.assert_array_equal(segment(image - dtype(100), 2, edge_weight="auto").labels, expected.labels)
 
 
-@pytest.mark.parametrize("way", [way for way in WAYS if not {"border_price", "space"} & set(way)], ids=str)
-def test_labels_follow_any_scale_where_weights_do(way: dict[str, Any]) -> None:
-    image, _ = noisy_shapes(0.3, 1)
-    image = image[:100, :100]
-    scaled = way
-    if isinstance(way.get("edge_weight"), int):  # white is 1 for both images: their squared levels differ
-        scaled, way = {**way, "edge_weight": way["edge_weight"] * 4096**2 * 50}, {**way, "edge_weight": 30 * 50}
-    expected = segment(image, 3, **way).labels
-    assert np.mean(segment(image * 4096 - 512, 3, **scaled).labels == expected) > 0.999
-    assert len(np.unique(expected)) == 3
-
-
 @pytest.mark.parametrize(("sigma", "least"), [(0.25, 0.999), (0.5, 0.996), (1, 0.985)])
 def test_auto_finds_shapes_under_noise(sigma: float, least: float) -> None:
     image, truth = noisy_shapes(sigma, 0)
@@ -171,13 +158,6 @@ def test_a_photograph_has_few_specks(photograph: NDArray[Any], kind: Any, way: d
     image = np.ascontiguousarray(kind(photograph))
     few, many = segment(image, 4, **way), segment(image, 4, edge_weight=0, **way)
     assert specks(few.labels) < 4 < 20 < specks(many.labels)
-
-
-def test_the_edge_weighted_energy_is_that_of_numpy(photograph: NDArray[Any]) -> None:
-    picture = photograph[:80, :80]
-    result = segment(picture, 3, edge_weight=25, edge_radius=2)
-    assert result.energies[-1] == pytest.approx(edge_weighted_energy(picture, result.labels, 25, 2), rel=1e-6)
-    assert result.converged
 
 
 @pytest.mark.parametrize("way", WAYS, ids=str)

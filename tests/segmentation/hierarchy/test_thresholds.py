@@ -1,23 +1,10 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from sklearn.metrics import rand_score
 
 from cvtimg import segment_hierarchy
 from cvtimg.segmentation.hierarchy.building import default_threshold
-
-
-@pytest.mark.slow
-def test_a_darkened_photograph_has_nearly_the_same_default_cut(photograph: NDArray[Any]) -> None:
-    expected = segment_hierarchy(photograph)
-    dark = segment_hierarchy(np.rint(photograph * 0.2).astype(np.uint8))
-    assert dark.default_threshold == expected.default_threshold == 0.5
-    assert expected.n_regions() / 1.5 <= dark.n_regions() <= expected.n_regions() * 1.5
-    assert rand_score(expected.cut().ravel(), dark.cut().ravel()) > 0.9
 
 
 @pytest.mark.parametrize("white", [255, 60])
