@@ -189,8 +189,8 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
     from skimage.morphology import thin
 
     def ours(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
-        tree = segment_hierarchy(image)
-        return [tree.find_edges(level) for level in np.arange(2, 15) / 20]
+        chances = segment_hierarchy(image).find_edges(strength=True)
+        return [thin(chances >= level) for level in np.arange(1, 18) / 20]
 
     def canny_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         grey = rgb2gray(image)

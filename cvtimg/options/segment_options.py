@@ -202,7 +202,7 @@ SEGMENT = (
     file("tree", "With --hierarchy: write the tree of regions, .npz.", HIERARCHY_KINDS["tree"], needs=("hierarchy",)),
     file(
         "strengths",
-        "With --hierarchy: write the strength of each border, .png, .tif or .npy.",
+        "With --hierarchy: write how likely a person draws each edge, from black, 0, to white, .png, .tif or .npy.",
         HIERARCHY_KINDS["strengths"],
         needs=("hierarchy",),
     ),

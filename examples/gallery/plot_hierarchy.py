@@ -18,12 +18,12 @@ SAMPLES = Path("../../sample_images")
 
 
 def panels(image: NDArray[Any]) -> list[Panel]:
-    """Show cuts of an image, and how strong its borders are."""
+    """Show cuts of an image, and its edges."""
     tree = cvtimg.segment_hierarchy(image)
     shown = [Panel(draw_edges(image, tree.cut(n), thickness=2), (f"{n} regions",)) for n in (5, 20, 50)]
     shown.append(Panel(draw_edges(image, tree.cut(), thickness=2), (f"default cut: {tree.n_regions()} regions",)))
-    strengths = np.rint(255 * (1 - np.minimum(tree.contour_map() / 0.8, 1))).astype(np.uint8)
-    return [*shown, Panel(strengths, ("strengths of borders",))]
+    chances = np.rint(255 * (1 - tree.find_edges(strength=True))).astype(np.uint8)
+    return [*shown, Panel(chances, ("how likely a person draws each edge",))]
 
 
 # %%

@@ -36,8 +36,8 @@ def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], row_of: Row
     np.testing.assert_array_equal(np.load("photo-labels.npy"), hierarchy.cut(7))
     np.testing.assert_array_equal(RegionHierarchy.load("photo-tree.npz").cut(30), hierarchy.cut(30))
     strengths = np.load("photo-strengths.npy")
-    np.testing.assert_array_equal(strengths, hierarchy.contour_map())
-    np.testing.assert_array_equal(read_image("photo-strengths.png"), np.rint(255 * np.minimum(strengths, 1)))
+    np.testing.assert_array_equal(strengths, hierarchy.find_edges(strength=True))
+    np.testing.assert_array_equal(read_image("photo-strengths.png"), np.rint(255 * strengths))
     assert Path("photo-table.csv").read_text().count("\n") == 8
 
 

@@ -56,6 +56,9 @@ class Settings:
     texture: float = 0.8  # the same of textons
     shared: float = 0.3  # less by so much for the share of the border in the shorter perimeter
     size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
+    # edges that people draw
+    half_drawn: float = 0.525  # half of the people draw borders of this altitude
+    drawn_power: float = 1.79  # how fast more of them do above
     # where trees are cut by default
     threshold: float = 0.5  # the best single one against regions that people drew
     least_threshold: float = 0.25  # noise stays below this

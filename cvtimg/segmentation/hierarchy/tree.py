@@ -17,6 +17,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import find_borders
 from cvtimg.pictures.files import encode_image
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.values import dark_to_bright
 
 _KIND = "region hierarchy"
@@ -67,9 +68,8 @@ class RegionHierarchy(ReadOnly):
         return f"RegionHierarchy({width} x {height} pixels, {self.n_leaves} leaves)"
 
     def _repr_png_(self) -> bytes:
-        """Draw borders, the darker the more the regions at their sides differ."""
-        strengths = np.clip(self.contour_map(), 0, 1)
-        return encode_image(".png", np.rint(255 * (1 - strengths)).astype(np.uint8))
+        """Draw edges, the darker the more likely a person draws them."""
+        return encode_image(".png", np.rint(255 * (1 - self.find_edges(strength=True))).astype(np.uint8))
 
     @property
     def n_leaves(self) -> int:
@@ -145,18 +145,26 @@ class RegionHierarchy(ReadOnly):
         between = altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
         return borders.on_pixels(between, self.leaves.shape)
 
-    def find_edges(self, threshold: float | None = None) -> NDArray[np.bool_]:
+    def find_edges(self, threshold: float | None = None, *, strength: bool = False) -> NDArray[Any]:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
 
         Parameters
         ----------
         threshold : float, optional
-            Keep borders that are stronger than this, >= 0; by default, `default_threshold`. About 0.25 finds the most
+            Keep borders that are stronger than this, >= 0; by default, `default_threshold`. About 0.4 finds the most
             edges that people would draw for the fewest that they would not.
+        strength : bool
+            Return how likely a person draws each edge, of all borders unless a threshold is given.
 
         Returns
         -------
-        (H, W) bool array
+        (H, W) bool array; with `strength`, (H, W) float32 array
+            Chances are in 0..1, and 0 beside edges.
+
+        Notes
+        -----
+        Chances are ``1 / (1 + (h / a)^p)`` for an altitude a. The two numbers fit the share of people who drew an edge
+        within 0.75 % of the diagonal, on 60 photographs of the Berkeley Segmentation Data Set.
 
         Examples
         --------
@@ -164,12 +172,22 @@ class RegionHierarchy(ReadOnly):
         >>> from cvtimg import segment_hierarchy
         >>> image = np.zeros((40, 60), np.uint8)
         >>> image[:, 30:] = 200
-        >>> np.flatnonzero(segment_hierarchy(image, n_leaves=24).find_edges()[20]).tolist()
-        [29]
+        >>> hierarchy = segment_hierarchy(image, n_leaves=24)
+        >>> np.flatnonzero(hierarchy.find_edges()[20]).tolist(), hierarchy.find_edges(strength=True)[20, 29] > 0.5
+        ([29], np.True_)
         """
+        from scipy.ndimage import maximum_filter
         from skimage.morphology import thin
 
-        return thin(self.contour_map() > self._threshold(threshold))  # type: ignore[no-untyped-call]
+        strengths = self.contour_map()
+        lines = thin(strengths > (0.0 if strength and threshold is None else self._threshold(threshold)))  # type: ignore[no-untyped-call]
+        if not strength:
+            return np.asarray(lines)
+        # Of two pixels beside each other, thinning may have kept the weaker one.
+        altitudes = maximum_filter(strengths, 3)[lines].astype(np.float64)
+        chances = np.zeros(lines.shape, np.float32)
+        chances[lines] = 1 / (1 + (SETTINGS.half_drawn / altitudes) ** SETTINGS.drawn_power)
+        return chances
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the hierarchy as .npz, whole or not at all.

@@ -13,6 +13,7 @@ from cvtimg.labels import region_means
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
 from cvtimg.segmentation.hierarchy.merging import altitudes_between
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +83,16 @@ def test_edges_are_thin_and_lie_on_the_borders_of_a_cut(hierarchy: RegionHierarc
     assert blocks.sum() < 0.02 * edges.sum()  # where four lines meet
     # Few pixels of a border have no edge beside them: those of slivers.
     assert (borders & ~ndimage.binary_dilation(edges, np.ones((3, 3)))).sum() < 0.03 * borders.sum()
+
+
+def test_chances_follow_the_strength_of_edges(hierarchy: RegionHierarchy) -> None:
+    chances, strengths = hierarchy.find_edges(strength=True), hierarchy.contour_map()
+    assert 0 < chances.max() < 1
+    strongest = ndimage.maximum_filter(strengths, 3)[chances > 0]
+    assert (np.diff(chances[chances > 0][np.argsort(strongest)]) >= 0).all()
+    half = SETTINGS.half_drawn
+    np.testing.assert_array_equal(chances[chances > 0] > 0.5, strongest > half)
+    np.testing.assert_array_equal(hierarchy.find_edges(half, strength=True) > 0, hierarchy.find_edges(half))
 
 
 def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_path: Path) -> None:
