@@ -10,13 +10,14 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache
+from functools import cache, wraps
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 S = TypeVar("S")
 T = TypeVar("T")
 
@@ -54,6 +55,19 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         _alone.reset(before)
+
+
+def one_blas_thread(function: _Function) -> _Function:
+    """Let a function whose matrices are small have one thread of the BLAS: more would only wait for each other."""
+
+    @wraps(function)
+    def alone(*arguments: Any, **options: Any) -> Any:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1, user_api="blas"):
+            return function(*arguments, **options)
+
+    return cast("_Function", alone)
 
 
 @cache

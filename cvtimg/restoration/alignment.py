@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.progress import each
 from cvtimg.restoration.versions import Floats, Versions, fill
 
 _Doubles = NDArray[np.float64]
@@ -80,7 +81,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
-    for version in range(1, versions.n_versions):
+    for version in each(range(1, versions.n_versions)):
         moving = _pyramid(versions, version)
         both = versions.known[:, :, 0] & versions.known[:, :, version]
         if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _SEARCH.fewest:

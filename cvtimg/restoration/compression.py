@@ -54,7 +54,8 @@ class Rounding:
     @classmethod
     def of(cls, image: Any) -> Rounding | None:
         """Return that of a Pillow image of a JPEG file, or of an array that has `quantization` and `layer` as one."""
-        tables, layers = getattr(image, "quantization", None), getattr(image, "layer", ())
+        tables = getattr(image, "quantization", None)
+        layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
         if not tables or len(layers) not in (1, 3):
             return None
         sizes = tuple(layers[0][axis] // layers[-1][axis] for axis in (1, 2))

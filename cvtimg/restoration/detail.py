@@ -106,8 +106,11 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
         around = np.concatenate([features, places], axis=1, dtype=np.float32)
         return PatchBlock(rows, columns, group_patches(around, kinds.label(features), largest))
 
-    blocks = list(side_by_side(grouped, list(product(_parts(height), _parts(width)))))
-    images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in each(axes.slices)]
+    places = list(product(_parts(height), _parts(width)))
+    with part(0, 0.2):
+        blocks = [block for _, block in zip(each(places), side_by_side(grouped, places), strict=True)]
+    with part(0.2, 1):
+        images = [filtered(noisy.bands(bands), blocks, from_estimate) for bands in each(axes.slices)]
     return np.concatenate(images, axis=2)
 
 

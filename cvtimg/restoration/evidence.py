@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.progress import part
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
@@ -105,16 +106,19 @@ def prepare(
     # Noise is measured before any interpolation, which smooths it.
     if align and given.n_versions == 1:
         warnings.warn(f"align={align!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
-    placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
+    with part(0, 0.4):
+        placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
     if align and not channels:
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
-    bands, in_place = noise_of_bands(given, alike=not channels), align is None
+    with part(0.4, 0.7):
+        bands, in_place = noise_of_bands(given, alike=not channels), align is None
     is_seen = not white and (mean_noise(bands) > given.unseen).all()  # False where it is unknown
     if is_seen and (bend := bend_of(given, in_place=in_place)):
         given, placed = (replace(one, bend=bend) for one in (given, placed))
         bands = noise_of_bands(given, alike=not channels)
-    noise = Noise.of(given, bands, in_place=in_place, level=level, white=white)
+    with part(0.7, 1):
+        noise = Noise.of(given, bands, in_place=in_place, level=level, white=white)
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)

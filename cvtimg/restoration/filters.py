@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.progress import each
+from cvtimg._shared.progress import each, tell
 from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
@@ -104,7 +104,11 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
         return _Filters.of(noisy.part(block), block, from_estimate, usual)
 
     # The filters of a large image are made again for each round: together they would fill the memory.
-    kept = list(side_by_side(filters_of, blocks)) if rounds > 1 and len(blocks) <= _FILTERING.kept else []
+    kept: list[_Filters] = []
+    if rounds > 1 and len(blocks) <= _FILTERING.kept:
+        for filters in side_by_side(filters_of, blocks):
+            kept.append(filters)
+            tell(0.0)
     for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.

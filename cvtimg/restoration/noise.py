@@ -150,7 +150,7 @@ def _levels_of(look: Look) -> _Doubles:
 def _levels_in(patches: _Doubles, n_quiet: int) -> _Doubles:
     """(C,) standard deviation of the noise in each band of patches, (N, side, side, C), so many of them quiet."""
     n_bands = patches.shape[3]
-    bands = np.array([_least(patches[..., band : band + 1], n_quiet) for band in range(n_bands)])
+    bands = np.array([_least(patches[..., band : band + 1], n_quiet) for band in each(range(n_bands))])
     if n_bands == 1 or not bands.max():
         return bands
     # Bands have texture in common, so that together they have more directions without it.
@@ -249,7 +249,7 @@ def bend_of(versions: Versions, *, in_place: bool) -> Bend | None:
         parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _MEASURING.classes)
         if not len(patches) or len(parts[-1]) < 3 * patches[:1].size:
             continue
-        squares = np.array([np.square(_levels_in(patches[part], look.quiet(len(part)))) for part in parts])
+        squares = np.array([np.square(_levels_in(patches[part], look.quiet(len(part)))) for part in each(parts)])
         levels += [means[part].mean(axis=0) for part in parts]
         # Versions may be more or less noisy; what matters is how noise changes with the level.
         usual.append(squares.mean(axis=0))
@@ -335,7 +335,7 @@ def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _D
     rings = (frequencies * how.rings).astype(np.intp)
 
     def by_ring(values: NDArray[Any]) -> _Doubles:
-        return np.bincount(rings.ravel(), values.real.ravel())
+        return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
     together = quiet.sum(axis=(2, 3)).real / n_bands

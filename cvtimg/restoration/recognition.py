@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
+from cvtimg._shared.threads import one_blas_thread
 from cvtimg.engine import tessellate
 from cvtimg.restoration.evidence import prepare
 from cvtimg.restoration.merging import level_of
@@ -28,7 +28,7 @@ class _Flat:
     sampled: int = 1 << 13  # pixels
 
 
-@threadpool_limits.wrap(1, user_api="blas")
+@one_blas_thread
 def is_drawing(
     images: Sequence[Any],
     *,
@@ -92,7 +92,7 @@ class MeasuredNoise:
     neighbors: float
 
 
-@threadpool_limits.wrap(1, user_api="blas")
+@one_blas_thread
 def measure_noise(
     images: Sequence[Any],
     *,

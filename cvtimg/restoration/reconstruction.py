@@ -7,11 +7,11 @@ from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_positive, hints_at_keywords
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
+from cvtimg._shared.threads import one_blas_thread
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
@@ -25,11 +25,9 @@ from cvtimg.restoration.versions import Versions, stack_versions
 #: What noise may be like.
 NOISES = get_args(NoiseName)
 __all__ = ["Denoised", "Restoration", "denoise", "restore"]
-#: The matrices are small: threads of the BLAS would spend their time waiting for each other.
-_one_blas_thread = threadpool_limits.wrap(1, user_api="blas")
 
 
-@_one_blas_thread
+@one_blas_thread
 @hints_at_keywords
 def restore(
     images: Sequence[Any],
@@ -162,7 +160,7 @@ def restore(
     return in_order(found, evidence, space)
 
 
-@_one_blas_thread
+@one_blas_thread
 @hints_at_keywords
 def denoise(
     images: Sequence[Any],

@@ -70,8 +70,8 @@ class Versions:
         """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
         return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
 
-    def is_inside(self, levels: Floats, margin: float) -> NDArray[np.bool_]:
-        """Tell which levels are farther from black and white than a margin, if they have such ends."""
+    def is_inside(self, levels: NDArray[Any], margin: Any) -> NDArray[np.bool_]:
+        """Tell which levels are farther from black and white, if they have such ends, than a margin."""
         white = np.inf if self.white is None else self.white
         return (levels >= (margin if self.white else -np.inf)) & (levels <= white - margin)
 

@@ -11,6 +11,7 @@ from damaging import damage, psnr
 from numpy.typing import NDArray
 
 from cvtimg import denoise
+from cvtimg._shared.progress import watched
 from cvtimg.restoration import detail
 from cvtimg.restoration.clipping import Clipped, clipped_ends
 
@@ -186,3 +187,18 @@ def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
 def test_an_image_of_one_color_stays_as_it_is() -> None:
     flat = np.full((24, 32, 3), 80, np.uint8)
     np.testing.assert_array_equal(denoise([flat], effort="fast").image, flat)
+
+
+def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clean: NDArray[np.float64]) -> None:
+    shares: list[float] = []
+
+    def told(share: float) -> None:
+        shares.append(share)
+        if share > 0.5:
+            raise InterruptedError
+
+    with pytest.raises(InterruptedError), watched(told):
+        restored([noisy(clean[:48, :48], 0.1)])
+    assert len(shares) > 15
+    assert max(np.diff([0, *shares])) < 0.25
+    assert shares[-1] < 0.75

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import SAMPLES
 from damaging import psnr
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import denoise, restore
+from cvtimg import denoise, read_image, restore
 from cvtimg.restoration.anscombe import Bend
 from cvtimg.restoration.compression import Compressed, Rounding, with_tables
 from cvtimg.restoration.fitting import MOST_MISFIT, misfits
@@ -349,9 +350,7 @@ def test_nothing_fails(image: NDArray[Any], n_versions: int, holes: float) -> No
 
 @pytest.mark.parametrize("equal", [1, 3])
 def test_a_photograph_without_noise_comes_back_as_it_is(equal: int) -> None:
-    from skimage.data import chelsea
-
-    photograph = chelsea()[60:188, 100:260]
+    photograph = read_image(SAMPLES / "chelsea.png")[60:188, 100:260]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         result = denoise([photograph] * equal, effort="fast")
