@@ -1,11 +1,12 @@
-"""Noise that pixels share, as blurring, scaling, demosaicing and JPEG leave it, or that grows with the level of light.
+"""One noisy photograph: white noise, noise that pixels share, that grows with the level of light, of JPEG, or none.
 
-Prints PSNR in dB for the 192 x 192 pixels in the middle of each photograph of a folder. cvtimg finds the noise itself
-or is told that it is white; the strength of OpenCV's non-local means is the best of several, chosen by the truth. Where
-its package, which is not free software, is installed, BM3D denoises light, plain and between generalized Anscombe
-transforms; it is told the noise.
+Prints PSNR in dB for the 192 x 192 pixels in the middle of each photograph of a folder, and the standard deviation of
+the noise that was found. cvtimg finds the noise itself or is told that it is white; the strength of OpenCV's non-local
+means is the best of several, chosen by the truth; that of scikit-image's follows its `estimate_sigma`. Where its
+package, which is not free software, is installed, BM3D is told the noise, and denoises light between generalized
+Anscombe transforms, too.
 
-    python benchmarks/shared_noise.py [--quick] FOLDER
+    python benchmarks/shared_noise.py [--quick] [--case white] FOLDER
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,6 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import convolve, gaussian_filter
 from scipy.stats import poisson
+from skimage.restoration import denoise_nl_means, estimate_sigma
 
 from cvtimg import denoise
 
@@ -30,7 +33,8 @@ Floats = NDArray[np.float64]
 Random = np.random.Generator
 
 SIDE, SIGMA = 192, 15
-STRENGTHS = (8, 12, 16, 20, 25, 30)
+STRENGTHS = (2, 4, 8, 12, 16, 20, 25, 30)
+NL_MEANS: dict[str, Any] = {"fast_mode": True, "preserve_range": True, "channel_axis": -1}
 
 
 def as_bytes(image: Floats) -> NDArray[np.uint8]:
@@ -89,6 +93,11 @@ def as_blurred(blur: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]
     return lambda clean, rng: blurred(clean, blur, rng)
 
 
+def white(sigma: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]:
+    """Return what adds white noise."""
+    return lambda clean, rng: (clean, clean + sigma * rng.standard_normal(clean.shape))
+
+
 LIGHT = {"light, weak": (0.5, 3.0), "light": (2.0, 5.0), "light, strong": (8.0, 5.0)}
 CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats | Image.Image]]] = {
     **{f"blurred by {blur} px": as_blurred(blur) for blur in (0.6, 0.8, 1.2)},
@@ -98,31 +107,40 @@ CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats | Image.Image]]
     **{name: as_light(*strength) for name, strength in LIGHT.items()},
     **{f"JPEG {quality}": compressed(quality, 0) for quality in (50, 75, 90)},
     "noise of 5 levels, JPEG 75": compressed(75, 5),
-    "white": lambda clean, rng: (clean, clean + SIGMA * rng.standard_normal(clean.shape)),
+    "clean": lambda clean, rng: (clean, clean),
+    "JPEG 95": compressed(95, 0),
+    **{f"white, {sigma} levels": white(sigma) for sigma in (1, 3, 6, 12, 25)},
 }
 
 
 def psnr(image: NDArray[np.generic], clean: Floats) -> float:
     """In dB."""
-    return float(10 * np.log10(255**2 / np.mean((np.clip(image, 0, 255) - clean) ** 2)))
+    return float(10 * np.log10(255**2 / max(np.mean((np.clip(image, 0, 255) - clean) ** 2), 1e-4)))  # 88 dB if none
 
 
 def measured(
     clean: Floats, noisy: NDArray[np.uint8] | Image.Image, light: tuple[float, float] | None
 ) -> dict[str, float]:
-    """PSNR of what each makes of an image."""
-    pixels = np.asarray(noisy)
+    """PSNR of what each makes of an image, and the noise that there is and that is found."""
+    pixels, result = np.asarray(noisy), denoise([noisy])
+    sigmas = estimate_sigma(pixels, channel_axis=-1)
+    sigma = float(np.sqrt(np.mean(np.square(pixels - clean))))
+    by_sigma = denoise_nl_means(pixels, 5, 6, 0.8 * float(np.mean(sigmas)), sigma=float(np.mean(sigmas)), **NL_MEANS)
     tries = [cv2.fastNlMeansDenoisingColored(pixels, None, h, h, 5, 15) for h in STRENGTHS]
     found = {
         "noisy": psnr(pixels, clean),
-        "cvtimg": psnr(denoise([noisy]).image, clean),
+        "cvtimg": psnr(result.image, clean),
         "cvtimg, as white": psnr(denoise([noisy], noise_like="white").image, clean),
         "OpenCV": max(psnr(image, clean) for image in tries),
+        "scikit-image": psnr(by_sigma, clean),
+        "noise": sigma,
+        "found": float(result.noise[0]),
+        "estimate_sigma": float(np.mean(sigmas)),
     }
-    if light and find_spec("bm3d"):
-        sigma = float(np.sqrt(np.mean(light[0] * clean + light[1] ** 2)))
-        found["BM3D"] = psnr(255 * import_module("bm3d").bm3d_rgb(pixels / 255, sigma / 255), clean)
-        found["Anscombe, BM3D"] = psnr(by_anscombe(pixels, *light), clean)
+    if find_spec("bm3d"):
+        found["BM3D"] = psnr(255 * import_module("bm3d").bm3d_rgb(pixels / 255, max(sigma, 0.5) / 255), clean)
+        if light:
+            found["Anscombe, BM3D"] = psnr(by_anscombe(pixels, *light), clean)
     return found
 
 
@@ -169,7 +187,8 @@ def main() -> None:
             given = noisy if isinstance(noisy, Image.Image) else as_bytes(noisy)
             found.append(measured(clean, given, LIGHT.get(name)))
         print_means(f"{name}: PSNR, dB", [path.stem for path in paths], found, ".2f")
-        rows += [{"noise": name, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
+        print(f"least gain: {min(one['cvtimg'] - one['noisy'] for one in found):.2f} dB")
+        rows += [{"damage": name, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
     write_results("shared_noise", {"quick": wanted.quick}, rows)
 
 
