@@ -23,6 +23,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
     """Run the command line."""
 
     def run(*arguments: object) -> Outcome:
+        capsys.readouterr()  # of libraries that the test called before
         status = main([str(argument) for argument in arguments])
         return Outcome(status, *capsys.readouterr())
 

@@ -68,25 +68,3 @@ def test_one_bad_image_stops_no_other(command: str, picture: Path, tmp_path: Pat
     before = next(out.iterdir()).stat().st_mtime_ns
     assert main([command, str(picture), "-n", "30", "--out-dir", str(out), "--skip-existing", "--quiet"]) == 0
     assert next(out.iterdir()).stat().st_mtime_ns == before
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["stipple", "-n", "0"], "whole number"),
-        (["stipple", "-n", "9", "--max-ink", "0"], "must be a number"),
-        (["stipple", "-n", "9", "--width", "20km"], "a length > 0 such as 200mm"),
-        (["stipple", "-n", "9", "--layers", "rgb"], "must be one of cmyk"),
-        (["stipple", "-n", "9", "--layers", "cmyk", "--invert"], "exclude each other"),
-        (["stipple", "-n", "9", "--radius-range", "1", "2"], "needs --dots sized"),
-        (["stipple", "-n", "9", "-o", "a.xyz"], "must end in one of .svg"),
-        (["mosaic", "-n", "9", "-o", "a.csv"], "must end in one of .svg"),
-        (["mosaic", "-n", "9", "--shape", "squares"], "squares"),
-    ],
-)
-def test_wrong_usage_is_said_and_writes_nothing(
-    arguments: list[str], message: str, picture: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([*arguments, str(picture)]) == 2
-    assert message in capsys.readouterr().err
-    assert [path.name for path in picture.parent.iterdir()] == ["ramp.png"]

@@ -53,19 +53,3 @@ def test_a_folder_of_frames_is_an_animation(here: Path, capsys: pytest.CaptureFi
         write_image(here / "frames" / f"{number:02}.png", image)
     assert main(["basis", "frames", "-n", "auto", "-o", "a.npz", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["snapshots"] == 15
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["basis", "film.png", "-n", "99", "-o", "a.npz"], 1, "-n 99 must be in 1..14, for 15 snapshots"),
-        (["basis", "film.png", "-n", "2", "-o", "a.txt"], 2, ".npz"),
-        (["basis", "film.png", "-n", "2", "-o", "a.npz", "--passes", "3"], 2, "'3' must be an even number in 2..64"),
-        (["basis", "none.gif", "-n", "2", "-o", "a.npz"], 1, "none.gif: no such file"),
-    ],
-)
-def test_what_is_wrong_is_named(
-    arguments: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(arguments) == status
-    assert message in capsys.readouterr().err

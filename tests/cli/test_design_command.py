@@ -26,9 +26,7 @@ def test_points_are_printed_as_the_function_finds_them(capsys: pytest.CaptureFix
     assert (found == design(6, 2, effort="fast", rng=3).points).all()
 
 
-def test_files_have_named_axes_within_their_bounds(
-    row_of: RowOf, capsys: pytest.CaptureFixture[str], here: Path
-) -> None:
+def test_files_have_named_axes_within_their_bounds(row_of: RowOf, here: Path) -> None:
     arguments = ["design", "-n", "9", "--bounds", "bounds.csv", "-o", "runs.csv", "--effort", "fast"]
     row = row_of(*arguments, "--measures", "--plot", "runs.svg")
     assert (row["n"], row["names"], row["latin"], row["output"]) == (9, ["speed", "heat"], True, "runs.csv")
@@ -39,8 +37,6 @@ def test_files_have_named_axes_within_their_bounds(
     assert text[0] == "speed,heat"
     assert ((points > [0, 20]) & (points < [30, 90])).all()
     assert "heat" in (here / "runs.svg").read_text()
-    assert main(arguments) == 1  # runs.csv is there already
-    assert "exists" in capsys.readouterr().err
 
 
 def test_points_that_exist_are_taken_into_account() -> None:
@@ -57,16 +53,13 @@ def test_points_that_exist_are_taken_into_account() -> None:
 FACTORS = "name,low,high,kind,levels,unit\nheat,20,90,,,C\nrounds,1,4,integer,,\nalloy,,,,A|B|C,\n"
 
 
-def test_axes_on_the_command_line_are_those_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_axes_on_the_command_line_are_those_of_a_file(here: Path) -> None:
     (here / "factors.csv").write_text("name,low,high,kind,levels\nheat,20,90,,\nrounds,1,4,integer,\nalloy,,,,A|B|C\n")
     options = ["design", "-n", "6", "--effort", "fast", "--quiet"]
     axes = ["--axis", "heat,20,90", "--axis", "rounds, 1, 4, integer", "--axis", "alloy,A|B|C"]
     assert main([*options, "--bounds", "factors.csv", "-o", "one.csv"]) == 0
     assert main([*options, *axes, "-o", "other.csv"]) == 0
     assert (here / "one.csv").read_bytes() == (here / "other.csv").read_bytes()
-    for wrong in ("heat", "heat,1", "heat,9,1", "heat,0,x", "alloy,A|A"):
-        assert main([*options, "--axis", wrong]) == 2
-        assert wrong.partition(",")[0] in capsys.readouterr().err
 
 
 def table(path: str) -> list[list[str]]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import read_image, segment_hierarchy, write_image
-from cvtimg.cli import app as cli
 from cvtimg.segmentation import RegionHierarchy
 
 
@@ -56,21 +55,3 @@ def test_auto_cuts_at_the_threshold(small: NDArray[Any], row_of: RowOf) -> None:
         assert row_of(*number, "-o", "a.png", "--overwrite")["k"] == hierarchy.n_regions()
         row = row_of(*number, "--threshold", "0.6", "-o", "b.png", "--overwrite")
         assert row["k"] == hierarchy.n_regions(0.6)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--edges", "e.png"], "-k is needed without --hierarchy"),
-        (["-k", "3", "--tree", "t.npz"], "--tree needs --hierarchy"),
-        (["-k", "3", "--write", "tree"], "'tree' must be one of"),
-        (["-k", "3", "--hierarchy", "--threshold", "0.4"], "--threshold and -k N exclude each other"),
-        (["-k", "3", "--hierarchy", "--superpixels"], "--superpixels and --hierarchy exclude each other"),
-        (["-k", "3", "--hierarchy", "--edge-weight", "2"], "--edge-weight and --hierarchy exclude each other"),
-    ],
-)
-def test_options_that_would_do_nothing_are_refused(
-    arguments: list[str], message: str, small: NDArray[Any], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["segment", "photo.png", *arguments]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())

@@ -91,6 +91,23 @@ sphere -o a.nc --cell-width 30km --refine 1,2,3 | must be LON,LAT,RADIUS,WIDTH
 sphere -n 99 -o a.nc --plot a.png --view 10 100 | '100' must be a number in -90..90; two are needed
 sphere -n 99 -o a.nc --region 1,2 | --region 1,2 must be WEST,SOUTH,EAST,NORTH
 sphere -n 99 -o a.nc --radius moon | 'moon' must be a number > 0, or mpas, cesm
+segment a.png --edges e.png | -k is needed without --hierarchy
+segment a.png -k 3 --write tree | 'tree' must be one of
+segment a.png -k 3 --hierarchy --threshold 0.4 | --threshold and -k N exclude each other
+mesh a.png -n 9 -o a.txt | .vtu
+mesh a.png --edge-length 0 | --edge-length
+mesh a.png --order 2 -o a.stl | --order 2: 'a.stl' must end in one of .vtu, .msh
+mesh a.wkt --name a=b | 'a=b' must be NAME=LABEL or NAME=X0,Y0,X1,Y1
+surface ball.stl | -n
+surface ball.stl -n 3 | '3' must be a whole number in 4..
+surface ball.stl -n 50 -o a.xyz | -o
+surface ball.stl -n 50 --plot a.gif | --plot
+basis film.png -n 2 -o a.txt | .npz
+basis film.png -n 2 -o a.npz --passes 3 | '3' must be an even number in 2..64
+stipple a.png -n 9 --width 20km | a length > 0 such as 200mm
+stipple a.png -n 9 -o a.xyz | must end in one of .svg
+mosaic a.png -n 9 -o a.csv | must end in one of .svg
+mosaic a.png -n 9 --shape squares | squares
 stipple a.png -n 50 --dots sized --radius-range 3 1 -o a.svg | --radius-range: A and B must be > 0, the least first
 stipple a.png --width 0 -o a.svg | '0' must be a length > 0 such as 200mm, 20cm or 8in
 explore --port 65536 | '65536' must be a whole number in 0..65535
@@ -162,6 +179,22 @@ sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everyw
 sphere -n 9 -o a.nc --parent few.csv --within 0,0,60 | must have at least 4 points
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
 sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
+mesh wrong.geojson -n 9 | wrong.geojson: is not a .geojson file of polygons
+mesh cross.csv -n 9 | cross.csv: polygons must not cross themselves
+mesh hole.wkt -n 9 | hole.wkt: a hole at (5, 5) must lie inside
+mesh disc.png --periodic x | --periodic 'x' must be for borders on the left and right
+mesh disc.png --size nan.tif | size is nan at x=
+mesh disc.png --size black.png -n 90 | size is 0 at x=
+mesh a.wkt -n 9 --label 1 | a.wkt: has polygons; --label is for images of labels
+mesh labels.png -n 90 --label 9 -o b.vtu | labels.png: holds no label 9
+mesh disc.png --keep-points | disc.png: has pixels; --keep-points is for polygons
+mesh a.wkt --keep-points -n 3 | -n 3 must be at least 4, the vertices that
+mesh a.wkt --name a=1,2,3,4 | borders has 'a', which must be true for the middle of some edge
+mesh a.wkt --name a=1 --name b=1 | --name must have each name and each label once
+mesh black.png -n 9 | the region is empty
+mesh labels.png -n 3 | -n 3 must be at least
+surface ball.stl -n 50 --density quality | ball.stl: vertex properties must be in a PLY file, not .stl
+basis film.png -n 99 -o a.npz | -n 99 must be in 1..2, for 3 snapshots
 explore --no-browser none.png | none.png: no such file
 """
 
@@ -189,8 +222,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Image.linear_gradient("L").resize((40, 20)).save(made / "land.png")
     Image.fromarray(np.full((20, 40), np.nan, np.float32)).save(made / "nan.tif")
     netcdf_file(made / "bare.nc", "w").close()
+    down, right = np.mgrid[:20, :40]
+    write_image(made / "disc.png", np.hypot(down - 10, right - 20) < 8)
+    write_image(made / "labels.png", (1 + down // 10).astype(np.uint8))
+    pytest.importorskip("trimesh").creation.icosphere(1).export(made / "ball.stl")
     texts = {
         "wrong.gpl": "hello",
+        "wrong.geojson": "{",
+        "cross.csv": "0,0\n1,1\n1,0\n0,1\n",
+        "hole.wkt": "POLYGON ((0 0, 4 0, 4 4, 0 4, 0 0), (5 5, 6 5, 6 6, 5 5))",
+        "a.wkt": "POLYGON ((0 0, 2 0, 2 1, 0 1, 0 0))",
         "trees.csv": "site,height,girth,count\nS0,1,5,1\nS1,2,6,1\nS2,9,4,2\nS3,8,7,3\n",
         "numbers.csv": "1,2\n3,4\n5,7\n",
         "box.csv": "name,low,high\nspeed,0,30\nheat,20,90\n",

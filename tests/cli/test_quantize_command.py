@@ -170,13 +170,6 @@ def test_a_palette_of_16_colors_keeps_4_bits_where_pixels_are_transparent(run: R
     assert Path("out.png").read_bytes()[24] == 4  # bits
 
 
-def test_a_transparent_image_is_quantized_and_not_segmented(run: RowOf, capsys: pytest.CaptureFixture[str]) -> None:
-    write_image("in.png", np.zeros((6, 6, 4), np.uint8))
-    assert run("in.png", "-k", "4")["k"] == 1
-    assert cli.main(["segment", "in.png", "-k", "2", "-o", "out.png", "--overwrite"]) == 1
-    assert "in.png: has no pixel that counts: all are transparent" in capsys.readouterr().err
-
-
 def test_without_an_aim_images_are_for_eyes_and_the_output_says_so(
     run: RowOf, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

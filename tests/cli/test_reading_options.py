@@ -20,7 +20,7 @@ from cvtimg.pictures import encode_image, image_info
 PAGES = np.random.default_rng(5).integers(0, 4000, (3, 24, 32), np.uint16)
 
 
-def test_commands_read_one_page(capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_read_one_page() -> None:
     tifffile.imwrite("a.tif", PAGES, photometric="minisblack")
     tifffile.imwrite("masks.tif", (PAGES > 1000).astype(np.uint8), photometric="minisblack")
     assert cli.main(["quantize", "a.tif", "-k", "4", "--page", "2", "-o", "out.png"]) == 0
@@ -32,15 +32,10 @@ def test_commands_read_one_page(capsys: pytest.CaptureFixture[str]) -> None:
     tifffile.imwrite("z.tif", PAGES, imagej=True, metadata={"axes": "ZYX"})
     assert cli.main(["restore", "z.tif", "-k", "4", "--page", "2", "-o", "restored.png"]) == 0
     assert image_info("restored.png").frames == 1
-    capsys.readouterr()
-    assert cli.main(["quantize", "a.tif", "-k", "4", "--page", "4", "-o", "none.png"]) == 1
-    assert capsys.readouterr().err == "cvtimg: a.tif: has 3 pages, and no page 4\n"
 
 
-def test_the_bands_of_an_array_are_where_the_option_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bands_of_an_array_are_where_the_option_says() -> None:
     np.save("a.npy", PAGES)
-    assert cli.main(["quantize", "a.npy", "-k", "4", "-o", "out.npy"]) == 1
-    assert "say which by --channel-axis 0 or 2" in capsys.readouterr().err
     assert cli.main(["quantize", "a.npy", "-k", "4", "--channel-axis", "0", "-o", "out.npy"]) == 0
     expected = quantize(PAGES.transpose(1, 2, 0), 4).image
     np.testing.assert_array_equal(np.load("out.npy"), expected)
@@ -64,8 +59,9 @@ WHOLE = encode_image(".png", PAGES[0].astype(np.uint8))
 BAD = {"cut short": WHOLE[: len(WHOLE) // 2], "huge": huge_png(), "empty": b"", "text": b"not an image"}
 
 
-@pytest.mark.parametrize("content", BAD)
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    ("command", "content"), [*(("quantize", content) for content in BAD), *((verb, "cut short") for verb in COMMANDS)]
+)
 def test_bad_standard_input_is_one_line_and_no_output(
     command: str, content: str, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
 ) -> None:

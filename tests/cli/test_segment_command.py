@@ -115,17 +115,6 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
     assert {name for name in listing() if name.startswith("more/")} == {"more/rgb-labels.png", "more/grey-labels.png"}
 
 
-def test_outputs_are_replaced_only_when_asked_and_inputs_never(run: Run) -> None:
-    assert run("rgb.png", "-k", "2", "--table", "t.csv").status == 0
-    outcome = run("rgb.png", "-k", "3", "--table", "t.csv", "--edges", "e.png")
-    assert outcome.status == 1
-    assert "t.csv: exists already" in outcome.err
-    assert "e.png" not in listing()
-    assert run("rgb.png", "-k", "3", "--table", "t.csv", "--overwrite").status == 0
-    assert len(Path("t.csv").read_text().splitlines()) == 4
-    assert run("rgb.png", "-k", "3", "--overlay", "rgb.png", "--overwrite").status == 2
-
-
 # What is left out
 
 

@@ -51,14 +51,6 @@ def test_objects_are_split_and_the_background_is_in_no_table(
     np.testing.assert_array_equal(read_labels("own.png"), expected)
 
 
-@pytest.mark.parametrize("options", [["--components"], ["--superpixels"]])
-def test_objects_exclude_other_pieces(
-    cells: np.ndarray[Any, Any], options: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["segment", "cells.png", "-k", "2", "--objects", *options]) == 2
-    assert "exclude each other" in capsys.readouterr().err
-
-
 def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], row_of: RowOf) -> None:
     how = ["--averaging", "before", "--edge-weight", "auto"]
     row = row_of("segment", "cells.png", "-k", "auto", *how)

@@ -65,29 +65,3 @@ def test_points_gather_by_a_property_of_vertices(capsys: pytest.CaptureFixture[s
         assert message in shown
         assert len(shown.splitlines()) == 1
     assert not Path("b.off").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "status", "message"),
-    [
-        (
-            ["surface", "ring.stl", "-n", "50", "--density", "quality"],
-            1,
-            "ring.stl: vertex properties must be in a PLY file, not .stl",
-        ),
-        (["surface", "ring.stl"], 2, "-n"),
-        (["surface", "ring.stl", "-n", "3"], 2, "'3' must be a whole number in 4.."),
-        (["surface", "ring.stl", "-n", "5"], 1, "n=5 must be at least"),
-        (["surface", "ring.stl", "-n", "50", "-o", "a.xyz"], 2, "-o"),
-        (["surface", "ring.stl", "-n", "50", "--plot", "a.gif"], 2, "--plot"),
-        (["surface", "none.stl", "-n", "50"], 1, "none.stl"),
-    ],
-)
-def test_wrong_usage_is_told_in_one_line(
-    words: list[str], status: int, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(words) == status
-    shown = capsys.readouterr().err
-    assert message in shown
-    assert len(shown.splitlines()) == 1
-    assert sorted(path.name for path in Path().iterdir()) == ["broken.stl", "ring.stl"]
