@@ -46,9 +46,12 @@ class Effort:
     place: float = (
         0.24  # what patches a pixel apart differ by, in standard deviations of the noise: near ones are alike
     )
-    agree: float = 0.03  # part of the noise by which sizes differ where half of low frequencies is taken
+    agree: float = 0.03  # part of the noise by which sizes differ where half of low frequencies is taken,
+    window: int = 7  # in windows of so many pixels
+    times: tuple[float, float] = (0.02, 0.85)  # parts of the time in which kinds are found, and until sizes are halved
     own: int = 3  # pass from which on versions that were moved keep their own pixels; the last in any case
-    near: float = 1.5  # blur, in pixels, over which these are compared with the first
+    near: float = 1.5  # blur, in pixels, over which these are compared with the first,
+    some: float = 0.02  # where so much of what is near is known
     strict: float = 48.0  # how much what is not noise counts there
     sure: float = 1.5  # size of that, as a part of noise, from which on it surely is not noise
 
@@ -73,9 +76,10 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (EFFORT.blur, EFFORT.blur, 0))
     axes = Axes.of(evidence.noise.bands, estimate)
     # Groups are what matters: the kinds that they are cut from need no better estimate.
-    with part(0, 0.02):
+    known, passed = EFFORT.times
+    with part(0, known):
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(EFFORT.kinds, n_pixels), rng)
-    with part(0.02, 0.85):
+    with part(known, passed):
         for number, largest in each(list(enumerate(passes))):
             if suspicion and number:
                 kept = suspicion.kept(versions, estimate)
@@ -89,7 +93,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
             )
             image = _pass(noisy, axes, kinds, largest, from_estimate=number > 0)
             estimate = axes.back(image)
-    with part(0.85, 1):
+    with part(passed, 1):
         return axes.back(_with_low_frequencies(image, noisy, axes, kinds, EFFORT.halvings)), kept
 
 
@@ -125,11 +129,11 @@ def _with_low_frequencies(image: Floats, noisy: Noisy, axes: Axes, kinds: Kinds,
     if n_halvings == 0 or min(image.shape[:2]) < 2 * EFFORT.shortest:
         return image
     half = halved(noisy)
-    with part(0, 0.85):
+    with part(0, EFFORT.times[1]):
         for number, largest in each(list(enumerate(_PASSES["balanced"]))):
             coarse = _pass(half, axes, kinds, largest, from_estimate=number > 0)
             half = replace(half, estimate=with_border(coarse))
-    with part(0.85, 1):
+    with part(EFFORT.times[1], 1):
         coarse = _with_low_frequencies(coarse, half, axes, kinds, n_halvings - 1)
     return with_low_frequencies(image, coarse, 4 * half.usual_variance)
 
@@ -151,13 +155,13 @@ def halved(noisy: Noisy) -> Noisy:
 
 def with_low_frequencies(estimate: Floats, coarse: Floats, variance: float) -> Floats:
     """(H, W, C) estimate, with low frequencies from an estimate of half the size where they agree."""
-    # `variance` is that of the noise that the image had. Sizes are compared in windows of 7 x 7 pixels, and what is
-    # taken is blurred by one.
+    # `variance` is that of the noise that the image had. What is taken is blurred by a
+    # pixel.
     from scipy.ndimage import gaussian_filter, uniform_filter, zoom
 
     height, width = estimate.shape[:2]
     apart = coarse - _half(estimate)
-    strength = uniform_filter(np.square(apart).mean(axis=2), 7) / np.float32(EFFORT.agree * variance)
+    strength = uniform_filter(np.square(apart).mean(axis=2), EFFORT.window) / np.float32(EFFORT.agree * variance)
     apart = gaussian_filter(apart, (1, 1, 0)) / (1 + strength[:, :, None] ** 2)
     added: Floats = zoom(apart, (2, 2, 1), order=1, grid_mode=True, mode="nearest")
     return estimate + added[:height, :width]
@@ -210,6 +214,6 @@ def _agreeing(apart: Floats, known: NDArray[np.bool_], noise: float) -> Floats:
 
     share = gaussian_filter(known.astype(np.float32), EFFORT.near)
     squares = gaussian_filter(np.where(known, np.square(apart).mean(axis=2), 0), EFFORT.near)
-    near = np.divide(squares, share, out=np.zeros_like(squares), where=share > 0.02)
+    near = np.divide(squares, share, out=np.zeros_like(squares), where=share > EFFORT.some)
     excess = np.maximum(near - noise, 0)
     return noise / (noise + EFFORT.strict * excess**2 / (excess + EFFORT.sure * noise))

@@ -21,6 +21,9 @@ from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_
 
 _Doubles = NDArray[np.float64]
 
+#: Part of the noise below which what JPEG has rounded away is not added to it.
+_HEARD = 0.2
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
@@ -56,7 +59,7 @@ class Noise:
 
 
 def _with_rounding(shared: SharedNoise | None, versions: Versions, levels: _Doubles, unit: float) -> SharedNoise | None:
-    """Add to noise what versions have lost as JPEG files, a mean over them, unless it is below a fifth of it."""
+    """Add to noise what versions have lost as JPEG files, a mean over them, if it is heard."""
     pairs = zip(versions.roundings, versions.stack, strict=False)
     found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
     if not found:
@@ -64,7 +67,7 @@ def _with_rounding(shared: SharedNoise | None, versions: Versions, levels: _Doub
     total = np.sum([SharedNoise.of(lost / unit).autocovariance for lost in found], axis=0) / versions.n_versions
     white = float(np.nanmean(levels**2)) if np.isfinite(levels).any() else 0.0
     before = shared.autocovariance if shared else SharedNoise.white(white, total.shape[2]).autocovariance
-    if SharedNoise(total).variance < 0.2 * SharedNoise(before).variance:
+    if SharedNoise(total).variance < _HEARD * SharedNoise(before).variance:
         return shared
     return SharedNoise(total + before)
 

@@ -45,6 +45,9 @@ class _Measuring:
     most_pixels: int = 1 << 20  # of two versions that are compared, about
     copies: float = 0.0025  # part of the variance of noise that two versions differ by at least, or are copies
     least: float = 0.1  # part of the least variance found that noise has anywhere
+    #: Relative errors of the variance of a difference; of how much noisier one version is than another, each measured
+    #: alone; and of the noise of a version alone, which may be texture for the most part.
+    errors: tuple[float, float, float] = (0.02, 0.25, 0.5)
     # How noise follows the level
     classes: int = 8  # of levels, in each of which noise is measured
     chance: float = 1e-3  # with which even noise is taken to follow the level
@@ -197,7 +200,7 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
         found[number] = _levels_of(look)
     if any(np.isnan(found[number]).any() for number in numbers):
         found = [_scattered(versions, number) for number in range(versions.n_versions)]
-    return list(_without_texture(versions, np.stack(found))) if alike and versions.n_versions > 1 else found
+    return list(_by_differences(versions, np.stack(found))) if alike and versions.n_versions > 1 else found
 
 
 def _scattered(versions: Versions, version: int) -> _Doubles:
@@ -214,15 +217,23 @@ def _scattered(versions: Versions, version: int) -> _Doubles:
     return np.where(np.isnan(again), found, again)
 
 
-def _without_texture(versions: Versions, alone: _Doubles) -> _Doubles:
-    """(S, C) noise that versions seem to have alone, less the texture that shows in all of them, but not in between."""
-    n, squares = versions.n_versions, alone**2
-    texture, least = np.zeros(alone.shape[1]), np.full(alone.shape[1], np.inf)
-    for one, other in {(min(one, (one + 1) % n), max(one, (one + 1) % n)) for one in range(n)}:
-        apart, own = _variance_between(versions, one, other, alone), squares[one] + squares[other]
-        tells = (apart < least) & (apart > _MEASURING.copies * own)
-        texture, least = np.where(tells, (own - apart) / 2, texture), np.where(tells, apart, least)
-    return np.sqrt(np.clip(squares - texture, np.minimum(_MEASURING.least * least, squares), squares))
+def _by_differences(versions: Versions, alone: _Doubles) -> _Doubles:
+    """(S, C) noise: variances that explain what versions differ by, and are no larger than those of each `alone`."""
+    n, squares = versions.n_versions, np.maximum(alone**2, 1e-30)
+    pairs = sorted({(min(a, b), max(a, b)) for a in range(n) for b in ((a + 1) % n, (a + 2) % n) if a != b})
+    told = np.array([_variance_between(versions, *pair, alone) for pair in pairs])
+    known = np.isfinite(told).all(axis=1)
+    sums = np.array([[number in pair for number in range(n)] for pair in pairs], np.float64)[known]
+    steps, noise, errors = np.eye(n) - np.roll(np.eye(n), 1, axis=1), alone.copy(), _MEASURING.errors
+    for band, (own, apart) in enumerate(zip(squares.T, told[known].T, strict=True)):
+        if np.isfinite(own).all() and apart.min(initial=np.inf) > _MEASURING.copies * own.min() and len(apart):
+            after = np.roll(own, -1)  # versions that are compared when each is measured alone
+            rows, values = np.concatenate([sums, steps, np.eye(n)]), np.concatenate([apart, own - after, own])
+            scales = [error * size for error, size in zip(errors, (apart, np.maximum(own, after), own), strict=True)]
+            weights = 1 / np.maximum(np.concatenate(scales), 1e-4 * own.max())
+            found = np.linalg.lstsq(rows * weights[:, None], values * weights)[0]
+            noise[:, band] = np.sqrt(np.clip(found, np.minimum(_MEASURING.least * apart.min(), own), own))
+    return noise
 
 
 def _variance_between(versions: Versions, one: int, other: int, alone: _Doubles) -> _Doubles:

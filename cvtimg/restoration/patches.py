@@ -25,6 +25,8 @@ SIDE = 2 * REACH + 1
 
 #: Number of patches from which principal components are found.
 _N_SAMPLES = 1 << 14
+#: Ratio of the noise of bands up to which it is taken for equal.
+_EQUAL = 1.25
 #: Lightness and opponent colors, as columns. Chroma counts double: it varies less, so noise hides less of what differs.
 _OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6])).astype(np.float32)
 
@@ -43,7 +45,7 @@ class Axes:
         slices = tuple(slice(first, first + most) for first in range(0, n_bands, most))
         noise = np.stack(noise_by_band)
         least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
-        equal = least.max() <= 1.25 * least.min()
+        equal = least.max() <= _EQUAL * least.min()
         if equal and len(slices) == 1:
             return cls(None, slices)
         scales = np.ones(n_bands) if equal else np.sqrt(np.mean(least**2)) / least

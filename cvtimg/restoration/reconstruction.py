@@ -24,6 +24,8 @@ from cvtimg.restoration.versions import Versions, stack_versions
 
 #: What noise may be like.
 NOISES = get_args(NoiseName)
+#: Part of the time that versions are prepared in; and where they are aligned.
+_PREPARING = (0.05, 0.3)
 __all__ = ["Denoised", "Restoration", "denoise", "restore"]
 
 
@@ -253,6 +255,6 @@ def _read(
 
 def _prepared(given: Versions, weights: ArrayLike | None, about: dict[str, Any]) -> tuple[Evidence, float]:
     """Prepare versions; also return the part of the time that this takes."""
-    share = 0.3 if about["align"] else 0.05
+    share = _PREPARING[1 if about["align"] else 0]
     with part(0, share):
         return prepare(given, weights, **about), share
