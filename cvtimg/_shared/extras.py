@@ -17,9 +17,10 @@ def needs(packages: str, extra: Extra) -> str:
     return f"{packages}: pip install 'cvtimg[{extra}]'"
 
 
-def optional(name: str, extra: Extra) -> Any:
-    """Import a package of an extra; ImportError says how to install it."""
+def optional(name: str, extra: Extra, said: str = "needs") -> Any:
+    """Import a module of an extra; an error that begins with what is `said` tells how to install it."""
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"needs {needs(name, extra)}") from error
+        package = name.partition(".")[0]
+        raise ModuleNotFoundError(f"{said} {needs(package, extra)}", name=package) from error

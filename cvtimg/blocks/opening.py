@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_shape, check_that
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
 from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
 from cvtimg.files.remote import elsewhere, is_remote, url_of
@@ -101,10 +101,7 @@ def _of_array(place: str, array: Any, columns: Sequence[str] | None, weight: str
 
 
 def _zarr_array(place: str) -> Any:
-    try:
-        import zarr
-    except ImportError as error:
-        raise ImportError(f"{place}: needs {needs('zarr 3.1 or newer', 'zarr')}") from error
+    zarr = optional("zarr", "zarr", f"{place}: needs")
     try:
         stored = zarr.open_array(place, mode="r")
     except (OSError, ValueError) as error:
@@ -183,10 +180,9 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
 
 def _parquet_header(place: str) -> tuple[Any, list[int]]:
     """Return the schema of a file, and the number of rows of each row group."""
-    try:
-        from pyarrow import ArrowException, parquet
-    except ImportError as error:
-        raise ImportError(f"{place}: needs {needs('pyarrow', 'parquet')}") from error
+    optional("pyarrow", "parquet", f"{place}: needs")
+    from pyarrow import ArrowException, parquet
+
     with _opened(place) as file:
         try:
             about = parquet.ParquetFile(file)

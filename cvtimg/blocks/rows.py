@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 
 if TYPE_CHECKING:
     Array: TypeAlias = Any  # dask.array.Array, which is not typed
@@ -127,8 +127,4 @@ def block_length(row_bytes: int, most_rows: int = 1 << 22) -> int:
 
 def dask_arrays() -> Any:
     """Import dask.array."""
-    try:
-        import dask.array
-    except ImportError as error:
-        raise ImportError(f"samples in blocks need {needs('Dask', 'dask')}") from error
-    return dask.array
+    return optional("dask.array", "dask", "samples in blocks need")

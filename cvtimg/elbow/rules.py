@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg.colors import fidelity
 
 _Floats = NDArray[np.float64]
@@ -69,11 +69,8 @@ def kneedle(energies: _Floats, scale: Scale) -> int:
     known = energies[:CHORD_ENDS]
     if len(known) < 3 or known[-1] == known[0]:
         return chord_linear(known, scale)
-    try:
-        from kneed import KneeLocator
-    except ImportError as error:
-        raise ImportError(f"rule='kneedle' needs {needs('kneed', 'kneedle')}") from error
-    knee = KneeLocator(np.arange(1, len(known) + 1), known, curve="convex", direction="decreasing").knee
+    kneed = optional("kneed", "kneedle", "rule='kneedle' needs")
+    knee = kneed.KneeLocator(np.arange(1, len(known) + 1), known, curve="convex", direction="decreasing").knee
     return int(knee) if knee is not None else chord_linear(energies, scale)
 
 

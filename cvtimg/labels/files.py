@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_labels, check_that, check_within
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg._shared.svg import shortest
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
@@ -179,10 +179,8 @@ def write_table(
 
 
 def _write_parquet(path: StrPath, table: Mapping[str, NDArray[Any]], overwrite: bool) -> None:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"tables in .parquet need {needs('pyarrow', 'parquet')}") from error
+    pyarrow = optional("pyarrow", "parquet", "tables in .parquet need")
+    from pyarrow import parquet
+
     with whole_file(path, overwrite=overwrite) as file:
         parquet.write_table(pyarrow.table({name: np.asarray(column) for name, column in table.items()}), file)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg.files.vtu import LINE, LINE3, TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, whole_file
 
@@ -106,10 +106,7 @@ MESH_FORMATS: dict[str, Callable[[MeshContent], bytes]] = {".vtu": _vtu, ".obj":
 
 
 def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
-    try:
-        import meshio
-    except ImportError as error:
-        raise ImportError(f"{path}: {suffix} needs {needs('meshio', 'mesh')}") from error
+    meshio = optional("meshio", "mesh", f"{path}: {suffix} needs")
     cells, data = [(mesh.kind, mesh.cells)], {"tag": [mesh.tags]}
     names: dict[str, Any] = {}
     sets: dict[str, Any] = {}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts
@@ -202,10 +202,7 @@ class PlaneTriangulation(HalfEdges):
 
 def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
     """Compute the (constrained) Delaunay triangulation of the convex hull of (N, 2) points: (T, 3) indices."""
-    try:
-        import pythoncdt as cdt
-    except ImportError as error:
-        raise ImportError(f"meshes need {needs('PythonCDT', 'mesh')}") from error
+    cdt = optional("pythoncdt", "mesh", "meshes need")
     found: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
     found.insert_vertices(np.ascontiguousarray(points, np.float64))
     if edges is not None and len(edges):

@@ -30,7 +30,7 @@ from cvtimg.pictures.formats.opening import (
     writing,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import Stack, StoredStack, is_stored, npy_stack, open_stored
+from cvtimg.pictures.formats.stored import Arrangement, StoredStack, is_stored, npy_stack, open_stored
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -175,7 +175,7 @@ def read_pages(path: Source) -> Pages:
         # One of the frames of an animation is a page.
         if selected().page is not None and (frames := decode_frames(file)) is not None:
             images = frames.images
-            return _chosen(_Decoded(images, Stack("Q", (len(images),)), alpha=images[0].shape[2:] == (4,)))
+            return _chosen(_Decoded(images, Arrangement("Q", (len(images),)), alpha=images[0].shape[2:] == (4,)))
         return _chosen(npy_stack(file) or _decode_all(file))
 
 
@@ -184,7 +184,7 @@ class _Decoded:
     """All pages of a file, beside which a `StoredStack` reads those that are chosen."""
 
     images: Sequence[NDArray[Any]]
-    stack: Stack
+    stack: Arrangement
     kind: str = ""
     scale: Mapping[str, Any] = field(default_factory=dict)
     alpha: bool = False
@@ -245,12 +245,12 @@ def _decode_all(file: BinaryIO) -> _Decoded:
     if size == 1:
         file.seek(0)
         image = decode(file)
-        one = _Decoded([np.ascontiguousarray(image)], Stack("", ()), alpha=says_alpha(image))
+        one = _Decoded([np.ascontiguousarray(image)], Arrangement("", ()), alpha=says_alpha(image))
         if magic.startswith(TIFF_MAGICS):
             file.seek(0)
             # Pillow reads damaged files that tifffile does not.
             with suppress(Exception), tifffile.TiffFile(file) as tiff:
-                stack = Stack("", (), stack_of(tiff, 1).channels)
+                stack = Arrangement("", (), stack_of(tiff, 1).channels)
                 return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), stack=stack)
         return one
     with tifffile.TiffFile(file) as tiff:
@@ -268,7 +268,7 @@ def _decode_all(file: BinaryIO) -> _Decoded:
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
     if math.prod(stack.shape) != len(images):
-        stack = Stack("Q", (len(images),))
+        stack = Arrangement("Q", (len(images),))
     whole = [np.ascontiguousarray(image) for image in images]
     return _Decoded(whole, stack, kind, scale, layout.alpha and whole[0].ndim == 3)
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
-from cvtimg._shared.extras import needs
-from cvtimg.pictures.formats.opening import UnfitContentError
+from cvtimg._shared.extras import optional
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -37,11 +36,7 @@ def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
     """Convert uint16 (H, W, 3), or (H, W, 4) with alpha, to sRGB at full depth; otherwise like `apply_profile`."""
     if profile_space(icc) != "RGB" or not _of_profile(icc, _changes_rgb, False):
         return values
-    try:
-        import imagecodecs
-    except ImportError as error:
-        package = needs("imagecodecs", "codecs")
-        raise UnfitContentError(f"has a color profile at 16 bits, which needs {package}") from error
+    imagecodecs = optional("imagecodecs", "codecs", "has a color profile at 16 bits, which needs")
     colors = imagecodecs.cms_transform(
         np.ascontiguousarray(values[..., :3]),
         icc,

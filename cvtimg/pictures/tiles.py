@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import n_threads
 from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
@@ -271,13 +271,10 @@ def _open_zarr(path: StrPath) -> Bands:
 
 
 def _zarr_array(path: StrPath) -> Any:
+    zarr = optional("zarr", "zarr", f"{path}: needs")
     try:
-        import zarr
-
         found = zarr.open(url_of(path), mode="r")
         return found["0"] if isinstance(found, zarr.Group) else found
-    except ImportError as error:
-        raise OSError(f"{path}: needs {needs('zarr', 'zarr')}") from error
     except Exception as error:  # zarr raises many kinds of errors for damaged metadata
         raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg.files.whole import write_whole
 
 if TYPE_CHECKING:
@@ -214,14 +214,11 @@ def save_plot(path: Path, draw: Callable[..., bytes], *given: Any, overwrite: bo
 @contextmanager
 def figure_file(width: float, height: float, suffix: str) -> Iterator[tuple[Figure, BytesIO]]:
     """Give a figure to draw on; its file is written when the block ends."""
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError(f"plots need {needs('matplotlib', 'plot')}") from error
-    content = BytesIO()
+    matplotlib, content = optional("matplotlib", "plot", "plots need"), BytesIO()
+    from matplotlib.figure import Figure
+
     # Text stays text in an SVG, and equal charts have equal bytes.
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "cvtimg"}):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, content
         metadata = {"Date": None} if suffix == ".svg" else None

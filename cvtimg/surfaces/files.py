@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.checks import check_choice, check_that, refuse_type
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
@@ -80,10 +80,7 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
 
 def _loaded(path: StrPath, *, process: bool) -> Any:
     """Return a mesh of trimesh, with vertices merged and faces turned in one direction if it is to be processed."""
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError(f"{path}: needs {needs('trimesh', 'surfaces')}") from error
+    trimesh = optional("trimesh", "surfaces", f"{path}: needs")
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
     with local_copy(path) as copy, copy.open("rb") as file:
         try:
@@ -91,7 +88,7 @@ def _loaded(path: StrPath, *, process: bool) -> Any:
             if process:
                 found.merge_vertices(merge_tex=True, merge_norm=True)
                 found.update_faces(found.nondegenerate_faces(height=0))
-                trimesh.repair.fix_winding(found)  # type: ignore[no-untyped-call]
+                trimesh.repair.fix_winding(found)
         except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
             raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
     if not len(found.faces):

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,23 +25,6 @@ _NO_VALUE = frozenset({"", "na", "n/a", "#n/a", "<na>", "nan", "null", "none"})
 _DELIMITERS = "\t;,"
 #: More rows at once take longer, because Python then collects garbage among more lists.
 _ROWS_AT_ONCE = 1024
-
-
-class Columns(Protocol):
-    """A file with columns."""
-
-    path: Path  # The file
-    names: list[str]  # Names of the columns
-    named: bool  # Whether the file names its columns
-
-    def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Read (M, C) values, NaN where one is missing."""
-
-    def cells(self) -> Iterator[Sequence[Any]]:
-        """Go through all rows as they stand."""
-
-    def place(self, row: int) -> str:
-        """Say where a row is."""
 
 
 def open_columns(path: Path) -> Columns:
@@ -183,6 +166,11 @@ class _Text:
             raise ValueError(f"{self.path}: is not text in UTF-8") from error
         except csv.Error as error:
             raise ValueError(f"{self.path}: is not a table ({one_line(error)})") from error
+
+
+#: A file with columns: its `path`, their `names`, and whether the file gives these, `named`. `values` reads (M, C)
+#: numbers, NaN where one is missing, `cells` goes through all rows as they stand, and `place` says where a row is.
+Columns: TypeAlias = _Array | _Text
 
 
 def _numbered(n_columns: int) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images, find_remote
@@ -190,11 +190,9 @@ def write_label_parts(
 
 
 def _write_parquet(file: Any, parts: Iterable[NDArray[np.int32]]) -> None:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise OSError(f"labels in .parquet need {needs('pyarrow', 'parquet')}") from error
+    pyarrow = optional("pyarrow", "parquet", "labels in .parquet need")
+    from pyarrow import parquet
+
     with parquet.ParquetWriter(file, pyarrow.schema([("label", pyarrow.int32())])) as writer:
         for part in parts:
             writer.write_table(pyarrow.table({"label": pyarrow.array(part, mask=part < 0)}))

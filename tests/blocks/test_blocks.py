@@ -69,8 +69,8 @@ def test_many_more_rows_than_are_searched_on_are_worth_the_best_search(monkeypat
     searched = []
 
     def spy(*arguments: Any) -> NDArray[np.float64]:
-        searched.append(arguments[5])
-        return search.search(*arguments[:5], search.EFFORTS["fast"], *arguments[6:])
+        searched.append(arguments[-1])
+        return search.search(*arguments[:-1], search.EFFORTS["fast"])
 
     monkeypatch.setattr("cvtimg.engine.tessellation.search", spy)
     efforts: tuple[tuple[Any, str], ...] = (("fast", "fast"), ("balanced", "best"), ("best", "best"))
@@ -353,7 +353,7 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(tmp_path: Path, monkeyp
     with pytest.raises(CutOffError):
         tessellate(blocks(), 12, effort="best", checkpoint=path)
     monkeypatch.setattr(block_descent, "over_blocks", sums)
-    monkeypatch.setattr("cvtimg.engine.tessellation.search", None)  # which is not done again
+    monkeypatch.setattr("cvtimg.engine.tessellation.search", lambda *_: pytest.fail("it is not done again"))
     again = tessellate(blocks(), 12, effort="best", checkpoint=path)
     assert same_bits(expected, again)
     assert same_bits(expected, tessellate(blocks(), 12, effort="best", checkpoint=path))

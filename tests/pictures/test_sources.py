@@ -115,7 +115,7 @@ def test_fits_is_read_with_its_zero_point_its_sign_and_upright(tmp_path: Path, d
 
 def test_fits_without_astropy_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.fits").write_bytes(b"SIMPLE  =                    T".ljust(2880))
-    monkeypatch.setitem(sys.modules, "astropy.io", None)
+    monkeypatch.setitem(sys.modules, "astropy.io.fits", None)
     with pytest.raises(OSError, match=r"a\.fits: is a FITS file, which needs astropy: pip install 'cvtimg\[fits\]'$"):
         read_image(tmp_path / "a.fits")
 

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from cvtimg._shared.extras import needs, optional
+from cvtimg._shared.extras import optional
 
 #: First bytes of FITS files.
 FITS_MAGIC = b"SIMPLE "
@@ -32,10 +32,7 @@ def developed(path: Path, check_size: Callable[[int], None]) -> BytesIO:
 def fits_as_tiff(file: BinaryIO, check_size: Callable[[int], None]) -> BytesIO | None:
     """Return the first image of a FITS file as a TIFF, a page for each plane, upright and in physical values."""
     # Pillow ignores their zero point, sign and orientation.
-    try:
-        from astropy.io import fits
-    except ImportError as error:
-        raise ImportError(f"is a FITS file, which needs {needs('astropy', 'fits')}") from error
+    fits = optional("astropy.io.fits", "fits", "is a FITS file, which needs")
     with fits.open(file, memmap=False) as units:
         for unit in units:
             header = unit.header

@@ -15,7 +15,7 @@ from cvtimg.pictures.formats.decoding import depth
 from cvtimg.pictures.formats.geotiff import Place
 from cvtimg.pictures.formats.opening import ANIMATED, open_picture, orientation, selected
 from cvtimg.pictures.formats.pixel_size import PixelSize
-from cvtimg.pictures.formats.stored import Stack, StoredStack, npy_stack
+from cvtimg.pictures.formats.stored import Arrangement, StoredStack, npy_stack
 from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
@@ -116,7 +116,7 @@ def read_stored(image: StoredStack) -> ImageInfo:
 def _chosen(header: ImageInfo) -> ImageInfo:
     """Describe what is chosen."""
     chosen = selected()
-    known = Stack(header.axes[:-2], header.shape, header.channels)
+    known = Arrangement(header.axes[:-2], header.shape, header.channels)
     if (at := known.band(chosen, header.bands)) is not None:
         header = replace(header, bands=header.bands[at : at + 1], has_alpha=False)
         known = replace(known, channels=known.channels[at : at + 1])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
-from cvtimg._shared.extras import needs
+from cvtimg._shared.extras import optional
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
 from cvtimg.pictures.profiles import convert_deep
@@ -123,11 +123,8 @@ def _write_png(
 
 def optimized(png: bytes, level: int = 4) -> bytes:
     """Recompress a PNG losslessly with oxipng, at the lowest level that sorts the palette."""
-    try:
-        import oxipng
-    except ImportError as error:
-        raise ModuleNotFoundError(f"optimize needs {needs('oxipng', 'oxipng')}", name="oxipng") from error
-    return oxipng.optimize_from_memory(png, level=level)
+    content: bytes = optional("oxipng", "oxipng", "optimize needs").optimize_from_memory(png, level=level)
+    return content
 
 
 def chunk(name: bytes, data: bytes) -> bytes:

@@ -26,14 +26,14 @@ _NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
 
 
 @dataclass(frozen=True, slots=True)
-class Stack:
+class Arrangement:
     """How the pages of a file are arranged: letters of axes, their lengths, and names of channels where known."""
 
     axes: str
     shape: tuple[int, ...]
     channels: tuple[str, ...] = ()
 
-    def chosen(self, by: Selection) -> tuple[Stack, NDArray[np.int64]]:
+    def chosen(self, by: Selection) -> tuple[Arrangement, NDArray[np.int64]]:
         """Return what remains of the stack, and the numbers of these pages, by the names and places that are given."""
         stack = self if by.axes is None else self._named(by.axes)
         numbers = np.arange(math.prod(stack.shape)).reshape(stack.shape)
@@ -46,7 +46,7 @@ class Stack:
             place = place_of(given, stack.shape[at], stack.channels if axis == "C" else (), _NOUNS[axis])
             numbers = np.asarray(numbers.take(place, axis=at))
             channels = stack.channels[place : place + 1] if axis == "C" else stack.channels
-            stack = Stack(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
+            stack = Arrangement(stack.axes[:at] + stack.axes[at + 1 :], numbers.shape, channels)
         return stack, numbers.ravel()
 
     def band(self, by: Selection, bands: tuple[str, ...]) -> int | None:
@@ -57,13 +57,13 @@ class Stack:
             by.channel, len(bands), self.channels if len(self.channels) == len(bands) else bands, _NOUNS["C"]
         )
 
-    def _named(self, axes: str) -> Stack:
+    def _named(self, axes: str) -> Arrangement:
         letters = axes.upper().removesuffix("S").removesuffix("YX")
         if len(letters) != len(self.shape) or len(set(letters)) < len(letters):
             pages = " x ".join(map(str, self.shape)) or "1"
             have = f"{self.axes}YX, of {pages} page{'s' * (pages != '1')}"
             raise UnfitContentError(f"has the axes {have}; --axes {axes} must have a letter for each")
-        return Stack(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
+        return Arrangement(letters, self.shape, self.channels if "C" in letters or "C" not in self.axes else ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,9 +78,9 @@ class StoredStack:
     kind: str = "ome"  # that of `Pages`
 
     @property
-    def stack(self) -> Stack:
+    def stack(self) -> Arrangement:
         """How its pages are arranged."""
-        return Stack(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
+        return Arrangement(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
 
     @property
     def scale(self) -> Mapping[str, Any]:

@@ -21,7 +21,7 @@ from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.geotiff import GeoTag, Tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size
-from cvtimg.pictures.formats.stored import Stack
+from cvtimg.pictures.formats.stored import Arrangement
 from cvtimg.pictures.profiles import convert_deep
 
 if TYPE_CHECKING:
@@ -197,17 +197,17 @@ def is_subordinate(page: Any) -> bool:
     return bool(page.aspage().tags.valueof(Base.NewSubfileType, 0) & _SUBORDINATE)
 
 
-def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Stack:
+def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
     """Return how the pages of a file are arranged, and what its channels are called; of one page, as of Q."""
     series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
     axes = series[0].axes.replace("S", "").removesuffix("YX")
     if len(series) > 1:
-        return Stack("Q", (n_pages,))
+        return Arrangement("Q", (n_pages,))
     lengths = dict(zip(series[0].axes, series[0].shape, strict=True))
     shape = tuple(lengths[axis] for axis in axes)
     names = _ome_channels(tiff.ome_metadata or "") if tiff.is_ome else _imagej_channels(tiff, axes, shape)
     n_channels = lengths.get("C", 1) * lengths.get("S", 1)
-    return Stack(axes or "Q", shape or (n_pages,), names if len(set(names)) == n_channels else ())
+    return Arrangement(axes or "Q", shape or (n_pages,), names if len(set(names)) == n_channels else ())
 
 
 def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...]) -> tuple[str, ...]:
