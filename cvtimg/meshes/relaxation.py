@@ -58,15 +58,10 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
     memory = StepMemory()
     rested = False
     while len(energies) <= most and not rested:
-        before = mesh.state()
         done = mesh.move(_capped(memory.times(at.masses(at.steps), at.to_lloyd), at.sizes))
         there = _state(mesh, metric, isotropic)
         if len(memory) and there.energy > at.energy * (1 + _RISE):
-            memory.clear()
-            if not isotropic:  # elsewhere a rise is small, and the way goes on from there
-                mesh.restore(before)
-                mesh.move(_capped(at.steps, at.sizes))
-                there = _state(mesh, metric, isotropic)
+            memory.clear()  # a rise is small, and the way goes on from there
         else:
             # The masses here, for both: with a density, that learns better than the change of the gradient.
             memory.learn(done, there.masses(at.steps - there.steps))

@@ -46,6 +46,10 @@ class Widening:
     narrow: float = 15.0  # which angles are small, in degrees
     rounds: int = 16
     step: float = 0.05  # by the spacing; in every other round half of it
+    halvings: int = 4  # of moves of surfaces that make angles small, before these are left out
+
+
+_WIDENING = Widening()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,7 +222,7 @@ def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices
     return np.unique(edges[counts[which] > 2])
 
 
-def widened(points: Points, cells: Cells, spacing: float, how: Widening = Widening()) -> Points:
+def widened(points: Points, cells: Cells, spacing: float, how: Widening = _WIDENING) -> Points:
     """Move vertices of tetrahedra with small dihedral angles so that these grow, by little."""
     points = points.copy()
     directions = np.stack(np.meshgrid(*[[-1.0, 0, 1]] * 3), axis=-1).reshape(-1, 3)
@@ -240,19 +244,15 @@ def widened(points: Points, cells: Cells, spacing: float, how: Widening = Wideni
     return points
 
 
-def moved(points: Points, cells: Cells, moves: Points, least: float) -> Points:
-    """Move points (N, 3) as far as no dihedral angle gets smaller than `least`, or than it is, in degrees.
-
-    Moves that make angles too small are halved four times, then left out.
-    """
+def moved(points: Points, cells: Cells, moves: Points, how: Widening = _WIDENING) -> Points:
+    """Move points (N, 3) as far as no dihedral angle gets small, or smaller than it is."""
     is_moving = (moves != 0).any(axis=1)
     cells = cells[is_moving[cells].any(axis=1)]
-    allowed, moves = np.minimum(_least_angles(points[cells]), least), moves.copy()
-    n_halved = 0
-    while (bad := _least_angles((points + moves)[cells]) < allowed).any():
-        moves[cells[bad]] *= 0.5 if n_halved < 4 else 0
-        n_halved += 1
-    return points + moves
+    allowed, part = np.minimum(_least_angles(points[cells]), how.narrow), np.ones((len(points), 1))
+    while (bad := _least_angles((points + part * moves)[cells]) < allowed).any():
+        near = cells[bad]
+        part[near] = np.where(part[near] > 0.5**how.halvings, part[near] / 2, 0)
+    return points + part * moves
 
 
 def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:

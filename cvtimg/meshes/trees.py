@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg.engine.samples import along_curve
+from cvtimg.halfedges import HalfEdges
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline, StraightParts
@@ -87,15 +88,8 @@ class TreeField:
 
     def limited(self, grade: float, least: float) -> TreeField:
         """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
-        edges = self.mesh.edges[self.mesh.edges[:, 0] < self.mesh.edges[:, 1]]
-        lengths = np.linalg.norm(np.subtract(*self.mesh.points[edges.T]), axis=1)
         sizes = np.maximum(self.sizes, least)
-        order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
-        edges, growths = np.ascontiguousarray(edges[order]), grade * lengths[order]
-        for _ in range(_SWEEPS):
-            if not _meshes.limit_along_edges(sizes, edges, growths):
-                break
-        return replace(self, sizes=sizes)
+        return replace(self, sizes=limited_along_edges(self.mesh, sizes, grade))
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> TreeField:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
@@ -119,6 +113,18 @@ class TreeField:
         shares = np.maximum(shares, 0)
         shares /= shares.sum(axis=1, keepdims=True)
         return (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
+
+
+def limited_along_edges(mesh: HalfEdges, sizes: NDArray[np.float64], grade: float) -> NDArray[np.float64]:
+    """Return sizes (N,) lowered until they grow by no more than `grade` for each unit of length along edges."""
+    edges = mesh.edges[mesh.twins.ravel() < np.arange(mesh.twins.size)]
+    growths = grade * np.linalg.norm(np.subtract(*mesh.points[edges.T]), axis=1)
+    order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
+    edges, growths, sizes = np.ascontiguousarray(edges[order]), growths[order], sizes.copy()
+    for _ in range(_SWEEPS):
+        if not _meshes.limit_along_edges(sizes, edges, growths):
+            break
+    return sizes
 
 
 def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:

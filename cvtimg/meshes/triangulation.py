@@ -135,14 +135,6 @@ class PlaneTriangulation(HalfEdges):
         found = np.full(len(places), -1, np.int32) if near is None else self.outgoing[near] // 3
         return found, _meshes.locate(self, np.ascontiguousarray(places), found)
 
-    def state(self) -> tuple[NDArray[Any], ...]:
-        """Return a copy of all that moves and flips change."""
-        return tuple(each.copy() for each in (self.points, self.triangles, self.twins, self.borders, self.outgoing))
-
-    def restore(self, state: tuple[NDArray[Any], ...]) -> None:
-        """Go back to what `state` returned."""
-        self.points, self.triangles, self.twins, self.borders, self.outgoing = state
-
     def half_edges_on_borders(self) -> NDArray[np.intp]:
         """Return one half-edge (E,) of each edge that stays."""
         return np.flatnonzero(self._each_once() & (self.borders.ravel() > 0))

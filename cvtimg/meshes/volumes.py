@@ -46,7 +46,6 @@ class VolumeEffort:
     volume_rounds: int = 6  # by which the volume is met
     volume_near: float = 0.001  # what is near enough
     volume_error: float = 0.01  # what is not near enough
-    least_angle: float = 15.0  # where surfaces move in the end, dihedral angles stay above this, in degrees
 
 
 _EFFORT = VolumeEffort()
@@ -350,7 +349,7 @@ def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spaci
         weights = np.maximum(sum_by_label(faces.ravel(), np.linalg.norm(areas, axis=1).repeat(3), len(points)), 1e-300)
         areas *= np.clip(heights[own] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
         moves = sum_by_label(faces.ravel(), areas.repeat(3, axis=0), len(points)) / weights[:, None]
-        points = moved(points, filling.cells, moves, _EFFORT.least_angle)
+        points = moved(points, filling.cells, moves)
     return points
 
 

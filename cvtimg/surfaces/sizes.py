@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
+from cvtimg.meshes.trees import limited_along_edges
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces.features import Mask
 from cvtimg.surfaces.surface import VertexDensity
@@ -28,10 +29,9 @@ class Grading:
     sparsest: float = 30.0  # points may be so much farther from each other than where the density is largest
     most_zeros: float = 0.01  # a density that is 0 at more places is warned of
     grade: float = 0.3  # distances grow by so much for each unit of length, at most,
-    too_steep: float = 1.25  # unless they would by less than this factor too much
-    rounds: int = 20  # by which they come to the number of points
-    near: float = 0.01  # as a logarithm: what is near enough
-    step: float = 1.0  # and the largest step
+    too_steep: float = 1.25  # unless they are by less than this factor too long
+    near: float = 0.01  # as a logarithm: what is near enough to those with which there are as many points as wanted
+    most: float = 20.0  # and what is beyond them
     missed: float = 0.8  # on a finer mesh they are made shorter where they come out less by this factor
     least_passes: int = 2  # curvatures are means around vertices, passed on to neighbors so often:
     most_passes: int = 64  # about half as far as points are apart
@@ -47,6 +47,8 @@ class Sizes:
     """Distances of n points by a density, looked at on a mesh; no more than limits (N,) at its vertices allow."""
 
     def __init__(self, mesh: SurfaceTriangulation, n: int, density: Density, limits: Values | None = None) -> None:
+        from scipy.optimize import brentq
+
         self._n, self.given, self._lower = n, density, None
         values = density(mesh.points)
         self._top = float(values.max())
@@ -57,19 +59,16 @@ class Sizes:
         areas, relative = mesh.vertex_areas(), self.relative(mesh.points)
         self.distance = _scale(areas, relative, n)
         limits = np.full(len(areas), np.inf) if limits is None else limits
-        if (limits >= self.distance * relative).all() and not _is_steep(mesh, self.distance * relative):
+        wanted = self.distance * relative
+        is_gradual = (limited_along_edges(mesh, wanted, _GRADING.grade) * _GRADING.too_steep >= wanted).all()
+        if is_gradual and (limits >= wanted).all():
             return
-        before = step = 0.0
-        for _ in range(_GRADING.rounds):
-            sizes = _graded(mesh, np.minimum(self.distance * relative, limits))
-            off = float(np.log(_scale(areas, sizes, n)))
-            if abs(off) < _GRADING.near:
-                break
-            step = (
-                float(np.clip(off * (step / (before - off) if before - off else 1), -_GRADING.step, _GRADING.step))
-                or off
-            )
-            self.distance, before = self.distance * np.exp(step), off
+
+        def graded(power: float) -> Values:
+            return limited_along_edges(mesh, np.minimum(np.exp(power) * wanted, limits), _GRADING.grade)
+
+        power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, _GRADING.most, xtol=_GRADING.near)
+        self.distance, sizes = float(self.distance * np.exp(power)), graded(power)
         self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
 
     def relative(self, places: Points) -> Values:
@@ -100,38 +99,9 @@ def _scale(areas: Values, sizes: Values, n: int) -> float:
     return float((areas / sizes**2).sum() / (HEXAGON * n)) ** 0.5
 
 
-def _is_steep(mesh: SurfaceTriangulation, sizes: Values) -> bool:
-    """Tell whether sizes (N,) grow too fast along some edge, in either direction."""
-    a, b = mesh.edges.T
-    lengths = mesh.edge_lengths()
-    return bool(
-        (
-            np.maximum(sizes[a], sizes[b])
-            > _GRADING.too_steep * np.minimum(sizes[a], sizes[b]) + _GRADING.grade * lengths
-        ).any()
-    )
-
-
-def _graded(mesh: SurfaceTriangulation, sizes: Values) -> Values:
-    """Lower sizes (N,) until they grow gradually: they are the shortest ways to one more vertex, `sizes` away."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    n, edges, lengths = len(sizes), mesh.edges, mesh.edge_lengths()
-    is_finite = np.isfinite(sizes)
-    own = np.flatnonzero(is_finite)
-    rows = np.concatenate([edges[:, 0], edges[:, 1], np.full(len(own), n)])
-    columns = np.concatenate([edges[:, 1], edges[:, 0], own])
-    weights = np.concatenate([_GRADING.grade * lengths, _GRADING.grade * lengths, sizes[own]])
-    # A border has one half-edge and others two: of equal weights in the same place, one is kept.
-    order = np.unique(rows * np.int64(n + 1) + columns, return_index=True)[1]
-    links = coo_array((weights[order], (rows[order], columns[order])), (n + 1, n + 1)).tocsr()
-    return np.asarray(dijkstra(links, indices=n)[:n])
-
-
 def least_number(mesh: SurfaceTriangulation, limits: Values) -> int:
     """Return about how many points have distances within limits (N,)."""
-    return int(np.ceil(_scale(mesh.vertex_areas(), _graded(mesh, limits), 1) ** 2))
+    return int(np.ceil(_scale(mesh.vertex_areas(), limited_along_edges(mesh, limits, _GRADING.grade), 1) ** 2))
 
 
 def limits_within(mesh: SurfaceTriangulation, features: Mask, depth: float, n: int) -> Values:

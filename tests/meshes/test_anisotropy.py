@@ -65,18 +65,14 @@ def test_hessians_of_quadratics_are_recovered_exactly() -> None:
 
 
 @pytest.mark.parametrize(
-    ("metric", "message"),
+    ("metric", "more", "message"),
     [
-        (lambda p: np.zeros((len(p), 2, 2)), "must be finite and positive definite"),
-        (lambda p: np.full((len(p), 2, 2), np.nan), "must be finite and positive definite"),
-        (lambda p: np.ones(len(p)), r"metric of shape \(\d+,\) must be"),
+        (lambda p: np.zeros((len(p), 2, 2)), {"n": 50}, "must be finite and positive definite"),
+        (lambda p: np.full((len(p), 2, 2), np.nan), {"n": 50}, "must be finite and positive definite"),
+        (lambda p: np.ones(len(p)), {"n": 50}, r"metric of shape \(\d+,\) must be"),
+        (stretched, {"edge_length": 0.1}, "edge_length and metric must be"),
     ],
 )
-def test_wrong_metrics_are_named(metric, message: str) -> None:
+def test_wrong_metrics_and_sizes_beside_them_are_named(metric, more, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        mesh_region(SQUARE, n=50, metric=metric)
-
-
-def test_a_metric_excludes_sizes() -> None:
-    with pytest.raises(ValueError, match="edge_length and metric must be"):
-        mesh_region(SQUARE, edge_length=0.1, metric=stretched)
+        mesh_region(SQUARE, metric=metric, **more)

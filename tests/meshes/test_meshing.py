@@ -101,13 +101,6 @@ def test_of_small_meshes_the_best_effort_keeps_the_most_regular_one() -> None:
     assert best < 0.7 * one
 
 
-def test_holes_stay_open() -> None:
-    mesh = mesh_region(FRAME, edge_length=0.3)
-    assert mesh.area == pytest.approx(12)
-    assert_is_a_triangulation(mesh)
-    assert not PolygonRegion([[1.1, 1.1], [2.9, 1.1], [2.9, 2.9], [1.1, 2.9]]).contains(mesh.points).any()
-
-
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
 
 
@@ -302,8 +295,7 @@ def test_segments_share_the_vertices_on_their_borders() -> None:
     assert mesh.area == pytest.approx(4800)
     assert_is_a_triangulation(mesh)
     areas = measure_triangles(mesh.points, mesh.triangles).areas
-    for label in (1, 2, 3):
-        assert areas[mesh.tags == label].sum() == pytest.approx((labels == label).sum(), rel=0.02)
+    assert np.bincount(mesh.tags, areas) == pytest.approx(np.bincount(labels.ravel()), rel=1e-5)
 
 
 def test_pixels_of_label_0_are_not_meshed() -> None:
@@ -370,20 +362,17 @@ def test_energy_falls() -> None:
         ({"region": np.ones((8, 8), bool), "keep_points": True}, "keep_points must be False"),
         ({"region": L_SHAPE, "n": 9, "edge_length": 1}, "n and edge_length must be"),
         ({"region": L_SHAPE, "edge_length": 0}, "edge_length=0 must be"),
-        ({"region": L_SHAPE, "edge_length": np.nan}, "edge_length=nan must be"),
         ({"region": L_SHAPE, "size": 0}, "size=0.0 must be"),
         ({"region": L_SHAPE, "n": 9, "min_size": np.nan}, "min_size=nan must be"),
         ({"region": np.ones((8, 8), bool), "edge_length": 1e-6}, "sizes must ask for at most"),
         ({"region": L_SHAPE, "size": lambda p: 0 * p[:, 0]}, "size is 0 at"),
         ({"region": L_SHAPE, "size": lambda p: np.nan * p[:, 0]}, "size is nan at"),
         ({"region": L_SHAPE, "size": lambda p: p}, "must return"),
-        ({"region": np.ones((4, 4), bool), "size": np.zeros((4, 4))}, "size is 0 at x=0, y=0"),
         ({"region": np.ones((2, 2), bool), "size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
         ({"region": np.ones((2, 2), bool), "n": 9, "size": np.array([[1, np.inf], [1, 1]])}, "size is inf at x=1, y=0"),
         ({"region": [[0, 0], [2, 0], [2, 2]], "size": np.array([[1, np.nan], [1, 1]])}, "size is nan at x=1, y=0"),
         ({"region": np.ones((4, 4), bool), "size": np.ones((3, 4))}, r"must be \(4, 4\)"),
         ({"region": np.ones((1, 1), bool), "n": 3}, "n=3 must be at least 4"),
-        ({"region": np.ones((1, 12), bool), "n": 3}, "n=3 must be at least"),
         ({"region": L_SHAPE, "n": 50, "grade": 0}, "grade=0"),
         ({"region": L_SHAPE, "n": 50, "fixed": [[1.5, 1.5]]}, "must be in the region"),
         ({"region": DISK, "n": 20, "fixed": [[0.97, 0], [0, 0.985]]}, "near which edges on the border must be shorter"),
@@ -400,8 +389,6 @@ def test_energy_falls() -> None:
         ({"labels": -np.ones((4, 4), int), "n": 9}, "labels in -1..-1 must be in"),
         ({"labels": np.array([[1, 2], [3, 4]]), "n": 8}, "n=8 must be at least 9"),
         ({"labels": 1 + np.indices((8, 8)).sum(axis=0) % 2, "n": 80}, "n=80 must be at least 81"),
-        ({"labels": np.array([[1, 2, 3, 1]]), "n": 9}, "n=9 must be at least 10"),
-        ({"labels": np.ones((2, 2), int), "size": np.array([[1, 1], [np.nan, 1]])}, "size is nan at x=0, y=1"),
         ({"labels": np.ones((2, 2), int), "n": 9, "tolerance": np.nan}, "tolerance=nan must be"),
         ({"labels": np.full((4, 4), np.nan), "n": 9}, "labels of type float64 must be integers"),
     ],
