@@ -46,19 +46,8 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     array = check_unit_points("points", points)
     check_choice("place", place, PLACES)
     offsets = np.full(array.shape, 0.5) if place == "center" else np.random.default_rng(rng).random(array.shape)
-    return (ranks(array) + offsets) / len(array)
-
-
-def ranks(points: _Floats) -> NDArray[np.intp]:
-    """(n, d) rank of each coordinate along its axis, from 0."""
-    order = np.argsort(points, axis=0, kind="stable")
-    return np.argsort(order, axis=0, kind="stable")
-
-
-def free_slices(coordinates: _Floats, n_slices: int) -> _Floats:
-    """Return the centers of slices of an axis that have none of the coordinates."""
-    taken = np.minimum((coordinates * n_slices).astype(int), n_slices - 1)
-    return np.asarray((np.setdiff1d(np.arange(n_slices), taken) + 0.5) / n_slices)
+    order = np.argsort(array, axis=0, kind="stable")
+    return (np.argsort(order, axis=0, kind="stable") + offsets) / len(array)
 
 
 class Slices:
@@ -80,14 +69,14 @@ class Slices:
         levels = np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float)
         return cls(levels[:, 1::2], levels[:, ::2])
 
-    def along(self, axis: int, points: _Floats) -> NDArray[np.intp]:
-        """Return the slice of each of (n, d) points along an axis."""
-        return np.searchsorted(self._edges[axis], points[:, axis], "right")
+    def free(self, axis: int, points: _Floats) -> _Floats:
+        """Return the middles of the slices of an axis in which none of (n, d) points is."""
+        taken = np.searchsorted(self._edges[axis], points[:, axis], "right")
+        return np.delete(self._middles[axis], taken)
 
     def n_empty(self, points: _Floats) -> int:
         """Count the slices of all axes in which no point is."""
-        n_axes, n_slices = self._middles.shape
-        return n_axes * n_slices - sum(len(np.unique(self.along(axis, points))) for axis in range(n_axes))
+        return sum(len(self.free(axis, points)) for axis in range(points.shape[1]))
 
     def latinize(self, points: _Floats, existing: _Floats, allowed: Callable[[_Floats], NDArray[np.bool_]]) -> _Floats:
         """Move points along each axis in turn into slices that have none, as long as that leads to allowed places.
@@ -98,9 +87,9 @@ class Slices:
 
         moved, (n_points, n_dims) = points.copy(), points.shape
         for axis in range(n_dims):
-            free = np.setdiff1d(np.arange(self._middles.shape[1]), self.along(axis, existing))
-            there = np.repeat(moved[:, None], len(free), axis=1)
-            there[..., axis] = middles = self._middles[axis, free]
+            middles = self.free(axis, existing)
+            there = np.repeat(moved[:, None], len(middles), axis=1)
+            there[..., axis] = middles
             fits = allowed(there.reshape(-1, n_dims)).reshape(n_points, -1)
             rows, columns = linear_sum_assignment(np.where(fits, (moved[:, axis, None] - middles) ** 2, _FORBIDDEN))
             fit = fits[rows, columns]

@@ -17,7 +17,6 @@ from cvtimg._shared.checks import check_shape, check_that
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
-from cvtimg.placement.moments import CellSums
 
 _Floats = NDArray[np.float64]
 #: Number of samples of the cube in more dimensions.
@@ -172,10 +171,16 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     (0.3536, 0.0417, 0.4375)
     """
     array = check_unit_points("points", points)
-    nearest = _checked_distances(array, periodic)
+    check_shape("points", array.shape, len(array) >= 2, "at least two")
+    nearest = nearest_distances(array, periodic)
+    first = int(np.argmin(nearest))
+    twice = f"differ from each other: number {first}, {array[first].tolist()}, is there twice"
+    check_that("points", nearest[first] > 0, twice)
     discrepancy, is_exact = star_discrepancy(array, rng=rng)
-    exact = array.shape[1] <= MOST_EXACT_DIMS
-    cells = exact_cells(array, periodic) if exact else _sampled_cells(array, periodic, rng)
+    if exact := array.shape[1] <= MOST_EXACT_DIMS:
+        cells = exact_cells(array, periodic)
+    else:
+        cells = Cube(sobol_samples(_N_SAMPLES, array.shape[1], rng), periodic=periodic).cells(array)
     return PointMeasures(
         discrepancy=discrepancy,
         **regularity(cells, nearest),
@@ -183,16 +188,3 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
         exact_discrepancy=is_exact,
         exact_cells=exact,
     )
-
-
-def _sampled_cells(points: _Floats, periodic: bool, rng: int | np.random.Generator) -> CellSums:
-    return Cube(sobol_samples(_N_SAMPLES, points.shape[1], rng), periodic=periodic).cells(points)
-
-
-def _checked_distances(points: _Floats, periodic: bool) -> _Floats:
-    check_shape("points", points.shape, len(points) >= 2, "at least two")
-    distances = nearest_distances(points, periodic)
-    first = int(np.argmin(distances))
-    twice = f"differ from each other: number {first}, {points[first].tolist()}, is there twice"
-    check_that("points", distances[first] > 0, twice)
-    return distances

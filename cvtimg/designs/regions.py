@@ -35,8 +35,7 @@ class Region:
     def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
         """Draw samples (m, d), of about so many, and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
-        samples = sobol_samples(n, len(self.axes), rng)
-        samples = samples if self._feasible is None else _feasible_samples(samples, self._is_feasible, rng)
+        samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
         if self._density is None or not len(samples):
             return samples, None
         weights = self._called("density", self._density, samples).astype(np.float64)
@@ -45,22 +44,21 @@ class Region:
         check_density(weights, len(samples))
         return samples[weights > 0], weights[weights > 0]
 
-    def allows(self, places: _Floats) -> NDArray[np.bool_]:
+    def allows(self, places: NDArray[Any]) -> NDArray[np.bool_]:
         """Tell which of (m, d) places are in the region."""
-        return np.ones(len(places), bool) if self._feasible is None else self._is_feasible(places)
+        if self._feasible is None:
+            return np.ones(len(places), bool)
+        return self._called("feasible", self._feasible, places).astype(bool)
 
     def mended(self, places: _Floats, *, samples: NDArray[np.float32]) -> _Floats:
         """Move centers of mass (n, d) that are not in the region into it."""
-        outside = np.zeros(len(places), bool) if self._feasible is None else ~self._is_feasible(places)
+        outside = ~self.allows(places)
         if outside.any():
             from scipy.spatial import cKDTree
 
             places = places.copy()
             places[outside] = samples[cKDTree(samples).query(places[outside])[1]]
         return places
-
-    def _is_feasible(self, places: NDArray[Any]) -> NDArray[np.bool_]:
-        return self._called("feasible", self._feasible, places).astype(bool)
 
     def _called(self, name: str, function: Any, places: NDArray[Any]) -> NDArray[Any]:
         units = self._low + places * (self._high - self._low)

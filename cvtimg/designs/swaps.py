@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import nearest_distances
-from cvtimg.designs.latin import free_slices
+from cvtimg.designs.latin import Slices
 
 _Floats = NDArray[np.float64]
 
@@ -130,8 +130,8 @@ class _Swaps:
 
 def _free_places(points: _Floats, existing: _Floats) -> _Floats:
     """Return the centers (S, d) of slices that have no point; axes with fewer than S end in NaN."""
-    n_slices = len(points) + len(existing)
-    free = [free_slices(axis, n_slices) for axis in np.concatenate([points, existing]).T]
+    every = np.concatenate([points, existing])
+    free = [Slices.even(1, len(every)).free(0, axis[:, None]) for axis in every.T]
     found = np.full((max(map(len, free)), len(free)), np.nan)
     for axis, places in enumerate(free):
         found[: len(places), axis] = places

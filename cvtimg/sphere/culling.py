@@ -157,8 +157,7 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
         check_shape("straits", table.shape, table.ndim == 2 and table.shape[1] == 2, "(M, 2), longitudes and latitudes")
         check_that("straits", bool((np.isfinite(table).all()) and (np.abs(table[:, 1]) <= 90).all()), "be in degrees")
         corners = from_degrees(*table.T)
-        held[tree.query(corners)[1]] = True
-        for start, end in pairwise(corners):
+        for start, end in pairwise(np.concatenate([corners[:1], corners])):
             parts = np.linspace(0, 1, int(np.linalg.norm(end - start) / step) + 2)[:, None]
             held[tree.query(unit(start + parts * (end - start)))[1]] = True
     return held

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -134,15 +135,10 @@ class SphereTriangulation(HalfEdges):
         order = _insertion_order(len(points), four)
         made = HalfEdges(points, *np.empty((2, 2 * len(points) - 4, 3), np.int32))
         n = _sphere.insert(made, order, points[four].mean(axis=0), LEAST_DISTANCE**2, _MOST_FLIPS * len(points))
-        if n < len(points):
-            gaps = np.linalg.norm(points - points[order[n]], axis=1)
-            gaps[order[n]] = np.inf
-            _refuse_near(curve[order[n]], curve[gaps.argmin()], gaps.min())
-        for k in range(3):
-            one, other = made.triangles[:, k], made.triangles[:, k - 1]
-            gaps = np.linalg.norm(points[one] - points[other], axis=1)
-            if gaps.min() < LEAST_DISTANCE:
-                _refuse_near(curve[one[gaps.argmin()]], curve[other[gaps.argmin()]], gaps.min())
+        filled = made.triangles[: 2 * n - 4]
+        edges = points[filled] - points[filled[:, [1, 2, 0]]]
+        if n < len(points) or np.einsum("tki,tki->tk", edges, edges).min() < LEAST_DISTANCE**2:
+            _refuse_near(self.points)
         # By the least vertex, which becomes the first: neighbors are near in memory, as vertices are.
         triangles = made.triangles[np.argsort(made.triangles.min(axis=1), kind="stable")]
         turns = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
@@ -226,9 +222,12 @@ def unit(vectors: Points) -> Points:
     return vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
 
 
-def _refuse_near(one: int, other: int, gap: float) -> None:
-    pair = f"points {min(one, other)} and {max(one, other)}"
-    raise ValueError(f"{pair} must be at least {LEAST_DISTANCE:g} apart, not {gap:.2g}")
+def _refuse_near(points: Points) -> NoReturn:
+    from scipy.spatial import cKDTree
+
+    gaps, near = cKDTree(points).query(points, 2)
+    one, other = sorted(near[gaps[:, 1].argmin()].tolist())
+    raise ValueError(f"points {one} and {other} must be at least {LEAST_DISTANCE:g} apart, not {gaps[:, 1].min():.2g}")
 
 
 def _four_apart(points: Points) -> NDArray[np.int32]:
