@@ -115,6 +115,7 @@ def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
     [
         ({"n_points": 0}, r"n_points=0 must be in 1\.\."),
         ({"bounds": [[0, 0]]}, r"bounds=\[\[0.0, 0.0\]\] must be finite, the first of each axis below the second"),
+        ({"bounds": [[-1e308, 1e308], [0, 1]]}, "bounds=.* must be finite"),
         ({"bounds": [0, 1]}, r"bounds of shape \(2,\) must be \(d, 2\)"),
         ({"existing": [[0, 0], [0, 2]]}, r"x2 of existing\[1\]=2.0 must be within its bounds, 0..1"),
         ({"existing": [[0, 0, 0]]}, r"existing of shape \(1, 3\) must be \(L, 2\)"),
@@ -152,19 +153,12 @@ def test_only_ratios_of_densities_count(factor: float) -> None:
     np.testing.assert_allclose(plain, scaled, atol=1e-6)
 
 
-def test_bounds_whose_difference_is_infinite_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"bounds=.* must be finite"):
-        design(4, [[-1e308, 1e308], [0, 1]])
-
-
 def test_small_feasible_regions_are_found() -> None:
     center, half = np.array([0.62, 0.31, 0.77]), 0.01  # 8e-6 of the cube
     found = design(12, 3, feasible=lambda p: (np.abs(p - center) < half).all(axis=1), effort="fast").points
     assert (np.abs(found - center) < half).all()
     corners = np.abs((found - center) / half)
     assert corners.max(axis=0).min() > 0.3  # they fill it
-    with pytest.raises(ValueError, match="than 0 of its samples"):
-        design(5, 2, feasible=lambda p: np.zeros(len(p), bool))
 
 
 def test_points_of_a_region_are_latin_in_slices_of_equal_shares_as_far_as_they_can_be() -> None:

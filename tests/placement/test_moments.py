@@ -73,13 +73,6 @@ def test_energy_is_that_of_a_fine_sum() -> None:
     assert PixelMoments(density)(points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
 
 
-def test_masses_add_up_to_the_density() -> None:
-    rng = np.random.default_rng(0)
-    density = rng.random((300, 200)).astype(np.float32)
-    moments = PixelMoments(density)(rng.random((2000, 2)) * [200, 300])
-    assert moments.masses.sum() == pytest.approx(density.sum(dtype=np.float64), rel=1e-13)
-
-
 def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     density, points = rng.random((400, 700)).astype(np.float32), rng.random((5000, 2)) * [700, 400]

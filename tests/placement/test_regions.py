@@ -77,7 +77,7 @@ def test_projected_points_lie_inside_and_those_inside_stay(region: Region) -> No
 def test_points_go_to_the_nearest_point_of_the_boundary(region: Region) -> None:
     places = region.project(around(region, 200))
     ends = region.to_boundary(places)
-    spacing = float((region.bounds[1] - region.bounds[0]).max()) / (60 if region.n_dims < 4 else 6)
+    spacing = float((region.bounds[1] - region.bounds[0]).max()) / (60 if region.n_dims < 3 else 6)
     boundary = region.boundary_points(spacing)
     nearest = cKDTree(boundary).query(places)[0]
     found = np.linalg.norm(ends - places, axis=1)

@@ -31,9 +31,12 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
     assert len(hull ^ own) <= 0.01 * len(own)
 
 
-@pytest.mark.parametrize("n", [72, 92, 362, 1272, pytest.param(11_172, marks=pytest.mark.slow)])
-def test_lattices_on_an_icosahedron_have_twelve_pentagons_and_no_heptagon(n: int) -> None:
-    measures = sphere_grid(n).measures()
+@pytest.mark.parametrize("n", [12, 42, 72, 92, 362, 642, 1272, pytest.param(11_172, marks=pytest.mark.slow)])
+def test_grids_of_twelve_pentagons_and_no_heptagon_rest_at_centers_of_mass(n: int) -> None:
+    grid = sphere_grid(n)
+    measures = grid.measures()
+    centers = unit(SphereTriangulation(grid.points).uniform_moments())
+    assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-4 * np.sqrt(4 * np.pi / n)
     assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
     assert measures.least_angle > 50
     assert measures.largest_angle < 80
@@ -59,18 +62,6 @@ def test_grids_of_any_number_of_points_are_regular(n: int) -> None:
         assert grid.areas.max() < 2 * grid.areas.min()
 
 
-@pytest.mark.parametrize("n", [12, 42, 162, 642, 2562])
-def test_an_icosahedral_grid_has_twelve_pentagons_and_rests_at_centers_of_mass(n: int) -> None:
-    grid = sphere_grid(n)
-    measures = grid.measures()
-    assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
-    assert measures.least_angle > 50
-    assert measures.largest_angle < 80
-    assert grid.offset < 1e-6
-    centers = unit(SphereTriangulation(grid.points).uniform_moments())
-    assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-5 * np.sqrt(4 * np.pi / n)
-
-
 def test_the_energy_is_the_mean_squared_distance_times_the_area() -> None:
     grid, places = sphere_grid(100, density=lambda x: 1 + x[:, 2] ** 2), fibonacci(100_000)
     squares = 2 - 2 * (places @ grid.points.T).max(axis=1)
@@ -91,20 +82,18 @@ def test_cells_are_smaller_by_the_ratio_of_a_refinement() -> None:
 
 
 def test_of_several_refinements_the_finest_counts() -> None:
-    places = fibonacci(1000)
     caps = [Refinement(0, 0, 20, 2), Refinement(10, 10, 10, 3)]
     grid = sphere_grid(1000, density=caps, effort="fast")
     assert grid.density == pytest.approx(np.maximum(caps[0](grid.points), caps[1](grid.points)))
-    assert caps[0](places).max() <= 1
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_points_gather_where_a_picture_is_bright(dtype: Any) -> None:
-    picture = np.ones((90, 180), dtype)
-    picture[:45] = 16  # the northern half, where cells get half the size
-    grid = sphere_grid(1500, density=picture)
+    picture = np.ones((30, 60), dtype)
+    picture[:15] = 16  # the northern half, where cells get half the size
+    grid = sphere_grid(700, density=picture, effort="fast")
     north = grid.points[:, 2] > 0
-    assert north.mean() == pytest.approx(0.8, abs=0.06)  # but for the belt where sizes grow
+    assert 0.65 < north.mean() < 0.85  # 0.8 but for the belt where sizes grow
     assert grid.areas.sum() == pytest.approx(4 * np.pi)
 
 
@@ -130,7 +119,7 @@ def test_results_have_the_same_bits_at_any_number_of_threads() -> None:
     before, grids = n_threads(), []
     for threads in (1, 3):
         limit_threads(threads)
-        grids.append(sphere_grid(3000, density=Refinement(0, 0, 40, 3), effort="fast"))
+        grids.append(sphere_grid(1500, density=Refinement(0, 0, 40, 3), effort="fast"))
     limit_threads(before)
     assert (grids[0].points == grids[1].points).all()
     assert (grids[0].triangles == grids[1].triangles).all()
@@ -157,8 +146,6 @@ def test_bisection_adds_the_midpoints_of_all_edges() -> None:
     assert len(np.unique(twice.points.round(9), axis=0)) == 162
     edges = np.concatenate([twice.triangles[:, [0, 1]], twice.triangles[:, [1, 2]], twice.triangles[:, [2, 0]]])
     assert len(np.unique(np.sort(edges, axis=1), axis=0)) == 480
-    ordered = np.concatenate([[np.inf], twice.points[twice.triangles].min(axis=(1, 2))])
-    assert len(ordered) == 321
 
 
 def test_draws_follow_the_root_of_the_density() -> None:
