@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import operator
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
@@ -24,7 +23,7 @@ from cvtimg._shared.checks import (
     check_that,
     refuse,
 )
-from cvtimg._shared.choices import DitherName, GoalName, SpaceName
+from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
 from cvtimg._shared.progress import first_few, part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
@@ -52,17 +51,21 @@ class _Aiming:
     number: int = 32
     decibels: float = 2.0  # for twice the colors
     bytes_per_pixel: float = 0.05  # likewise, or for half the price of a bit
-    points: float = 6.0  # of visual quality for twice the colors,
-    points_by_price: float = 10.0  # and for a bit that is cheaper by 1
+    points: float = 4.5  # of visual quality for twice the colors,
+    points_by_price: float = 5.0  # and lost to the price of a bit, to this power:
+    power: float = 1.5
+    price: float = 0.8  # at which most photographs have a quality of 80
     # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
     # and lose gentle texture, which the measure does not see.
-    price: float = 0.7
     prices: Sequence[float] = tuple(np.linspace(1.2, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is by so much better, or after so many trials.
     close: float = 0.5
     n_trials: int = 5
+    # The quality without a target, at which images look the same, or by so much less than the best that can be had.
+    same: float = 85.0
+    below_best: float = 1.0
 
 
 _AIMING = _Aiming()
@@ -271,8 +274,9 @@ def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) 
         if source.size(result) <= max_bytes:
             return result
     if how.dither == "compact":
-        prices = _AIMING.all_prices
-        ladder = Ladder(prices, _by_price(source, how), source.size, growth, lambda price: -math.log2(price))
+        prices, effort, mapped = _AIMING.all_prices, how.engine.get("effort", "balanced"), _by_price(source, how)
+        at_price = partial(mapped, how.n_colors, effort=effort)
+        ladder = Ladder(prices, at_price, source.size, growth, lambda price: -math.log2(price))
         fitting, _ = ladder.climb(max_bytes + 1, first=prices[0])
         if fitting is not None:
             return fitting[1]
@@ -300,49 +304,56 @@ def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
 
 
 def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
-    """Return the smallest result of a quality, if one is wanted and can be had, or else the best."""
-    if how.quality is None:
+    """Return the smallest result of a quality, the usual one by default, if it can be had, or else the best."""
+    # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
+    if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    wanted, most_trials, prices = how.quality_range[1], _AIMING.n_trials, _AIMING.prices
-    mapped = _by_price(source, how)
+    aiming, mapped = _AIMING, _by_price(source, how)
+    dearest, cheapest = aiming.prices[0], aiming.prices[-1]
+    n_colors, wanted, effort = how.n_colors, how.quality_range[1], how.engine.get("effort", "balanced")
 
-    def climbed(ladder: Ladder[Any], first: float) -> Any:
-        below, reached = ladder.climb(wanted, first, _AIMING.close, most_trials)
+    @cache
+    def seen(n_colors: Any, price: float, effort: EffortName) -> Any:
+        return _seen(source, mapped(n_colors, price, effort))
+
+    def climbed(rungs: Sequence[float], result: Any, wanted: float, first: float, *line: Any) -> Any:
+        ladder = Ladder(rungs, result, lambda result: result.quality, *line)
+        below, reached = ladder.climb(wanted, first, aiming.close, aiming.n_trials)
         return reached or below
 
-    def quality(result: Any) -> float:
-        return result.quality
+    def at_price(effort: EffortName, wanted: float, first: float) -> Any:
+        line = (aiming.points_by_price, lambda price: -(price**aiming.power))
+        return climbed(aiming.prices, lambda price: seen(n_colors, price, effort), wanted, first, *line)
 
-    # Fewer matches take half the time and change a quality by a tenth of a point, so the last trial alone has all.
-    price: float = _AIMING.price
-    for effort in first_few(dict.fromkeys(("fast", how.engine.get("effort", "balanced"))), left=0.5):
-
-        def priced(price: float, effort: Any = effort) -> Any:
-            return _seen(source, mapped(price, effort))
-
-        price, result = climbed(Ladder(prices, priced, quality, _AIMING.points_by_price, operator.neg), price)
-    if price < prices[0] or how.palette is not None or not result.energy:  # images of few colors stay exact
-        return result
-    few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), _most_colors(result)
-    if result.quality < wanted + _AIMING.close or many <= few:
-        return result
-
-    def reduced(n: Any) -> Any:
-        plain = replace(how, goal="error", max_bytes=None, price=price)
-        return _seen(source, quantized(source, replace(plain, n_colors=n)))
-
-    first = many / 2 ** ((result.quality - wanted) / _AIMING.points)
-    _, fewer = climbed(Ladder(range(few, many), reduced, quality, _AIMING.points), first)
-    return fewer if fewer.quality >= wanted else result
+    # Fewer matches take less time and change a quality by a tenth of a point, so the last trial alone has all.
+    with part(0, 0.6):
+        first = aiming.price * ((100 - wanted) / 20) ** (1 / aiming.power)
+        if how.quality is None:
+            first, best = cheapest, seen(n_colors, cheapest, "fast").quality
+            wanted = min(aiming.same, best - aiming.below_best)
+        aim = wanted + aiming.close / 4
+        price, result = at_price("fast", aim, first)
+        few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), _most_colors(result)
+        much = result.energy > 0 and result.quality >= aim + aiming.close  # images of few colors stay exact
+        if price == dearest and much and how.palette is None and few < many:
+            first = many / 2 ** ((result.quality - aim) / aiming.points)
+            numbers = range(few, many)
+            n_colors, fewer = climbed(numbers, lambda n: seen(n, dearest, "fast"), aim, first, aiming.points)
+            n_colors = n_colors if fewer.quality >= wanted else how.n_colors
+    with part(0.6, 1):
+        return seen(n_colors, price, effort) if how.quality is None else at_price(effort, wanted, price)[1]
 
 
 def _by_price(source: Source, how: QuantizeOptions) -> Callable[..., Any]:
-    """Return what maps the pixels at a price of bits, and with an effort."""
-    palettes = [*map(finder(how), source.counted)]
+    """Return what maps the pixels to a number of colors, at a price of bits and with an effort."""
 
-    def mapped(price: float, effort: Any = how.engine.get("effort", "balanced")) -> Any:  # noqa: B008
+    @cache
+    def palettes(n_colors: Any) -> list[Palette]:
+        return [*map(finder(replace(how, n_colors=n_colors)), source.counted)]
+
+    def mapped(n_colors: Any, price: float, effort: EffortName) -> Any:
         engine = EngineOptions(**{**how.engine, "effort": effort})
-        return source.mapped(palettes, replace(how, price=price, engine=engine))
+        return source.mapped(palettes(n_colors), replace(how, price=price, engine=engine))
 
     return mapped
 

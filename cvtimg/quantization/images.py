@@ -100,7 +100,8 @@ def quantize(
         Weight >= 0 of each pixel in the search for the palette; 1 by default.
     goal : {"error", "eyes"}
         "error" means the least squared error. "eyes" means a small file that looks the same: 256 colors by
-        default, found in Oklab, and ``dither="compact"``.
+        default, found in Oklab, and ``dither="compact"``; without `quality` it aims at 85, or at one point less than
+        the colors reach if that is less.
     quality : float or (float, float), optional
         The smallest file whose `cvtimg.visual_quality` is at least this, in 0..100: 80 is hard to tell from the
         original, 70 is good. Where the colors do not reach it, the best that they reach, with a warning; of a range,

@@ -199,8 +199,8 @@ def quantize_frames(
     space, palette, ramp, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
         As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
     goal, quality
-        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames. An animation then has at most
-        255 colors; one more can stand for what stays from the frame before.
+        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames, and without one bits have a
+        fixed price. An animation then has at most 255 colors; one more can stand for what stays from the frame before.
 
     Returns
     -------
