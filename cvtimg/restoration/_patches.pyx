@@ -25,7 +25,7 @@ cdef extern from "patches.h" nogil:
             picture, picture, float, const int32_t *, Py_ssize_t, Py_ssize_t, const float *, const float *, float *,
             float *, float *,
         ) noexcept nogil
-        Py_ssize_t (*halve)(const float *, int, int32_t *, Py_ssize_t, uint8_t *, float *, float *, int32_t *) noexcept nogil
+        Py_ssize_t (*halve)(const float *, int, int32_t *, Py_ssize_t, uint8_t *, int32_t *) noexcept nogil
 
     const patch_functions_s *patch_functions()
 
@@ -53,14 +53,12 @@ def halve_groups(
     """Cut groups in two, each by two generators of its own."""
     cdef Py_ssize_t g, start, largest = np.max(np.subtract(stops, starts)[first:last], initial=1)
     cdef uint8_t[::1] sides = np.empty(largest, np.uint8)
-    cdef float[:, ::1] along = np.empty((2, largest), np.float32)
     cdef int32_t[::1] second = np.empty(largest, np.int32)
     with nogil:
         for g in range(first, last):
             start = starts[g]
             cuts[g] = start + functions.halve(
-                &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[0],
-                &along[0, 0], &along[1, 0], &second[0],
+                &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[0], &second[0],
             )
 
 

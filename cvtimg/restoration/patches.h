@@ -230,34 +230,6 @@ INLINE void filter_group(struct picture image, struct picture change, float step
             out[members[i] * size + j] = filtered[i * columns + j] + mean[j];
 }
 
-/* The k-th smallest of n numbers, which are reordered. */
-INLINE float select_kth(float *numbers, ptrdiff_t n, ptrdiff_t k)
-{
-    ptrdiff_t first = 0, last = n - 1;
-    while (first < last) {
-        const float pivot = numbers[first + (last - first) / 2];
-        ptrdiff_t i = first, j = last;
-        while (i <= j) {
-            while (numbers[i] < pivot)
-                i++;
-            while (numbers[j] > pivot)
-                j--;
-            if (i <= j) {
-                const float kept = numbers[i];
-                numbers[i++] = numbers[j];
-                numbers[j--] = kept;
-            }
-        }
-        if (k <= j)
-            last = j;
-        else if (k >= i)
-            first = i;
-        else
-            break;
-    }
-    return numbers[k];
-}
-
 /* The plane through the mean of some members of a group, across its main axis: the covariance times a vector, again and
  * again. */
 INLINE void middle_plane(const float *features, int n_features, const int32_t *members, ptrdiff_t n, ptrdiff_t step,
@@ -313,38 +285,37 @@ INLINE void plane_between(const float *features, int n_features, const int32_t *
     *level = (dot(normal, means[0], n_features) + dot(normal, means[1], n_features)) / 2;
 }
 
+/* Whether one side has less than an eighth, or than a few. */
+INLINE int is_uneven(ptrdiff_t n_second, ptrdiff_t n)
+{
+    const ptrdiff_t fewer = n_second < n - n_second ? n_second : n - n_second;
+    return fewer < 8 || fewer < n / 8;
+}
+
 /* Cut a group in two and order its members by side; returns how many are on the first.
  *
  * Two generators begin on both sides of the mean along the main axis. Where they would leave one side with less than an
- * eighth, the group is cut at the median along the axis.
+ * eighth, the group is cut at the mean; and where that would, in two parts of the image.
  */
 INLINE ptrdiff_t halve_group(const float *features, int n_features, int32_t *members, ptrdiff_t n, uint8_t *sides,
-                             float *along, float *sorted, int32_t *second)
+                             int32_t *second)
 {
     const ptrdiff_t step = 1 + n / SAMPLE, n_seen = (n + step - 1) / step;
-    float axis[MAX_FEATURES], normal[MAX_FEATURES], level;
-    middle_plane(features, n_features, members, n, step, axis, &level);
+    float axis[MAX_FEATURES], normal[MAX_FEATURES], middle, level;
+    middle_plane(features, n_features, members, n, step, axis, &middle);
     memcpy(normal, axis, sizeof normal);
+    level = middle;
     for (int lloyd = 0; lloyd < LLOYD_STEPS; lloyd++) {
         const ptrdiff_t n_second = cut_by(features, n_features, members, n, step, normal, level, sides);
         if (n_second == 0 || n_second == n_seen)
             break;
         plane_between(features, n_features, members, n, step, sides, n_second, normal, &level);
     }
-    ptrdiff_t n_second = cut_by(features, n_features, members, n, 1, normal, level, sides);
-    const ptrdiff_t fewer = n_second < n - n_second ? n_second : n - n_second;
-    if (fewer < 8 || fewer < n / 8) {
+    if (is_uneven(cut_by(features, n_features, members, n, 1, normal, level, sides), n)
+        && is_uneven(cut_by(features, n_features, members, n, 1, axis, middle, sides), n))
         for (ptrdiff_t i = 0; i < n; i++)
-            sorted[i] = along[i] = dot(axis, features + (ptrdiff_t)members[i] * n_features, n_features);
-        const float median = select_kth(sorted, n, n / 2);
-        ptrdiff_t left = n / 2; /* for members at the median */
-        for (ptrdiff_t i = 0; i < n; i++)
-            left -= along[i] < median;
-        for (ptrdiff_t i = 0; i < n; i++)
-            sides[i] = !(along[i] < median || (along[i] == median && left-- > 0));
-    }
-    ptrdiff_t n_first = 0;
-    n_second = 0;
+            sides[i] = i >= n / 2;
+    ptrdiff_t n_first = 0, n_second = 0;
     for (ptrdiff_t i = 0; i < n; i++) {
         if (sides[i])
             second[n_second++] = members[i];
@@ -359,7 +330,7 @@ typedef void measure_function(struct picture, const int32_t *, ptrdiff_t, ptrdif
 typedef void make_function(float *, ptrdiff_t, float, float *);
 typedef void filter_function(struct picture, struct picture, float, const int32_t *, ptrdiff_t, ptrdiff_t, const float *,
                              const float *, float *, float *, float *);
-typedef ptrdiff_t halve_function(const float *, int, int32_t *, ptrdiff_t, uint8_t *, float *, float *, int32_t *);
+typedef ptrdiff_t halve_function(const float *, int, int32_t *, ptrdiff_t, uint8_t *, int32_t *);
 
 struct patch_functions {
     measure_function *measure;
@@ -385,9 +356,9 @@ struct patch_functions {
         filter_group(image, change, step, members, n, size, mean, filter, patches, filtered, out);                     \
     }                                                                                                                  \
     attribute static ptrdiff_t halve_##level(const float *features, int n_features, int32_t *members, ptrdiff_t n,     \
-                                             uint8_t *sides, float *along, float *sorted, int32_t *second)             \
+                                             uint8_t *sides, int32_t *second)                                          \
     {                                                                                                                  \
-        return halve_group(features, n_features, members, n, sides, along, sorted, second);                            \
+        return halve_group(features, n_features, members, n, sides, second);                                           \
     }                                                                                                                  \
     static const struct patch_functions functions_##level = {measure_##level, make_##level, filter_##level,            \
                                                              halve_##level};
