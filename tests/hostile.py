@@ -85,20 +85,17 @@ def measured() -> Iterator[File]:
     values = np.asarray(RGB)
     types = ("u1", "i1", "<u2", ">u2", "<i2", ">i2", "<u4", ">i4", "<f2", "<f4", ">f4", "<f8", ">f8")
     for name in types:
+        order = "big" if name[0] == ">" else "little"
         for n_bands in (1, 2, 3, 4, 5, 7):
             image = np.dstack([values] * 3)[..., :n_bands].astype(name)
-            yield (
-                f"bands-{name[-2:]}-{'big' if name[0] == '>' else 'little'}-{n_bands}.tif",
-                tifffile_bytes(
-                    image if n_bands > 1 else image[..., 0],
-                    byteorder=name[0] if name[0] in "<>" else "<",
-                    photometric="rgb" if n_bands == 3 else "minisblack",
-                    planarconfig="contig" if n_bands > 1 else None,
-                ),
-            )
-        npy = io.BytesIO()
-        np.save(npy, values.astype(name))
-        yield f"order-{name[-2:]}-{'big' if name[0] == '>' else 'little'}.npy", npy.getvalue()
+            bands = {"planarconfig": "contig"} if n_bands > 1 else {}
+            photometric = "rgb" if n_bands == 3 else "minisblack"
+            image = image if n_bands > 1 else image[..., 0]
+            content = tifffile_bytes(image, byteorder=">" if order == "big" else "<", photometric=photometric, **bands)
+            yield f"bands-{name[-2:]}-{order}-{n_bands}.tif", content
+        array = io.BytesIO()
+        np.save(array, values.astype(name))
+        yield f"order-{name[-2:]}-{order}.npy", array.getvalue()
     yield "deep-rgb.png", encode_image(".png", values.astype(np.uint16) * 257)
     stack = np.stack([values[..., 0], values[..., 1], values[..., 2]])
     for kind in ({}, {"imagej": True}, {"ome": True}, {"bigtiff": True}, {"metadata": None}):
@@ -191,6 +188,12 @@ def fits_header(width: int, height: int) -> bytes:
     return "".join([*cards, "END".ljust(80)]).ljust(2880).encode() + bytes(99)
 
 
+def npy(kind: str, shape: str, content: bytes) -> bytes:
+    """Write an array of any type and shape."""
+    header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}}}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + content
+
+
 def made() -> Iterator[File]:
     """Give files that say what is not so, or that are small and stand for much."""
     huge = 2**31 - 1
@@ -199,29 +202,16 @@ def made() -> Iterator[File]:
         yield f"declared-{width}x{height}.ppm", b"P6 %d %d 255\n" % (width, height) + bytes(99)
         low = [min(side, 65535) for side in (width, height)]
         yield f"declared-{width}x{height}.gif", b"GIF89a" + struct.pack("<HH", *low) + b"\0\0\0;"
-        yield (
-            f"declared-{width}x{height}.bmp",
-            (
-                b"BM"
-                + struct.pack("<IHHI", 99, 0, 0, 54)
-                + struct.pack("<IiiHHIIiiII", 40, width, height, 1, 24, *[0] * 6)
-            ),
-        )
+        bitmap = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 99, 0, 0, 54, 40, width, height, 1, 24, *[0] * 6)
+        yield f"declared-{width}x{height}.bmp", bitmap
         size = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
         yield f"declared-{width}x{height}.tif", tiff([*size, (273, 4, 1, 8), (278, 4, 1, height), (279, 4, 1, 64)])
         yield f"declared-{width}x{height}.fits", fits_header(width, height)
     # A gigabyte of zeros in a megabyte, and 300 million pixels in half of one.
     yield "bomb.png", png(18000, 18000, color=0, data=zlib.compress(bytes(18001 * 600), 9) * 3)
-    yield (
-        "bomb-text.png",
-        png(4, 4, data=zlib.compress(bytes(52)))[:-12]
-        + chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(50_000_000), 9))
-        + chunk(b"IEND", b""),
-    )
-    yield (
-        "bomb-icc.png",
-        (png(4, 4)[:33] + chunk(b"iCCP", b"a\0\0" + zlib.compress(bytes(50_000_000), 9)) + png(4, 4)[33:]),
-    )
+    little, much = png(4, 4, data=zlib.compress(bytes(52))), b"a\0\0" + zlib.compress(bytes(50_000_000), 9)
+    yield "bomb-text.png", little[:-12] + chunk(b"zTXt", much) + little[-12:]
+    yield "bomb-icc.png", png(4, 4)[:33] + chunk(b"iCCP", much) + png(4, 4)[33:]
     whole = [(256, 4, 1, 8), (257, 4, 1, 8), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1), (277, 3, 1, 1)]
     whole += [(278, 4, 1, 8), (279, 4, 1, 64)]
     data = 8 + 2 + 12 * (len(whole) + 1) + 4
@@ -232,17 +222,8 @@ def made() -> Iterator[File]:
     for tag, kind, count, value in ((258, 3, 60000, 8), (277, 3, 1, 65535), (273, 4, 2**31, 8), (279, 4, 1, 2**32 - 1)):
         lied = sorted([*(entry for entry in right if entry[0] != tag), (tag, kind, count, value)])
         yield f"tag-{tag}-{count}-{value}.tif", tiff(lied, tail=bytes(range(64)))
-    for tag, value in (
-        (259, 5),
-        (259, 7),
-        (259, 50000),
-        (259, 34925),
-        (262, 99),
-        (317, 3),
-        (339, 9),
-        (258, 7),
-        (258, 64),
-    ):
+    lies = {259: (5, 7, 50000, 34925), 262: (99,), 317: (3,), 339: (9,), 258: (7, 64)}
+    for tag, value in ((tag, value) for tag, values in lies.items() for value in values):
         lied = sorted([*(entry for entry in right if entry[0] != tag), (tag, 3, 1, value)])
         yield f"tag-{tag}-{value}.tif", tiff(lied, tail=bytes(range(64)))
     for kind in (1, 7):  # a width of bytes, and a height of no type at all
@@ -254,13 +235,8 @@ def made() -> Iterator[File]:
     yield "big.tif", b"II+\0\x08\0\0\0" + struct.pack("<Q", 2**63) + bytes(40)
     yield "magic-only.npy", b"\x93NUMPY"
     for shape in ("(0, 0)", "(3,)", "(2**9, 3)", "(99999999, 99999999)", "(2, 2, 2, 2)", "(-1, 4)"):
-        header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}}}".ljust(117) + "\n"
-        yield f"shape-{shape}.npy", b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + bytes(64)
-    header = "{'descr': '|O', 'fortran_order': False, 'shape': (2, 2)}".ljust(117) + "\n"
-    yield (
-        "pickle.npy",
-        b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + b"cos\nsystem\n(S'x'\ntR.",
-    )
+        yield f"shape-{shape}.npy", npy("<f4", shape, bytes(64))
+    yield "pickle.npy", npy("|O", "(2, 2)", b"cos\nsystem\n(S'x'\ntR.")
     for name in ("float-nan", "float-inf"):
         values = np.ones((4, 4), np.float32)
         values[0, 0] = np.nan if name.endswith("nan") else np.inf
@@ -272,18 +248,7 @@ def made() -> Iterator[File]:
         yield f"noise.{suffix}", RNG.bytes(2000)
         yield f"wrong-jpeg.{suffix}", encoded(RGB, "JPEG")
         yield f"wrong-png.{suffix}", encoded(RGB, "PNG")
-    magics = (
-        b"\xff\xd8\xff",
-        b"GIF89a",
-        b"BM",
-        b"II*\0",
-        b"MM\0*",
-        b"RIFF\0\0\0\0WEBP",
-        b"8BPS",
-        b"DDS ",
-        b"qoif",
-        b"P6 ",
-    )
+    magics = b"\xff\xd8\xff|GIF89a|BM|II*\0|MM\0*|RIFF\0\0\0\0WEBP|8BPS|DDS |qoif|P6 ".split(b"|")
     for number, magic in enumerate(magics):
         yield f"magic-{number}.png", magic + RNG.bytes(300)
     yield "script.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(%pipe%touch x) (w) file\n"

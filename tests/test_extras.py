@@ -23,22 +23,8 @@ ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
     *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
-    *(
-        "numexpr",
-        "oxipng",
-        "psutil",
-        "pyarrow",
-        "pythoncdt",
-        "rawpy",
-        "roifile",
-        "shapely",
-        "sklearn",
-        "starlette",
-        "trimesh",
-        "uvicorn",
-        "websockets",
-        "zarr",
-    ),
+    *("numexpr", "oxipng", "psutil", "pyarrow", "pythoncdt", "rawpy", "roifile", "shapely", "sklearn"),
+    *("starlette", "trimesh", "uvicorn", "websockets", "zarr"),
 )
 #: An installation without them.
 BARE = """
