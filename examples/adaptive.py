@@ -33,7 +33,7 @@ from skfem.helpers import dot, grad
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, MeshSize
-from cvtimg.plotting.meshes import draw_mesh
+from cvtimg.plotting import draw_mesh
 
 Function = Callable[[Any, Any], Any]
 FIRST, GROWTH = 100, 1.8

@@ -23,7 +23,7 @@ from skfem.helpers import dot, grad
 from cvtimg import mesh_region
 from cvtimg.meshes import HuangMetric, RecoveredHessian
 from cvtimg.placement import Box
-from cvtimg.plotting.meshes import draw_mesh
+from cvtimg.plotting import draw_mesh
 
 DIFFUSION, WIND = 0.01, (2.0, 3.0)
 SQUARE = Box([0, 0], [1, 1])

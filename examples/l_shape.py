@@ -22,7 +22,7 @@ from skfem.helpers import dot, grad
 
 from cvtimg import mesh_region
 from cvtimg.meshes import MeshSize, RecoveredHessian
-from cvtimg.plotting.meshes import draw_mesh
+from cvtimg.plotting import draw_mesh
 
 L_SHAPE = [[0, 0], [0, -1], [1, -1], [1, 1], [-1, 1], [-1, 0]]
 LEVELS = (100, 200, 400, 800, 1600, 3200, 6400)

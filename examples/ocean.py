@@ -22,7 +22,7 @@ from scipy import ndimage
 
 from cvtimg import mesh_region, read_image
 from cvtimg.meshes import Mesh, measure_triangles
-from cvtimg.plotting.meshes import draw_mesh
+from cvtimg.plotting import draw_mesh
 
 COUNTS = (47_305, 183_907)
 EUROPE = Path(__file__).parent.parent / "sample_images" / "europe_day.png"

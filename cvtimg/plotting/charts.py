@@ -1,4 +1,4 @@
-"""Charts by matplotlib: designs in pairs of axes, the variance that modes explain, and supports of points."""
+"""Charts by matplotlib: designs in pairs of axes, the variance that modes explain, supports of points, and meshes."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ PLOT_SUFFIXES = (".png", ".svg")
 _MOST = 8
 #: Rows of a table that are drawn; and polygons from which an SVG file would be slower to show than pixels.
 _MANY = 20_000
+#: The quality from which the color map of triangles begins; few are worse.
+POOR = 0.6
 _Draw = TypeVar("_Draw", bound=Callable[..., bytes])
 
 
@@ -175,6 +177,46 @@ def draw_supports(
             axes.plot(*np.asarray(line).T, color="C3", linewidth=1.5)
         axes.set_aspect("equal")
         axes.autoscale_view()
+    return content.getvalue()
+
+
+@chart
+def draw_mesh(
+    points: NDArray[np.float64],
+    triangles: NDArray[np.int32],
+    qualities: NDArray[np.float64],
+    edges: NDArray[np.int32],
+    suffix: str,
+    *,
+    image: NDArray[np.uint8] | None = None,
+    y_down: bool = False,
+) -> bytes:
+    """Draw a mesh, its triangles colored by quality and its borders bold.
+
+    Parameters
+    ----------
+    points, triangles, edges
+        As in `cvtimg.meshes.Mesh`.
+    qualities : (T,) array
+        Of the triangles, from 0 to 1.
+    image : (H, W) or (H, W, 3) uint8 array, optional
+        Shown below the mesh, which then is transparent; coordinates are in its pixels.
+    y_down : bool
+        Whether y points down, as in images.
+    """
+    from matplotlib.collections import LineCollection
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    with figure_file(9.0, figure_height(low, high, 7.6), suffix) as (figure, content):
+        axes = figure.subplots()
+        if image is not None:
+            axes.imshow(image, extent=(0, image.shape[1], image.shape[0], 0), cmap="gray", vmin=0, vmax=255)
+        alpha = 0.45 if image is not None else 1.0
+        look: Any = {"array": qualities, "cmap": "viridis", "clim": (POOR, 1.0), "edgecolors": "0.15", "alpha": alpha}
+        drawn = add_polygons(figure, axes, list(points[triangles]), **look)
+        axes.add_collection(LineCollection(list(points[edges]), colors="black", linewidths=1.2))
+        show_box(axes, low, high, y_down=y_down)
+        figure.colorbar(drawn, ax=axes, label="quality 2 r / R", shrink=0.6)
     return content.getvalue()
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.svg import seen_from
-from cvtimg.plotting.charts import add_polygons, chart, figure_file, figure_height, show_box
-from cvtimg.plotting.meshes import POOR
+from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, figure_height, show_box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
