@@ -30,7 +30,8 @@ class Tightening(NamedTuple):
     margin: float = 0.02  # by this share they may be larger than samples show before boxes are halved,
     boxes: float = 100.0  # or if there are fewer for each point, by how far its neighbors are;
     halvings: int = 8  # so many times at most
-    few: int = 90  # points that each box sees the nearest of: with 40, where distances vary, 8 % more balls meet
+    fewest: int = 8  # points that each box sees beyond the nearest ones, where these hold it,
+    few: int = 90  # and where others may: with 40, if distances vary, 8 % more balls meet
     rounds: int = 48  # in which balls grow and draw back: pairs still part after 16, hardly any after 48
     growth: float = 1.5  # to this times their first radius, so that others can shrink
     every: int = 4  # such rounds, one ball also takes over from another, where that
@@ -65,12 +66,14 @@ def lies_in(region: Region, places: _Floats, tolerance: float) -> NDArray[np.boo
 
 def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool) -> _Floats:
     """Find radii of balls around (n, d) points that cover a region `order` times."""
+    tightened = tightened and order > 1
+    n_near = min(len(points), order + (_HOW.few if tightened else _HOW.fewest))
     n_first = min(_BOXES_PER_POINT * len(points), _MOST_BOXES // 4)
     n_side = max(2, round(float(n_first ** (1 / points.shape[1]))))
     sides = (1 / n_side) * np.ptp(region.bounds, axis=0)
     axes = [low + (np.arange(n_side) + 0.5) * (1 / n_side) * (high - low) for low, high in region.bounds.T]
     middles = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))
-    done, left = _looked_up(middles, sides, points, region, order), None
+    done, left = _looked_up(middles, sides, points, region, n_near), None
     radii, finished = np.zeros(len(points)), list[Boxes]()
     finest, around = _HOW.boxes ** (-1 / len(sides)), min(_AROUND, len(points) - 1)
     for _ in range(_HOW.halvings):
@@ -83,14 +86,14 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool)
         if not len(left.middles) or n_made + sum(len(each.middles) for each in finished) > _MOST_BOXES:
             break
         sides = sides / 2
-        done = _looked_up(_halved(left.middles, sides), sides, points, region, order)
+        done = _looked_up(_halved(left.middles, sides), sides, points, region, n_near)
         left = None
     radii = (1 + _HOW.margin) * radii
     if left is None:
         left = done
     boxes = Boxes(*(np.concatenate(parts) for parts in zip(*finished, left, strict=True)))
     _reach(radii, left.only(_depths(left, radii) < order), order, beyond=True)
-    return _tightened(points, radii, boxes, order) if tightened and order > 1 else radii
+    return _tightened(points, radii, boxes, order) if tightened else radii
 
 
 def _halved(middles: _Floats, sides: _Floats) -> _Floats:
@@ -98,13 +101,12 @@ def _halved(middles: _Floats, sides: _Floats) -> _Floats:
     return (middles[:, None] + corners * sides).reshape(-1, len(sides))
 
 
-def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region, order: int) -> Boxes:
+def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region, n_near: int) -> Boxes:
     """Leave boxes that meet the region, and find the points nearest to each."""
     from scipy.spatial import cKDTree
 
     half = float(np.linalg.norm(sides)) / 2
     middles = middles[lies_in(region, middles, half * (1 + 1e-9))]
-    n_near = min(len(points), max(_HOW.few, order))
     distances, near = cKDTree(points).query(middles, n_near)
     distances, near = distances.reshape(len(middles), n_near), near.reshape(len(middles), n_near)
     return Boxes(middles, np.full(len(middles), half), near, distances)
