@@ -143,23 +143,29 @@ def move_often(
     const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
-    double[:, :, ::1] generators,     # INOUT (n_sets, K, D): moved to the means of their cells, once less than energies
-    double[:, :, ::1] sums,           # OUT (n_sets, K, D + 1): density times (point, 1) of the last cells
-    float[:, ::1] single,             # OUT (K, D): the generators of the last set
-    float[::1] half_norms,            # OUT (K,): |generator|^2 / 2
-    int32_t[:, ::1] labels,           # OUT (n_sets, n_tiles * LANES): the last cells
-    double[:, ::1] energies,          # OUT (n_sets, n_moves + 1): before each move and at the end, less the points' spread
+    double lightest,                  # IN: least density > 0; a cell of less than half of it is empty
+    double[:, :, ::1] generators,     # INOUT (n_sets, K, D)
+    double[:, :, ::1] sums,           # INOUT (n_sets, K, D + 1): density times (point, 1) of the cells
+    int32_t[:, ::1] labels,           # INOUT (n_sets, n_tiles * LANES): the cells; at first -1, and all sums 0
+    float[:, ::1] single,             # OUT (K, D): scratch
+    float[::1] half_norms,            # OUT (K,): scratch
+    double[:, ::1] energies,          # OUT (n_sets, n_moves): after each move, less the spread of the points
 ):
-    """Make so many moves of Lloyd's method in each set; a generator of an empty cell stays. For points that are few."""
-    cdef Py_ssize_t n_sets = generators.shape[0], n_energies = energies.shape[1], n_tiles = tiles.shape[0]
-    cdef Py_ssize_t s, n, t, k, d
+    """Move the generators of each set to the means of their cells and find new cells, `n_moves` times.
+
+    The generator of an empty cell stays, and so do all at first. Only points that change cells are summed.
+    """
+    cdef Py_ssize_t n_sets = generators.shape[0], n_moves = energies.shape[1], n_tiles = tiles.shape[0]
+    cdef Py_ssize_t s, n, t, k, d, i, p
     cdef int dims = tiles.shape[1], n_generators = generators.shape[1]
-    cdef double norm, cross, total
+    cdef int32_t nearest[LANES]
+    cdef double norm, cross, total, moved
+    cdef int32_t before
     with nogil:
         for s in range(n_sets):
-            for n in range(n_energies):
+            for n in range(n_moves):
                 for k in range(n_generators):
-                    if n > 0 and k >= n_locked and sums[s, k, dims] > 0:
+                    if k >= n_locked and sums[s, k, dims] > 0.5 * lightest:
                         for d in range(dims):
                             generators[s, k, d] = sums[s, k, d] / sums[s, k, dims]
                     norm = 0
@@ -167,11 +173,22 @@ def move_often(
                         single[k, d] = <float>generators[s, k, d]
                         norm = norm + <double>single[k, d] * single[k, d]
                     half_norms[k] = <float>(0.5 * norm)
-                sums[s, :, :] = 0
                 for t in range(n_tiles):
-                    search.one(
-                        &tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, &labels[s, t * LANES])
-                    search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[s, t * LANES], &sums[s, 0, 0])
+                    search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, nearest)
+                    for i in range(LANES):
+                        p = t * LANES + i
+                        before = labels[s, p]
+                        if before == nearest[i]:
+                            continue
+                        labels[s, p] = nearest[i]
+                        for d in range(dims):
+                            moved = density[p] * tiles[t, d, i]
+                            sums[s, nearest[i], d] += moved
+                            if before >= 0:
+                                sums[s, before, d] -= moved
+                        sums[s, nearest[i], dims] += density[p]
+                        if before >= 0:
+                            sums[s, before, dims] -= density[p]
                 total = 0
                 for k in range(n_generators):
                     norm = cross = 0
@@ -189,17 +206,20 @@ def distances_to_own(
     double[::1] distances,            # OUT (n_tiles * LANES,): squared, to the own generator
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
-    cdef const double *own
-    cdef double step, total
+    cdef const double *own[LANES]
+    cdef double total[LANES]
+    cdef double step
     with nogil:
         for t in range(n_tiles):
             for i in range(LANES):
-                own = &generators[labels[t * LANES + i], 0]
-                total = 0
-                for d in range(dims):
-                    step = tiles[t, d, i] - own[d]
-                    total = total + step * step
-                distances[t * LANES + i] = total
+                own[i] = &generators[labels[t * LANES + i], 0]
+                total[i] = 0
+            for d in range(dims):
+                for i in range(LANES):
+                    step = tiles[t, d, i] - own[i][d]
+                    total[i] = total[i] + step * step
+            for i in range(LANES):
+                distances[t * LANES + i] = total[i]
 
 
 def transfer(

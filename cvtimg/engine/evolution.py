@@ -16,10 +16,10 @@ from cvtimg._shared.progress import tell
 from cvtimg.engine.methods import METHODS, Conditions, Ends, Method
 from cvtimg.engine.methods.lloyd import masses_and_distances
 from cvtimg.engine.points import Points
-from cvtimg.engine.seeding import random
+from cvtimg.engine.seeding import SEEDINGS, random
 
 #: When children rest: the best end descends further afterwards.
-_RESTING = Stopping(tolerance=1e-3, max_iterations=100)
+_RESTING = Stopping(tolerance=3e-3, max_iterations=100)
 #: Energies nearer to each other than this fraction are taken to be of the same tessellation.
 _SAME = 1e-6
 
@@ -35,13 +35,19 @@ class Evolution:
 
 
 def evolve(
-    points: Points, first: NDArray[np.float64], method: Method, conditions: Conditions, effort: Evolution
+    points: Points,
+    fixed: NDArray[np.float64],
+    n_generators: int,
+    init: str,
+    method: Method,
+    conditions: Conditions,
+    effort: Evolution,
 ) -> NDArray[np.float64]:
-    """Return the (K, D) generators of lowest energy among descendants of some given ones and of random ones."""
+    """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
     descend, resting = method.descend_all, conditions.until(_RESTING)
-    fixed, n_free = first[: conditions.n_locked], len(first) - conditions.n_locked
-    draws = [np.concatenate([fixed, random(points, n_free, conditions.rng)]) for _ in range(effort.n_kept - 1)]
-    elders = descend(points, np.stack([first, *draws]), resting)
+    seedings = [SEEDINGS[init]] + [random] * (effort.n_kept - 1)
+    free = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
+    elders = descend(points, np.stack([np.concatenate([fixed, some]) for some in free]), resting)
     n_idle = 0
     while True:
         elders = _survivors(elders, effort.n_kept)

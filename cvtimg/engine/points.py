@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
 #: so that sums have the same bits for any number of threads.
@@ -176,10 +180,8 @@ def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.fl
     """Project points onto the subspace where they vary most, nearly; also return its (n_dims, D) orthonormal axes."""
     # Two passes of a randomized range finder: N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288,
     # doi 10.1137/090771806.
-    from threadpoolctl import threadpool_limits
-
     # One thread, because the bits of a product of matrices depend on the number of threads of the BLAS.
-    with threadpool_limits(1, "blas"):
+    with _blas().limit(limits=1, user_api="blas"):
         axes = np.random.default_rng(0).standard_normal((n_dims, points.n_dims), np.float32)
         weighted = np.matmul(axes, points.tiles) * points.density.reshape(-1, 1, _kernels.TILE).astype(np.float32)
         sums = np.zeros((n_dims, points.n_dims))
@@ -189,6 +191,14 @@ def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.fl
         tiles = np.matmul(axes, points.tiles)
     frame = Frame(np.zeros(n_dims), points.frame.scale)
     return _points(tiles, points.density, frame, points.n_points, points.in_order), axes
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Return the BLAS that NumPy has loaded; looking for it takes some milliseconds."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def assign(

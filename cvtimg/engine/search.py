@@ -43,8 +43,8 @@ class Fewer:
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(4, 8, 24)),
-    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 16, 300)),
+    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(10, 8, 32)),
+    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 256)),
 }
 
 #: From so many rows for each that is searched, a pass over all takes longer than the best search.
@@ -75,27 +75,22 @@ def search(
 ) -> NDArray[np.float64]:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)
-    evolution = effort.evolution if some is points and n_generators > len(fixed) else None
-    most = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
-    n_starts = most if evolution is None else 1
-    n_parts = n_starts + (evolution is not None)
+    if some is points and effort.evolution and n_generators > len(fixed):
+        return evolve(points, fixed, n_generators, init, method, conditions, effort.evolution)
+    n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
     ends: list[Iteration] = []
     while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
         # A deterministic seeding is of use only once.
         seeding = SEEDINGS["random" if ends else init]
         try:
             initial = np.concatenate([fixed, seeding(some, n_generators - len(fixed), conditions.rng)])
-            with part(len(ends) / n_parts, (len(ends) + 1) / n_parts):
+            with part(len(ends) / n_starts, (len(ends) + 1) / n_starts):
                 ends.append(breathe(some, initial, method.iterate, conditions.until(_SEARCHING), effort.breaths))
         except TooFewSamplesError:
             if some is points:
                 raise
             some, ends = points, []  # fewer points may lack rare samples
-    best = min(ends, key=lambda end: end.energies[-1]).generators
-    if evolution is None:
-        return best
-    with part(n_starts / n_parts, 1):
-        return evolve(points, best, method, conditions, evolution)
+    return min(ends, key=lambda end: end.energies[-1]).generators
 
 
 def _agree(ends: list[Iteration]) -> bool:
