@@ -39,17 +39,6 @@ class Borders:
         np.maximum.at(strongest, tuple(self.places.T), np.repeat(strengths, self.lengths).astype(np.float32))
         return strongest
 
-    def on_cracks(self, strengths: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float32]:
-        """(2 H + 1, 2 W + 1) strengths (B,) of borders at their cracks, and at the corners of these the strongest."""
-        height, width = shape
-        cracks = np.zeros((2 * height + 1, 2 * width + 1), np.float32)
-        rows, columns = 2 * self.places.T + 1
-        cracks[rows + self.is_flat, columns + ~self.is_flat] = np.repeat(strengths, self.lengths)
-        corners = cracks[2:-1:2, 2:-1:2]
-        for down, right in ((1, 2), (3, 2), (2, 1), (2, 3)):
-            np.maximum(corners, cracks[down::2, right::2][: height - 1, : width - 1], out=corners)
-        return cracks
-
 
 def find_borders(labels: NDArray[np.int32]) -> Borders:
     """Find the borders between regions (H, W) numbered from 1; 0 is no region."""

@@ -125,16 +125,10 @@ def region_table(
     >>> table["area"].tolist(), table["x"].tolist(), table["mean_1"].tolist(), table["std_1"].tolist()
     ([1.0, 2.0], [0.5, 2.0], [10.0, 30.0], [0.0, 10.0])
     """
-    from skimage.measure import regionprops_table
-
     segments = check_labels("labels", labels)
     values = check_labeled_image("image", image, segments)
-    measured = ("label", "area", "perimeter", "centroid", "bbox", "intensity_mean", "intensity_std")
-    columns = regionprops_table(segments, values, properties=measured)  # type: ignore[no-untyped-call]
-    table = {name: columns[name] for name in ("label", "area", "perimeter")}
-    table |= {"x": columns["centroid-1"] + 0.5, "y": columns["centroid-0"] + 0.5}
-    bands = list(channels) if len(channels) == values.shape[2] else list(range(1, values.shape[2] + 1))
-    table |= _boxes_and_bands(columns, ("left", "top", "right", "bottom"), bands)
+    bands = _names(channels, values)
+    table = _measured(segments, values, ("area", "perimeter"), bands)
     if pixel_size is not None:
         table |= _in_units(segments, table, pixel_size)
     for name in properties:
@@ -202,20 +196,14 @@ def volume_table(
     >>> table["volume"].tolist(), table["volume_um3"].tolist(), table["z_um"].tolist(), table["mean_1"].tolist()
     ([32.0], [16.0], [4.0], [10.0])
     """
-    from skimage.measure import regionprops_table
-
     regions, values = np.asarray(labels), np.asarray(image)
     check_that(f"labels of shape {regions.shape}", regions.ndim == 3, "be (Z, H, W)")
     check_that(f"labels of type {regions.dtype}", regions.dtype.kind in "iu", "be integers")
     fits = values.shape[:3] == regions.shape and values.ndim in (3, 4)
     check_that(f"image of shape {values.shape}", fits, f"have the size of labels, {regions.shape}")
     bands = values.reshape(*regions.shape, -1)
-    measured = ("label", "area", "centroid", "bbox", "intensity_mean", "intensity_std")
-    columns = regionprops_table(regions, bands, properties=measured)  # type: ignore[no-untyped-call]
-    table = {"label": columns["label"], "volume": columns["area"]}
-    table |= {name: columns[f"centroid-{2 - number}"] + 0.5 for number, name in enumerate("xyz")}
-    names = list(channels) if len(channels) == bands.shape[3] else list(range(1, bands.shape[3] + 1))
-    table |= _boxes_and_bands(columns, ("left", "top", "front", "right", "bottom", "back"), names)
+    table = _measured(regions, bands, ("area",), _names(channels, bands))
+    table = {"label": table.pop("label"), "volume": table.pop("area"), **table}
     if pixel_size is None or pixel_size.z is None:
         return table
     unit, sides = pixel_size.unit, {"x": pixel_size.x, "y": pixel_size.y, "z": pixel_size.z}
@@ -225,15 +213,26 @@ def volume_table(
     return table | {f"{name}_{unit}": table[name] * side for name, side in sides.items()}
 
 
-def _boxes_and_bands(
-    columns: Mapping[str, NDArray[Any]], sides: Sequence[str], bands: Sequence[str | int]
+def _names(channels: Sequence[str], values: NDArray[Any]) -> list[str | int]:
+    """Return the names of bands, or their numbers if there are not as many names."""
+    n_bands = values.shape[-1]
+    return [*channels] if len(channels) == n_bands else [*range(1, n_bands + 1)]
+
+
+def _measured(
+    regions: NDArray[np.integer], values: NDArray[Any], sizes: tuple[str, ...], bands: Sequence[str | int]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of bounding boxes, by the last axis first, and of bands."""
-    half = len(sides) // 2
-    table = {side: columns[f"bbox-{half * (n // half) + half - 1 - n % half}"] for n, side in enumerate(sides)}
-    return table | {
-        f"{of}_{band}": columns[f"intensity_{of}-{n}"] for of in ("mean", "std") for n, band in enumerate(bands)
-    }
+    """Measure regions of two or three axes: label, sizes, centroid and bounding box by the last axis first, bands."""
+    from skimage.measure import regionprops_table
+
+    measured, n = ("label", *sizes, "centroid", "bbox", "intensity_mean", "intensity_std"), regions.ndim
+    columns = regionprops_table(regions, values, properties=measured)  # type: ignore[no-untyped-call]
+    table = {name: columns[name] for name in ("label", *sizes)}
+    table |= {"xyz"[axis]: columns[f"centroid-{n - 1 - axis}"] + 0.5 for axis in range(n)}
+    sides = (*("left", "top", "front")[:n], *("right", "bottom", "back")[:n])
+    table |= {side: columns[f"bbox-{n * (at // n) + n - 1 - at % n}"] for at, side in enumerate(sides)}
+    kinds = ("mean", "std")
+    return table | {f"{of}_{band}": columns[f"intensity_{of}-{at}"] for of in kinds for at, band in enumerate(bands)}
 
 
 def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArray[np.float64]:

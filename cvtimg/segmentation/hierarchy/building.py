@@ -107,12 +107,9 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
         return leaves
     merges = coarse.merged()
     between = altitudes_between(coarse.borders.pairs, merges.pairs, merges.altitudes, len(coarse.sizes))
-    height, width = coarse.labels.shape
-    near = maximum_filter(coarse.borders.on_cracks(between, (height, width)), 2 * SETTINGS.near + 1)
+    near = maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 2 * SETTINGS.near + 1)
     borders = leaves.borders
-    # A pixel of the whole image is half a pixel of the other: as large as a step in its map of cracks.
-    rows, columns = borders.places.T + 1
-    seen = near[np.minimum(rows, 2 * height), np.minimum(columns, 2 * width)].astype(np.float64)
+    seen = near[tuple(borders.places.T // 2)].astype(np.float64)
     if not len(seen):
         return leaves
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths

@@ -50,7 +50,7 @@ class Settings:
     global_weight: float = 0.6  # of steps of vibrations across a border
     coarse_weight: float = 0.6  # of the hierarchy of the image at half its size ...
     coarse_worth: float = 0.6  # ... whose strengths are so much of those of the whole
-    near: int = 2  # half pixels within which borders of the two are the same
+    near: int = 1  # pixels of the half within which borders of the two are the same
     # merges: how much regions differ
     color: float = 0.5  # weight of the chi-square distance of their histograms in each channel of color
     texture: float = 0.8  # the same of textons

@@ -10,9 +10,7 @@ from scipy import ndimage
 
 from cvtimg import find_edges, segment_hierarchy
 from cvtimg.labels import region_means
-from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
-from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
@@ -53,26 +51,15 @@ def test_a_threshold_keeps_apart_what_differs_by_more(hierarchy: RegionHierarchy
 
 
 def test_contours_above_a_threshold_are_the_borders_of_its_cut(hierarchy: RegionHierarchy) -> None:
-    pixels, (height, width) = hierarchy.contour_map(), hierarchy.leaves.shape
-    borders = find_borders(hierarchy.leaves)
-    between = altitudes_between(borders.pairs, hierarchy.merges, hierarchy.altitudes, hierarchy.n_leaves)
-    cracks = borders.on_cracks(between, (height, width))
-    assert cracks.shape == (2 * height + 1, 2 * width + 1)
+    pixels = hierarchy.contour_map()
     for threshold in np.unique(hierarchy.altitudes)[[0, 40, -5, -2]]:
         labels = hierarchy.cut(threshold=threshold)
         upright, flat = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
-        level = np.float32(threshold)
-        np.testing.assert_array_equal(cracks[1::2, 2:-1:2] > level, upright)
-        np.testing.assert_array_equal(cracks[2:-1:2, 1::2] > level, flat)
         expected = np.zeros(labels.shape, bool)
         expected[:, :-1] |= upright
         expected[:-1] |= flat
-        np.testing.assert_array_equal(pixels > level, expected)
+        np.testing.assert_array_equal(pixels > np.float32(threshold), expected)
         assert (expected <= find_edges(labels, mode="thick")).all()
-        meeting = np.zeros((height - 1, width - 1), bool)
-        meeting |= upright[1:] | upright[:-1] | flat[:, 1:] | flat[:, :-1]
-        np.testing.assert_array_equal(cracks[2:-1:2, 2:-1:2] > level, meeting)
-    assert not cracks[1::2, 1::2].any()
 
 
 def test_edges_are_thin_and_lie_on_the_borders_of_a_cut(hierarchy: RegionHierarchy) -> None:
