@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize, segment, superpixels
+from cvtimg.labels import connected_pieces
 
 SIGMAS = (0.25, 0.5, 1.0)
 N_SUPERPIXELS = 400
@@ -131,8 +132,15 @@ def measured(rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]], given: ar
             progress(f"{name} {picture.name}")
             labels, seconds = timed(lambda divide=divide, picture=picture: divide(picture.pixels), time.process_time)
             scores = metrics.scores(labels, picture.segments, picture.borders)
-            rows.append({"rival": name, "picture": picture.name, **scores, "seconds": seconds})
+            found = {"rival": name, "picture": picture.name, "specks": specks(labels)}
+            rows.append({**found, **scores, "seconds": seconds})
     return rows
+
+
+def specks(labels: Labels) -> float:
+    """Count connected regions of less than 20 pixels, for each 10,000 pixels."""
+    sizes = np.bincount(connected_pieces(labels + 1).ravel())[1:]
+    return 1e4 * float((sizes < 20).sum()) / labels.size
 
 
 def means_of(rows: Rows, columns: dict[str, str]) -> Rows:
@@ -147,20 +155,21 @@ def means_of(rows: Rows, columns: dict[str, str]) -> Rows:
 
 def bsds(given: argparse.Namespace) -> tuple[Rows, Rows]:
     """Compare with human segmentations of Berkeley pictures."""
-    from skimage.segmentation import felzenszwalb
+    from skimage.color import rgb2gray
+    from skimage.segmentation import chan_vese, felzenszwalb
 
     chosen = {key: value for key, value in BSDS_SETTING.items() if key != "n_segments"}
     k = BSDS_SETTING["n_segments"]
     rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]] = {
         "cvtimg segment, components joined": lambda image: segment(image, k, **chosen).labels,
-        "cvtimg segment, the same without border_price": lambda image: (
-            segment(image, k, **{**chosen, "border_price": 0}).labels
-        ),
-        "cvtimg segment, K = 4 in lab": lambda image: segment(image, 4, space="lab").labels,
+        "cvtimg segment, K = 4": lambda image: segment(image, 4).labels,
+        "cvtimg segment, K = 4, edge_weight=0 (k-means)": lambda image: segment(image, 4, edge_weight=0).labels,
+        f"{skimage()} chan_vese, gray": lambda image: chan_vese(rgb2gray(image)).astype(np.int32),
         f"{skimage()} felzenszwalb, scale 600": lambda image: felzenszwalb(image, scale=600),
     }
     rows = measured(rivals, given)
-    columns = {"PRI": "PRI (high)", "VOI": "VOI (low)", "COV": "covering (high)", "n": "regions"}
+    columns = {"PRI": "PRI (high)", "VOI": "VOI (low)", "COV": "covering (high)", "BR2": "boundary recall"}
+    columns |= {"bP": "precision", "specks": "specks", "n": "segments"}
     return rows, means_of(rows, columns)
 
 

@@ -105,7 +105,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     in_volume = given.volume and given.objects
     ways = {"together": given.volume, "volumes": in_volume, "track": given.track, "apart": given.edge_radius}
-    found = divide_stack(stack, _way(given), **ways, edits=given.edit)
+    found = divide_stack(stack, partial(_way(given), **_detail(task, given)), **ways, edits=given.edit)
     stopwatch.lap("cluster")
     write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
     stopwatch.lap("write")
@@ -141,6 +141,17 @@ def _way(given: Given) -> Callable[..., Segmentation]:
     return partial(cvtimg.segment, n_segments=given.number, averaging=given.averaging, objects=objects, **options)
 
 
+def _detail(task: Task, given: Given) -> dict[str, float]:
+    """Return the smallest detail in pixels, if it is given in another unit."""
+    from cvtimg.pictures import PixelSize, image_info
+
+    if not isinstance(given.smallest_detail, PixelSize):
+        return {}
+    if (size := image_info(task.source).pixel_size) is None:
+        raise ValueError("does not say the size of its pixels, for --smallest-detail; --pixel-size names it")
+    return {"smallest_detail": size.pixels(given.smallest_detail)}
+
+
 def _chosen(options: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name in names}
 
@@ -152,7 +163,7 @@ def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     for option in (["-k auto"] if given.number == "auto" else []) + refused:
         raise ValueError(f"is read in tiles, and {option} needs the whole image in memory")
     options = _chosen(given.arguments, _IN_TILES)
-    options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite}
+    options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite, **_detail(task, given)}
     result = segment_file(task.source, task.output, given.number, max_pixels=given.max_pixels, **options)
     stopwatch.lap("all")
     size = {"width": result.shape[1], "height": result.shape[0], "channels": result.generators.shape[1]}

@@ -25,16 +25,17 @@ from cvtimg.batch.report import reason
 
 @dataclass(frozen=True, slots=True)
 class Real:
-    """A finite number in low..high that is greater than `above`, or "auto" where that is allowed."""
+    """A finite number in low..high that is greater than `above`; or "auto", or a size with a unit, where allowed."""
 
     low: float = -math.inf
     high: float = math.inf
     above: float = -math.inf
     auto: bool = False
     even: bool = False
+    sized: bool = False
 
     def parse(self, text: Any) -> Any:
-        """Return the number that a text stands for."""
+        """Return the number that a text stands for, or the size, a `PixelSize`."""
         if self.auto and text == "auto":
             return text
         with suppress(ValueError, OverflowError):
@@ -42,6 +43,10 @@ class Real:
             within = self.low <= value <= self.high and value > self.above
             if math.isfinite(value) and within and not (self.even and value % 2):
                 return value
+        if self.sized and str(text)[-1:].isalpha():
+            from cvtimg.pictures.formats.pixel_size import PixelSize
+
+            return PixelSize.parse(text)
         raise ValueError(f"{str(text)!r} must be {'auto or ' if self.auto else ''}{self._allowed()}")
 
     def _read(self, text: Any) -> float:

@@ -98,9 +98,9 @@ SEGMENT = (
     ),
     passed(
         "smallest_detail",
-        Real(0),
-        "Radius of the smallest detail that counts: edges cost so much that smaller ones vanish.",
-        metavar="PIXELS",
+        Real(0, sized=True),
+        "Radius of the smallest detail that counts, in pixels or as 0.5um: edges cost so much that less vanishes.",
+        metavar="R",
         default=1,
         excludes=_OTHER_WAYS,
     ).on_page(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,7 +111,7 @@ class Prepared:
             labels = average_segments(self.data, labels, n_segments, after)
         if not (self.edge_weight or detail):
             return labels, None
-        moves = {"radius": how.edge_radius, "volume_power": how.volume_power}
+        moves: dict[str, Any] = {"radius": how.edge_radius, "volume_power": how.volume_power}
         end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, detail=detail, **moves)
         return end.labels, end
 

@@ -112,7 +112,8 @@ def segment_file(
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)
     with scratch_folder(target) as folder:
         picture = PixelsOnDisk(stack, folder, space)
-        samples, scale, origin = picture.values.samples, picture.values.scale, picture.values.center
+        samples: Any = picture.values.samples
+        scale, origin = picture.values.scale, picture.values.center
         noise = np.zeros((1, 1)) if edge_weight == 0 else noise_of_rows(picture.read, picture.shape)
         weight, detail = smoothness.weight_under(noise)
         n_cells = min(n_segments, samples.n_colors)

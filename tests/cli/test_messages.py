@@ -139,6 +139,7 @@ segment pages.tif -k 3 --edges e.png | that can hold them, --edges FILE.tif
 segment pages.tif -k 3 --contours c.svg | --contours holds one
 segment pages.tif --objects --volume -o l.tif | --pixel-size, such as 0.3x0.3x2um
 segment pages.tif --objects --volume --pixel-size 0.3um -o l.tif | of which only 0.3 um is known
+segment pages.tif -k 2 --smallest-detail 1um -o l.tif | does not say the size of its pixels, for --smallest-detail
 segment pages.tif --objects --volume --z 1 -o l.tif | a volume has several planes
 segment pages.tif --objects --track -o l.tif | without T to track objects along
 segment series.tif --objects --track -o l.tif | objects are tracked with --volume, or in one plane, --z N

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
-from commands import Run
+from commands import RowOf, Run
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
@@ -282,6 +282,13 @@ def test_channels_of_a_stack_are_bands_of_its_planes(run: Run, micrograph: NDArr
         labels = tiff.asarray()
     joined = np.moveaxis(micrograph, 1, -1)
     np.testing.assert_array_equal(labels, [segment(plane, 2).labels for plane in joined])
+
+
+@pytest.mark.usefixtures("micrograph")
+def test_the_smallest_detail_may_be_a_length(row_of: RowOf) -> None:
+    given = ["stack.tif", "-k", 2, "--z", 1, "--overwrite", "-o", "l.tif", "--smallest-detail"]
+    in_pixels, *by_length = (row_of(*given, size)["edge_weight"] for size in (2, "1um", "1000nm"))
+    assert by_length == pytest.approx([in_pixels] * 2)
 
 
 def test_intensities_are_columns_by_the_names_of_channels(run: Run, micrograph: NDArray[np.uint16]) -> None:

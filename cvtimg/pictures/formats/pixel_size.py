@@ -47,6 +47,20 @@ class PixelSize:
         per_inch = [1 / (side * INCHES.get(self.unit, math.inf)) for side in (self.x, self.y)]
         return (per_inch[0], per_inch[1]) if all(0 < number < 1e6 for number in per_inch) else None
 
+    def pixels(self, length: PixelSize) -> float:
+        """Return how many pixels a length is across.
+
+        Examples
+        --------
+        >>> PixelSize(250, 250, "nm").pixels(PixelSize.parse("0.5um"))
+        2.0
+        """
+        if length.unit == self.unit:
+            return length.x / self.x
+        if not {length.unit, self.unit} <= {*INCHES}:
+            raise ValueError(f"has pixels in {self.unit}, which cannot be compared with {length.unit}")
+        return round(length.x * INCHES[length.unit] / (self.x * INCHES[self.unit]), 9)
+
     @classmethod
     def parse(cls, text: str) -> PixelSize:
         """Read "0.325um" for square pixels, "0.3x0.4um", or "0.3x0.3x2um" with the distance between planes.
