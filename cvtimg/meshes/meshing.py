@@ -60,10 +60,8 @@ class MeshEffort:
     narrow: float = 40.0  # those with a smaller angle, in degrees,
     polish: int = 16  # by this power
 
-    def of(self, plan: Plan, n: int) -> MeshEffort:
-        """Return the effort for a plan with n vertices."""
-        if plan.varies:
-            return self
+    def of(self, n: int) -> MeshEffort:
+        """Return the effort for n vertices whose distances are the same everywhere."""
         moves, sweeps = (min(most, self.work // n) for most in (self.most_moves, self.most_sweeps))
         return replace(self, moves=max(self.moves, moves), sweeps=max(self.sweeps, sweeps), smoothings=0, even_again=0)
 
@@ -267,22 +265,25 @@ def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, r
     """Plan a mesh, and make it, or some of which the best is kept."""
     with part(0, _PLANNED):
         plan = plan_mesh(outline, wanted, alone)
+        n = plan.number if wanted.n is None else wanted.n
+        place = partial(place_inside, plan.borders, plan.field, n - plan.n_on_borders, random)
+        inner = place()
+    varies = plan.varies(inner)
+    trials = enumerate(each(_trials(varies, n, effort)))
     with part(_PLANNED, 1):
-        found = [
-            _made(outline, plan, wanted, one, random) for one in each(_trials(plan, wanted.n or plan.number, effort))
-        ]
+        found = [_made(outline, plan, wanted, one, place() if k else inner) for k, one in trials]
     if len(found) == 1:
         return found[0]
-    return max(found, key=lambda one: float(one.qualities.mean())) if plan.varies else min(found, key=_irregularity)
+    return max(found, key=lambda one: float(one.qualities.mean())) if varies else min(found, key=_irregularity)
 
 
-def _trials(plan: Plan, n: int, effort: MeshEffort) -> list[MeshEffort]:
+def _trials(varies: bool, n: int, effort: MeshEffort) -> list[MeshEffort]:
     """Return the efforts of meshes of which the best is kept: of one size, their edges differ in how even they are."""
-    if plan.varies:  # where more moves are not always better
+    if varies:  # where more moves are not always better
         return [effort, EFFORTS["balanced"]] if effort is EFFORTS["best"] else [effort]
     n_trials = min(effort.trials, effort.small // n)
     tried = [replace(effort, most_sweeps=effort.most_sweeps if k % 3 else k % 2, sweeps=0) for k in range(n_trials)]
-    return tried if n_trials > 1 else [effort]
+    return [one.of(n) for one in (tried if n_trials > 1 else [effort])]
 
 
 def _irregularity(mesh: Mesh) -> float:
@@ -291,11 +292,8 @@ def _irregularity(mesh: Mesh) -> float:
     return float(np.log(np.maximum(measures, 1e-300)).sum())
 
 
-def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, random: np.random.Generator) -> Mesh:
-    """Make a mesh of a plan: place vertices inside, let them move, and finish."""
-    n = plan.number if wanted.n is None else wanted.n
-    effort = effort.of(plan, n)
-    inner = place_inside(plan.borders, plan.field, n - plan.n_on_borders, random)
+def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, inner: Points) -> Mesh:
+    """Make a mesh of a plan and vertices inside: let them move, and finish."""
     mesh = PlaneTriangulation.constrained(plan.borders, inner)
     with part(0, _RELAXED):
         relaxed = relax(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_count, check_in_range, check_positive, c
 from cvtimg._shared.progress import first_few
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
-from cvtimg.meshes.fields import Field, lengths_of
+from cvtimg.meshes.fields import PER_AREA, Field, lengths_of
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
@@ -93,7 +93,7 @@ class Wanted:
         return field
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Plan:
     """Vertices on borders, and sizes around them."""
 
@@ -111,11 +111,9 @@ class Plan:
         """How many vertices are there already."""
         return len(self.borders.points)
 
-    @cached_property
-    def varies(self) -> bool:
-        """Whether sizes differ from place to place."""
-        seeds = self.field.seeds(self.number, np.random.default_rng(0))
-        metric = self.field.metric(np.concatenate([self.borders.points, seeds]))
+    def varies(self, inner: Points) -> bool:
+        """Whether sizes differ from place to place, on borders and at points (N, 2) inside."""
+        metric = self.field.metric(np.concatenate([self.borders.points, inner]))
         return self.field.isotropic and float(np.ptp(np.log(metric[:, 0]))) > _VARIES
 
 
@@ -201,15 +199,14 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     frame = PlaneTriangulation.constrained(borders, np.empty((0, 2)))
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
-    reach = _reach(frame)[used]
-    wanted, part = float(n), _SEARCH.gap
+    part = _SEARCH.gap
+    wanted = n + np.pi / 2 * part**2 * PER_AREA * len(
+        used
+    )  # for half of a disk around each vertex on a border stays free
     for _ in range(_SEARCH.draws):
         points = field.seeds(round(wanted), rng)
         near = tree.query(points)[1]
-        metric = field.metric(points)
-        size = (metric[:, 0] * metric[:, 2] - metric[:, 1] ** 2) ** -0.25
-        room = np.maximum(1, reach[near] / size) if field.isotropic else 1.0
-        far = lengths_of(metric, points - frame.points[used[near]]) > part * room
+        far = lengths_of(field.metric(points), points - frame.points[used[near]]) > part
         points, near = points[far], near[far]
         _, shares = frame.locate(points, used[near])
         points = points[shares.min(axis=1) > 1e-9]
@@ -220,13 +217,3 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
         wanted = min(wanted * _SEARCH.more * n / max(len(points), 1), 8.0 * n) + 1
     check_in_range("n", n, False, f"less by {n - len(points)}: the border leaves no room")
     return points
-
-
-def _reach(frame: PlaneTriangulation) -> NDArray[np.float64]:
-    """Find the longest border edge (N,) at each vertex, by a factor that lets inner vertices stand near its middle."""
-    edges = frame.border_edges()
-    lengths = np.linalg.norm(np.subtract(*frame.points[edges.T]), axis=1)
-    reach = np.zeros(len(frame.points))
-    for end in (0, 1):
-        np.maximum.at(reach, edges[:, end], 0.8 * lengths)
-    return reach
