@@ -16,7 +16,7 @@ from cvtimg import quantize, tessellate
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg.colors import SPACES, color_samples
 from cvtimg.colors.places import from_places, to_places
-from cvtimg.quantization import DITHERS, map_to_palette
+from cvtimg.quantization import DITHERS
 
 HEIGHT, WIDTH = 60, 80
 
@@ -152,15 +152,6 @@ def test_grey_with_alpha_is_quantized_as_its_colors() -> None:
     one, other = quantize(grey, 8), quantize(color, 8)
     assert one.image.shape == grey.shape
     np.testing.assert_allclose(one.psnr, other.psnr, atol=0.3)
-
-
-def test_a_palette_without_transparency_gets_one_color_more_for_what_has_it() -> None:
-    palette = np.array([[255, 160, 50], [5, 5, 25]], np.uint8)
-    with pytest.warns(UserWarning, match="palette has no transparent color: one is put first"):
-        result = map_to_palette(SCENE, palette)
-    np.testing.assert_array_equal(result.palette, [[0, 0, 0, 0], [255, 160, 50, 255], [5, 5, 25, 255]])
-    assert (result.image[CLEAR] == 0).all()
-    assert (result.image[OPAQUE][:, 3] == 255).all()
 
 
 def test_weights_of_nothing_opaque_leave_opaque_pixels_opaque() -> None:

@@ -288,13 +288,6 @@ def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: NDArr
     np.testing.assert_array_equal(read_palette(tmp_path / "a.json"), [[0] * 3, [128] * 3, [255] * 3])
 
 
-@pytest.mark.parametrize("offset", [-128, 0, 128])
-def test_16_bits_go_to_the_nearest_of_8(tmp_path: Path, offset: int) -> None:
-    levels = np.arange(256)
-    write_palette(tmp_path / "a.gpl", np.clip(levels * 257 + offset, 0, 65535).astype(np.uint16))
-    np.testing.assert_array_equal(read_palette(tmp_path / "a.gpl")[:, 0], levels)
-
-
 @pytest.mark.parametrize(
     ("palette", "error", "message"),
     [

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter, uniform_filter
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from cvtimg import quantize, read_image
+from cvtimg import quantize, read_image, read_palette
 from cvtimg._shared.threads import one_thread
 from cvtimg.colors import color_samples
 from cvtimg.quantization.dithering import DITHERS, dither, energy_of
@@ -195,13 +195,7 @@ def test_colors_take_only_entries_that_their_kind_may_take(method: str) -> None:
     assert len(set(labels.ravel()[kinds == 1])) > 6
 
 
-#: The 16 colors of the PICO-8.
-PICO_8 = np.frombuffer(
-    bytes.fromhex(
-        "000000 1d2b53 7e2553 008751 ab5236 5f574f c2c3c7 fff1e8ff004d ffa300 ffec27 00e436 29adff 83769c ff77a8 ffccaa"
-    ),
-    np.uint8,
-).reshape(16, 3)
+PICO_8 = read_palette("pico-8")
 
 
 def seen(image: NDArray[Any]) -> NDArray[np.float64]:

@@ -26,13 +26,6 @@ def test_every_pixel_has_the_nearest_color_of_the_palette(n_colors: int, photogr
     assert len(result.palette) <= n_colors
 
 
-def test_figures_are_those_of_the_picture(photograph: NDArray[Any]) -> None:
-    metrics = pytest.importorskip("skimage.metrics")
-    result = quantize(photograph, 16)
-    assert result.mse == pytest.approx(metrics.mean_squared_error(photograph, result.image))
-    assert result.psnr == pytest.approx(metrics.peak_signal_noise_ratio(photograph, result.image))
-
-
 def test_a_picture_of_few_colors_comes_back_exactly(photograph: NDArray[Any]) -> None:
     few = quantize(photograph, 7).image
     for n_colors in (7, 8, 65536):

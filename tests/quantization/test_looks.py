@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import cvtimg
-from cvtimg._shared.threads import one_thread
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.frames import Frames
-from cvtimg.quantization import Quantized, QuantizeOptions, map_to_palette, quantize_file, quantize_frames
+from cvtimg.quantization import Quantized, QuantizeOptions, quantize_file, quantize_frames
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -142,18 +141,10 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 
 
-def test_threads_do_not_matter() -> None:
-    palette = cvtimg.quantize(COFFEE, 64, **FAST).palette
-    many = map_to_palette(COFFEE, palette, dither="compact")
-    with one_thread():
-        np.testing.assert_array_equal(map_to_palette(COFFEE, palette, dither="compact").indices, many.indices)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"goal": "ears"}, "goal='ears' must be one of"),
-        ({"quality": 101}, "quality=101 must be in 0..100"),
         ({"quality": 70, "psnr": 30}, "psnr=30 cannot be combined with goal='eyes' or quality"),
         ({"goal": "eyes", "space": "lab"}, "space='lab' cannot be combined"),
         ({"quality": 70, "dither": "floyd-steinberg"}, "dither='floyd-steinberg' must be 'compact'"),

@@ -195,15 +195,6 @@ def test_deep_grey_is_mapped_exactly_to_thousands_of_levels(n_colors: int) -> No
     assert result.indices.dtype == np.uint16
 
 
-def test_more_than_256_colors_of_16_bits(photograph: NDArray[Any]) -> None:
-    rng = np.random.default_rng(5)
-    deep = (photograph[::2, ::2] * np.uint16(257)) ^ rng.integers(0, 128, (128, 128, 3), np.uint16)
-    result = quantize(deep, 1000, effort="fast")
-    assert len(result.palette) == 1000
-    assert result.image.dtype == np.uint16
-    assert result.psnr > 40
-
-
 @pytest.mark.parametrize("name", ["psnr", "locked", "weights", "effort"])
 def test_a_given_palette_leaves_nothing_to_find(name: str, photograph: NDArray[Any]) -> None:
     value = {"psnr": 30, "locked": LOCKED, "weights": np.ones((8, 8)), "effort": "best"}[name]

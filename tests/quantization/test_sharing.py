@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from cvtimg import find_palette, read_image, write_image
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg.cli import app as cli
-from cvtimg.colors.counting import add_samples
 from cvtimg.colors.samples import color_samples
 from cvtimg.quantization import shared_palette
 
@@ -50,14 +48,6 @@ def test_the_order_of_the_pictures_changes_no_bit(pictures: list[np.ndarray]) ->
     for order in ([4, 3, 2, 1, 0], [2, 0, 4, 1, 3]):
         other = shared_palette([pictures[n] for n in order], 7, init="k-means++")
         assert first.colors.tobytes() == other.colors.tobytes()
-
-
-def test_densities_are_added_exactly() -> None:
-    total = functools.reduce(add_samples, map(color_samples, PICTURES))
-    colors, counts = np.unique(np.concatenate(PICTURES).reshape(-1, 3), axis=0, return_counts=True)
-    order = np.lexsort(total.colors.T[::-1])
-    np.testing.assert_array_equal(total.colors[order], colors)
-    np.testing.assert_array_equal(total.density[order], counts)
 
 
 def test_grey_and_color_and_transparency_go_together() -> None:

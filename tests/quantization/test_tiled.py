@@ -61,15 +61,6 @@ def write(image: NDArray[Any], **layout: Any) -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
-def test_bands_are_the_picture(layout: dict[str, Any]) -> None:
-    for image in (PICTURE, PICTURE[..., 0], PICTURE.astype(np.uint16) * 257, PICTURE.astype(np.int16) - 90):
-        write(image, **layout)
-        bands = list(tiles.open_bands("a.tif"))
-        assert len(bands) > 2
-        np.testing.assert_array_equal(np.concatenate(bands), image)
-
-
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_by_tiles_is_as_in_one_piece(layout: dict[str, Any]) -> None:
     write(PICTURE, **layout)
     result = quantize_file("a.tif", "b.tif", 12)
