@@ -32,6 +32,8 @@ _DISTANCE_EXTRA = np.array([0] * 4 + [n for n in range(1, 14) for _ in range(2)]
 _FROM_3 = np.repeat(_LENGTH_BITS + _LENGTH_EXTRA, 1 << _LENGTH_EXTRA)
 _LENGTHS = np.concatenate([np.zeros(3), _FROM_3[: _looks.LONGEST - 3], [8.0]])
 _DISTANCES = np.append(0, np.repeat(_DISTANCE_BITS + _DISTANCE_EXTRA, 1 << _DISTANCE_EXTRA))
+#: Distances between entries are measured with at most about this many comparisons.
+COMPARISONS = 1 << 22
 #: A coordinate far from all pixels, and the least visibility, with which it is still dear.
 _FAR, _LEAST = 1e15, 1e-12
 
@@ -112,7 +114,7 @@ def map_by_rate(
     order = _in_blocks(entries)
     palette = np.concatenate([_wide(entries)[order], np.full((1, 4), _FAR, np.float32)])
     blocks, boxes = _blocks(palette[:-1])
-    indices, longest = np.empty((height, width), np.uint8), _usual_step(palette[:-1])
+    indices, longest = np.empty((height, width), np.uint8), usual_step(palette[:-1])
     names = np.append(order, len(order)).astype(np.uint8)  # one more where a frame below is kept
     if rate.coder == "lzw":
         below = None if kept is None else _wide(kept)
@@ -164,10 +166,19 @@ def _wide(places: NDArray[np.float32]) -> NDArray[np.float32]:
     return wide
 
 
-def _usual_step(entries: NDArray[np.float32]) -> float:
-    """Return the mean distance of entries to their nearest."""
-    from scipy.spatial import cKDTree
-
-    if len(entries) < 2:
+def usual_step(palette: NDArray[np.float32]) -> float:
+    """Return the root of the mean squared distance from an entry to the nearest other one."""
+    # Longer errors come mostly from colors that the palette cannot mix. They would add up and end as spots of far
+    # colors.
+    if len(palette) == 1:
         return 0.0
-    return float(cKDTree(entries).query(entries, 2)[0][:, 1].mean())
+    some = np.arange(0, len(palette), max(1, len(palette) ** 2 // COMPARISONS))
+    squares = squared_distances(palette[some], palette)
+    squares[np.arange(len(some)), some] = np.inf
+    return float(np.sqrt(np.maximum(squares.min(axis=1), 0).mean()))
+
+
+def squared_distances(places: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the (N, K) squared distances of places to others, up to rounding."""
+    norms, other_norms = (np.einsum("kd,kd->k", some, some, dtype=np.float64) for some in (places, others))
+    return norms[:, None] + other_norms - 2 * np.einsum("nd,kd->nk", places, others, dtype=np.float64)

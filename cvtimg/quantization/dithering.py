@@ -15,6 +15,7 @@ from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
+from cvtimg.looks.rate import COMPARISONS, squared_distances, usual_step
 from cvtimg.quantization import _dithering
 
 # --- a grid over the space of colors whose cells list the entries of a palette that can be nearest in them
@@ -59,8 +60,6 @@ def nearest_grid(
 STRENGTH = 0.9
 #: At strength 1 errors are limited to this many times the widest gap; colors that the palette can mix stay below.
 _WIDEST_GAPS = 3
-#: Distances between entries are measured with at most about this many comparisons.
-_COMPARISONS = 1 << 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +113,7 @@ def dither(
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
     (colors, entries), _ = _to_kernels(places, palette)
-    step = longest = _usual_step(entries)
+    step = longest = usual_step(entries)
     if strength > STRENGTH:
         caution = (1 - strength) / (1 - STRENGTH)
         longest = max(step, caution * step + (1 - caution) * _WIDEST_GAPS * _widest_gap(entries))
@@ -229,34 +228,16 @@ DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
 }
 
 
-def _usual_step(palette: NDArray[np.float32]) -> float:
-    """Return the root of the mean squared distance from an entry to the nearest other one."""
-    # Longer errors come mostly from colors that the palette cannot mix. They would add up and end as spots of far
-    # colors.
-    if len(palette) == 1:
-        return 0.0
-    some = np.arange(0, len(palette), max(1, len(palette) ** 2 // _COMPARISONS))
-    squares = _squared_distances(palette[some], palette)
-    squares[np.arange(len(some)), some] = np.inf
-    return float(np.sqrt(np.maximum(squares.min(axis=1), 0).mean()))
-
-
 def _widest_gap(palette: NDArray[np.float32]) -> float:
     """Return the longest distance from the middle between two entries to the nearest entry."""
     first, second = np.triu_indices(min(len(palette), 1 << 11), 1)
     if len(palette) > 1 << 6:
-        n_pairs = max(1, min(1 << 12, _COMPARISONS // len(palette)))
+        n_pairs = max(1, min(1 << 12, COMPARISONS // len(palette)))
         first, second = np.random.default_rng(0).integers(0, len(palette), (2, n_pairs))
     if not len(first):
         return 0.0
     middles = (palette[first] + palette[second]) / 2
-    return float(np.sqrt(np.maximum(_squared_distances(middles, palette).min(axis=1), 0).max()))
-
-
-def _squared_distances(places: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
-    norms, other_norms = (np.einsum("kd,kd->k", some, some, dtype=np.float64) for some in (places, others))
-    products = places.astype(np.float64) @ others.T.astype(np.float64)
-    return norms[:, None] + other_norms - 2 * products
+    return float(np.sqrt(np.maximum(squared_distances(middles, palette).min(axis=1), 0).max()))
 
 
 def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:

@@ -44,7 +44,7 @@ def diffused(places: NDArray[np.float32], entries: NDArray[np.float32], coder: C
     right, aside, down = SHARES[coder]
     height, width, _ = places.shape
     gaps = np.linalg.norm(entries[:, None] - entries, axis=2)
-    longest = np.sort(gaps, axis=1)[:, 1].mean()
+    longest = np.sqrt((np.sort(gaps, axis=1)[:, 1] ** 2).mean())
     rest, labels = np.zeros((height + 1, width + 2, 3)), np.empty((height, width), np.intp)
     for y, x in np.ndindex(height, width):
         wanted = places[y, x] + rest[y, x + 1]
