@@ -157,11 +157,7 @@ class ImplicitRegion(Region):
     def boundary_points(self, spacing: float) -> Points:
         """Cover the boundary with points that are drawn near to it."""
         n_cells = np.maximum(1, np.ceil(self.box.sides / spacing)).astype(int)
-        grids = [
-            low + (np.arange(n) + 0.5) * side / n
-            for n, low, side in zip(n_cells, self.bounds[0], self.box.sides, strict=True)
-        ]
-        centers = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, self.n_dims)
+        centers = self.bounds[0] + (np.argwhere(np.ones(n_cells, bool)) + 0.5) / n_cells * self.box.sides
         ends = self.to_boundary(centers)
         return ends[np.linalg.norm(ends - centers, axis=1) < spacing]
 

@@ -50,7 +50,9 @@ class PolygonRegion(Region):
     def __init__(self, shape: Any) -> None:
         shapely = _shapely()
         geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
-        has_area = shapely.get_dimensions(geometry) == 2 and (geometry.area > 0 or not _is_flat(geometry))
+        # A ring that crosses itself may have no area, and not be flat.
+        is_flat = geometry.area == 0 and shapely.get_dimensions(geometry.convex_hull) < 2
+        has_area = shapely.get_dimensions(geometry) == 2 and not is_flat
         check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
         if not shapely.is_valid(geometry):
             _refuse_invalid(shapely.is_valid_reason(geometry))
@@ -176,11 +178,6 @@ def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
     allowed = "Polygon, MultiPolygon, Feature or FeatureCollection"
     check_in_range("GeoJSON type", kind, kind in ("Polygon", "MultiPolygon"), allowed)
     return [read(shape)]
-
-
-def _is_flat(geometry: Geometry) -> bool:
-    """Tell whether all points are on one line: a ring that crosses itself may have no area, too."""
-    return bool(_shapely().get_dimensions(geometry.convex_hull) < 2)
 
 
 def _refuse_invalid(reason: str) -> None:

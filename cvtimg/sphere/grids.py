@@ -22,7 +22,7 @@ from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.geodesic import Lattice, twist
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, moved_on, random_points, without
+from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, moved_on, without
 from cvtimg.sphere.triangulation import (
     Cells,
     Points,
@@ -225,7 +225,7 @@ class _Plan:
             return icosahedron()
         if sides := twist(n):
             return self._latticed(*sides)
-        trials = [SphereTriangulation(random_points(n, self.rng)) for _ in range(_STARTS.trials)]
+        trials = [SphereTriangulation(unit(self.rng.normal(size=(n, 3)))) for _ in range(_STARTS.trials)]
         return min(
             trials, key=lambda mesh: descend(mesh, uniform_cells, _STARTS.trial_moves, self.effort.tolerance).energy
         )

@@ -94,16 +94,10 @@ def inside_of(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:
         check_that(name, inside.dtype == np.bool_, "return booleans")
         return inside
     if isinstance(part, Mapping) or hasattr(part, "geom_type"):
-        return in_polygons(part, points)
+        from cvtimg.placement import PolygonRegion
+
+        region, (lon, lat) = PolygonRegion(part), (np.degrees(angles) for angles in to_radians(points))
+        turns = (-360, 0, 360)  # polygons may go beyond the antimeridian
+        return np.logical_or.reduce([region.contains(np.stack([lon + turn, lat], axis=1)) for turn in turns])
     mask = check_globe(name, check_picture_density(name, part))
     return np.asarray(GlobePicture.padded(mask / mask.max())(points) > 0.5)
-
-
-def in_polygons(shape: Any, points: Points) -> NDArray[np.bool_]:
-    """Tell which points are in polygons of longitudes and latitudes, which may go beyond the antimeridian."""
-    from cvtimg.placement import PolygonRegion
-
-    region = PolygonRegion(shape)
-    lon, lat = (np.degrees(angles) for angles in to_radians(points))
-    turns = [region.contains(np.stack([lon + turn, lat], axis=1)) for turn in (-360, 0, 360)]
-    return np.logical_or.reduce(turns)

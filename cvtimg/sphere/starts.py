@@ -75,11 +75,6 @@ def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
     return np.delete(points, left_out, axis=0)
 
 
-def random_points(n: int, rng: np.random.Generator) -> Points:
-    """Draw N points uniformly."""
-    return unit(rng.normal(size=(n, 3)))
-
-
 def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:
     """Draw N points in strata along a curve, as many in each as the generators of a tessellation: density^(1/2)."""
     places = fibonacci(max(_CANDIDATES * n, _FEWEST))
