@@ -123,7 +123,8 @@ def measured(
 ) -> dict[str, float]:
     """PSNR of what each makes of an image, and the noise that there is and that is found."""
     pixels, result = np.asarray(noisy), denoise([noisy])
-    sigmas = estimate_sigma(pixels, channel_axis=-1)
+    estimate: Any = estimate_sigma
+    sigmas = estimate(pixels, channel_axis=-1)
     sigma = float(np.sqrt(np.mean(np.square(pixels - clean))))
     by_sigma = denoise_nl_means(pixels, 5, 6, 0.8 * float(np.mean(sigmas)), sigma=float(np.mean(sigmas)), **NL_MEANS)
     tries = [cv2.fastNlMeansDenoisingColored(pixels, None, h, h, 5, 15) for h in STRENGTHS]

@@ -13,7 +13,7 @@ from cvtimg.options.record import Given
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info IMG_1.jpg --noise"
+EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info photos/ --noise"
 COLUMNS = (
     *("input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "distinct_colors"),
     *("channels", "pixel_size", "icc"),
