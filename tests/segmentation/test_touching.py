@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from reference import same_partition
 from scipy import ndimage
 from scipy.ndimage import gaussian_filter
-from skimage.morphology import local_maxima, reconstruction
 
 from cvtimg import segment
 from cvtimg.segmentation import Objects, split_touching
-from cvtimg.segmentation.touching import BORDERS, split_at_saddles
+from cvtimg.segmentation.touching import BORDERS
 
 RNG = np.random.default_rng(0)
 
@@ -25,21 +24,6 @@ def discs(centers: list[tuple[float, float]], radius: float, shape: tuple[int, i
 
 
 PAIRS = discs([(20, 20), (20, 36), (60, 30), (62, 70), (62, 86), (70, 103), (20, 90)], 10.1)
-
-
-@pytest.mark.parametrize("shape", [(60, 70), (12, 25, 25)])
-@pytest.mark.parametrize("depth", [0.05, 0.2, 1.0])
-def test_parts_are_the_maxima_that_flooding_by_the_depth_leaves(shape: tuple[int, ...], depth: float) -> None:
-    height = gaussian_filter(np.random.default_rng(3).normal(size=shape), 2) * 5
-    inside = height > -0.1
-    found = split_at_saddles(height, inside, depth)
-    around = np.ones((3,) * len(shape))
-    flooded = reconstruction(np.where(inside, height, -9) - depth, np.where(inside, height, -9))
-    peaks, n_peaks = ndimage.label(local_maxima(flooded, connectivity=len(shape)) & inside, around)
-    lone = ndimage.label(inside)[1] - ndimage.label(inside, around)[1]
-    assert n_peaks <= found.max() <= n_peaks + lone
-    assert len({*found[peaks > 0].tolist()}) == n_peaks
-    assert ((found > 0) == inside).all()
 
 
 def test_touching_discs_are_split_where_they_touch() -> None:

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
 from cvtimg._shared.sums import sum_by_label
+from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.merging import Merges, merge_regions
+from cvtimg.segmentation.hierarchy.merging import Merges
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
 from cvtimg.segmentation.noise import noise_covariance
@@ -40,8 +41,12 @@ class Leaves:
 
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""
-        pairs, lengths = self.borders.pairs, self.borders.lengths
-        return merge_regions(pairs, lengths, self.strengths, self.sizes, self.histograms, SETTINGS)
+        pairs, lengths = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64)
+        steps, blocks = (self.strengths * lengths)[:, None], np.cumsum([0, *(one.shape[1] for one in self.histograms)])
+        weights = SETTINGS.color, SETTINGS.texture, SETTINGS.shared, SETTINGS.size_power
+        sums = np.concatenate(self.histograms, axis=1)
+        found = _labels.merge(pairs, lengths, steps, self.sizes.copy(), sums, np.inf, blocks.astype(np.int32), *weights)
+        return Merges(found[0], np.maximum.accumulate(found[1]))
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.labels import _labels
-from cvtimg.segmentation.hierarchy.settings import Settings
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Merges:
@@ -17,33 +14,6 @@ class Merges:
 
     pairs: NDArray[np.int32]  # (M, 2): numbers of the regions that merge, the lower first. Merge m makes region N + m.
     altitudes: NDArray[np.float64]  # (M,): how much they differ; the running maximum, so that it never falls
-
-
-def merge_regions(
-    pairs: NDArray[np.int32],
-    lengths: NDArray[np.int32],
-    strengths: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    histograms: list[NDArray[np.float64]],
-    weights: Settings,
-) -> Merges:
-    """Merge regions until no neighbors are left."""
-    # Borders have (B, 2) pairs of regions at their sides, lengths and strengths; regions have sizes in pixels, and (N,
-    # H) histograms for each channel, textons last.
-    found, altitudes = _labels.merge(
-        pairs.copy(),
-        lengths.astype(np.float64),
-        (strengths * lengths)[:, None],
-        sizes.copy(),
-        np.concatenate(histograms, axis=1),
-        np.inf,
-        np.cumsum([0, *(histogram.shape[1] for histogram in histograms)], dtype=np.int32),
-        weights.color,
-        weights.texture,
-        weights.shared,
-        weights.size_power,
-    )
-    return Merges(found, np.maximum.accumulate(altitudes))
 
 
 def altitudes_between(

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.segmentation.hierarchy.merging import merge_regions
-from cvtimg.segmentation.hierarchy.settings import Settings
+from cvtimg.labels.components import Borders
+from cvtimg.segmentation.hierarchy.leaves import Leaves
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
 def chi_square(one: NDArray[Any], other: NDArray[Any]) -> float:
@@ -23,7 +24,6 @@ def merged_naively(
     strengths: NDArray[Any],
     sizes: NDArray[Any],
     histograms: list[NDArray[Any]],
-    weights: Settings,
 ) -> tuple[list[tuple[int, int]], list[float]]:
     """Compare all pairs of neighbors anew for each merge, from sets of leaves."""
     regions = {number: {number} for number in range(len(sizes))}
@@ -43,13 +43,13 @@ def merged_naively(
         one, other = sorted(regions[a]), sorted(regions[b])
         result = strength / length
         for number, histogram in enumerate(histograms):
-            share = weights.texture if number == len(histograms) - 1 else weights.color
+            share = SETTINGS.texture if number == len(histograms) - 1 else SETTINGS.color
             result += share * chi_square(histogram[one].sum(axis=0), histogram[other].sum(axis=0))
         everything = set(range(len(sizes)))
         perimeter = min(border(regions[r], everything - regions[r])[0] for r in (a, b))
-        result *= 1 - weights.shared * length / perimeter
+        result *= 1 - SETTINGS.shared * length / perimeter
         na, nb = sizes[one].sum(), sizes[other].sum()
-        return float(result * (na * nb / ((na + nb) * sizes.sum())) ** weights.size_power)
+        return float(result * (na * nb / ((na + nb) * sizes.sum())) ** SETTINGS.size_power)
 
     while len(regions) > 1:
         costs = {(a, b): cost(a, b) for a in regions for b in regions if a < b}
@@ -74,15 +74,9 @@ def test_merges_are_those_of_comparing_all_pairs(height: int, width: int, seed: 
     sizes = rng.integers(1, 50, cells.size).astype(float)
     histograms = [rng.dirichlet(np.ones(bins), cells.size) * sizes[:, None] for bins in (4, 5)]
     strengths = rng.random(len(pairs))
-    arguments = (
-        pairs,
-        lengths,
-        strengths,
-        sizes,
-        histograms,
-        Settings(color=0.4, texture=0.7, shared=0.4, size_power=0.3),
-    )
-    found = merge_regions(*arguments)
-    merges, altitudes = merged_naively(*arguments)
+    nowhere = np.zeros((0, 2), np.int32)
+    borders = Borders(pairs, np.append(0, np.cumsum(lengths)).astype(np.int32), nowhere, np.zeros(0, bool))
+    found = Leaves(nowhere, sizes, np.zeros((cells.size, 2)), histograms, borders, strengths).merged()
+    merges, altitudes = merged_naively(pairs, lengths, strengths, sizes, histograms)
     assert [tuple(pair) for pair in found.pairs.tolist()] == merges
     np.testing.assert_allclose(found.altitudes, np.maximum.accumulate(altitudes) if altitudes else [], rtol=1e-12)
