@@ -60,9 +60,9 @@ class _Aiming:
     prices: Sequence[float] = tuple(np.linspace(1.2, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
-    # A search for a quality ends with a result that is by so much better, or after so many trials.
+    # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
-    n_trials: int = 5
+    n_trials: tuple[int, int] = (5, 8)
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -318,7 +318,7 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
 
     def climbed(rungs: Sequence[float], result: Any, wanted: float, first: float, *line: Any) -> Any:
         ladder = Ladder(rungs, result, lambda result: result.quality, *line)
-        below, reached = ladder.climb(wanted, first, aiming.close, aiming.n_trials)
+        below, reached = ladder.climb(wanted, first, aiming.close, aiming.n_trials[rungs is not aiming.prices])
         return reached or below
 
     def at_price(effort: EffortName, wanted: float, first: float) -> Any:
@@ -336,7 +336,8 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
         few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), _most_colors(result)
         much = result.energy > 0 and result.quality >= aim + aiming.close  # images of few colors stay exact
         if price == dearest and much and how.palette is None and few < many:
-            first = many / 2 ** ((result.quality - aim) / aiming.points)
+            # Nearer to the known end: with few colors a quality falls faster.
+            first = many / 2 ** min((result.quality - aim) / aiming.points, 2)
             numbers = range(few, many)
             n_colors, fewer = climbed(numbers, lambda n: seen(n, dearest, "fast"), aim, first, aiming.points)
             n_colors = n_colors if fewer.quality >= wanted else how.n_colors
