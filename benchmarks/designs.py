@@ -14,6 +14,7 @@ import random
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,7 @@ def criteria(given: argparse.Namespace) -> Rows:
             )
             for name in ("cvt", "maximin", "projection", "discrepancy")
         },
-        "LHS ESE (smt)": enhanced,
+        **({"LHS ESE (smt)": enhanced} if find_spec("smt") else {}),
         "LHS random-cd (SciPy)": lambda n, d, seed: qmc.LatinHypercube(d, optimization="random-cd", rng=seed).random(n),
         "Sobol (SciPy)": lambda n, d, seed: qmc.Sobol(d, rng=seed).random(n),
     }

@@ -120,11 +120,16 @@ def measure(points: Values, around: Connectivity) -> Geometry:
 
 
 def _in_blocks(
-    measure: Callable[..., tuple[NDArray[Any], ...]], *tables: NDArray[Any], size: int = 1 << 18
+    measure: Callable[..., tuple[NDArray[Any], ...]], *tables: NDArray[Any], size: int = 1 << 16
 ) -> list[NDArray[Any]]:
     """Measure some rows of tables at a time, so that what is needed in between is small."""
-    blocks = [measure(*(table[k : k + size] for table in tables)) for k in range(0, len(tables[0]), size)]
-    return [np.concatenate(values) for values in zip(*blocks, strict=True)]
+    found: list[NDArray[Any]] = []
+    for start in range(0, len(tables[0]), size):
+        block = measure(*(table[start : start + size] for table in tables))
+        found = found or [np.empty((len(tables[0]), *values.shape[1:]), values.dtype) for values in block]
+        for whole, values in zip(found, block, strict=True):
+            whole[start : start + size] = values
+    return found
 
 
 def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
