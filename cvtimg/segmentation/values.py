@@ -55,7 +55,8 @@ class PictureValues:
             colors, scale = to_space(colors.astype(np.float64) / peak(self.dtype), self.space), self.unit
         values = np.empty(colors.shape, np.float32)
         for dim, middle in enumerate(center):  # long loops, one per dimension
-            values[:, dim] = colors[:, dim].astype(np.float64) * scale - middle
+            place = colors[:, dim] * np.float64(scale)
+            values[:, dim] = np.subtract(place, middle, out=place)
         return values
 
     @property
