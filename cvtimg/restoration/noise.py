@@ -55,9 +55,9 @@ class _Measuring:
     side: int = 16  # of the blocks whose spectra are compared: room for the lags, with a window
     blocks: int = 1 << 12  # that are looked at
     fewest: int = 12  # blocks in the quietest group
-    groups: tuple[float, float] = (0.03, 0.1)  # shares of the blocks, from quiet to loud, that end the first two groups
+    groups: tuple[float, float, float] = (0.03, 0.1, 0.25)  # shares of the blocks, from quiet to loud, that end groups
     rings: int = 12  # per cycle per pixel, in each of which spectra are compared
-    texture: tuple[float, float] = (3.0, 0.1)  # times what grows from the first to the second is, but for chance
+    texture: tuple[float, float] = (3.0, 0.1)  # times what grows from the first to the third is, but for chance
     common: float = 0.9  # part of what is not white that bands share, from which on it is texture
     high: float = 0.2  # cycles per pixel from which on noise is compared with white noise: below, texture prevails
     power: float = 2.0  # of noise that is shared, as a multiple of that of white noise
@@ -293,7 +293,7 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
-# It is measured in quiet blocks, chosen as for the level. What grows from the quietest blocks to the next is texture,
+# It is measured in quiet blocks, chosen as for the level. What grows from the quietest blocks to louder ones is texture,
 # which bands have in common: that much of it, and more, is taken away, but nothing of the white noise that is there.
 
 
@@ -309,7 +309,7 @@ def _shared_in(look: Look, grain: float) -> _Doubles | None:
     how = _MEASURING
     blocks, _ = look.patches(how.side, how.blocks)
     level = _levels_of(look).min()
-    first, second = (int(share * len(blocks)) for share in how.groups)
+    first, second, third = (int(share * len(blocks)) for share in how.groups)
     if first < how.fewest or not level > 0:
         return None
     blocks = _without_slopes(blocks / level)
@@ -328,7 +328,7 @@ def _shared_in(look: Look, grain: float) -> _Doubles | None:
     white = np.square(window).sum()
     quiet = spectrum(slice(first if look.has_texture else look.quiet(len(blocks))))
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(slice(first, second)), white, frequencies)
+        quiet = quiet - _texture_in(quiet, spectrum(slice(second, third)), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= how.high].mean() / white  # texture that all bands share leaves none
