@@ -31,6 +31,7 @@ def interpolation_error(mesh: Mesh, function) -> float:
 def test_edges_have_length_1_in_the_metric() -> None:
     mesh = mesh_region(SQUARE, metric=stretched)
     assert mesh.area == pytest.approx(1)
+    assert len(mesh.boundary) == pytest.approx(2 / 0.2 + 2 / 0.025, rel=0.02)
     edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     steps = mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]]
     lengths = np.hypot(steps[:, 0] / 0.2, steps[:, 1] / 0.025)
