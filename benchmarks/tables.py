@@ -3,7 +3,7 @@
 Tables are of scikit-learn, standardized, or made. Energies are computed from labels, for every rival alike. `optima`
 counts the proven least energies of the iris table that are found, for 2 to 10 generators.
 
-    python benchmarks/tables.py [--quick] [--parts energies optima]
+    python benchmarks/tables.py [--quick] [--docs] [--parts energies optima]
 
 Rivals that cannot be imported are left out; `hgmeans`, which is HG-means, is built from its source.
 """
@@ -18,8 +18,9 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from common import Rows, parser, run, timed
+from common import OUT, ROOT, Rows, parser, run, timed
 from numpy.typing import NDArray
+from PIL import Image
 
 import cvtimg
 
@@ -62,6 +63,7 @@ def rivals() -> dict[str, Find]:
     known: dict[str, tuple[str, Find]] = {
         "KMeans(n_init=10)": ("sklearn", lambda rows, k: KMeans(k, n_init=10, random_state=0).fit(rows).labels_),
         "MiniBatchKMeans": ("sklearn", lambda rows, k: MiniBatchKMeans(k, n_init=10, random_state=0).fit(rows).labels_),
+        "cvtimg fast": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, effort="fast", rng=0).labels),
         "cvtimg balanced": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, rng=0).labels),
         "cvtimg best": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, effort="best", rng=0).labels),
         "bkmeans": (
@@ -93,7 +95,34 @@ def energies(given: argparse.Namespace) -> tuple[Rows, Rows]:
                 found.append({**case, "energy": energy(rows, labels), "seconds": seconds})
                 base = found[-len(shown[-1]) + 1]["energy"]  # of the first rival
                 shown[-1][rival] = f"{found[-1]['energy'] / base - 1:+.2%}, {seconds:.2g} s"
+    if given.docs:
+        draw(found)
     return found, shown
+
+
+def draw(found: Rows) -> None:
+    """Write docs/tables.webp: each rival's time and energy by those of the first, a dot for each table and K."""
+    pyplot = import_module("matplotlib.pyplot")
+    figure, axis = pyplot.subplots(figsize=(8, 4.6))
+    names = list(dict.fromkeys(row["rival"] for row in found))
+    base = {(row["table"], row["k"]): row for row in found if row["rival"] == names[0]}
+    for number, name in enumerate(names[1:]):
+        pairs = [(row, base[row["table"], row["k"]]) for row in found if row["rival"] == name]
+        times = [row["seconds"] / first["seconds"] for row, first in pairs]
+        excess = [100 * (row["energy"] / first["energy"] - 1) for row, first in pairs]
+        axis.scatter(times, excess, s=9, color=f"C{number}", alpha=0.5)
+        axis.scatter(np.median(times), np.median(excess), s=90, color=f"C{number}", marker="D", label=name)
+    axis.axhline(0, color="0.6", linewidth=0.8)
+    axis.axvline(1, color="0.6", linewidth=0.8)
+    axis.set(
+        xscale="log", ylim=(-10, 13), xlabel=f"time / that of {names[0]}", ylabel=f"energy over that of {names[0]}, %"
+    )
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.legend(frameon=False, fontsize=9)
+    figure.tight_layout()
+    OUT.mkdir(parents=True, exist_ok=True)
+    figure.savefig(OUT / "tables.png", dpi=110)
+    Image.open(OUT / "tables.png").convert("RGB").save(ROOT / "docs" / "tables.webp", lossless=True)
 
 
 def optima(given: argparse.Namespace) -> Rows:
@@ -108,4 +137,6 @@ def optima(given: argparse.Namespace) -> Rows:
 
 
 if __name__ == "__main__":
-    run(parser(__doc__), energies, optima)
+    read = parser(__doc__)
+    read.add_argument("--docs", action="store_true", help="write the plot to docs/tables.webp")
+    run(read, energies, optima)
