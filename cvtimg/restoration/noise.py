@@ -293,8 +293,8 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
-# It is measured in quiet blocks, chosen as for the level. What grows from the quietest blocks to louder ones is texture,
-# which bands have in common: that much of it, and more, is taken away, but nothing of the white noise that is there.
+# It is measured in quiet blocks, chosen as for the level. What bands have in common and grows from the quietest blocks to
+# louder ones is texture: that much of it, and more, is taken away, but nothing of the white noise that is there.
 
 
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
