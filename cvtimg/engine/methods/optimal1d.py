@@ -112,8 +112,8 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
     for end in (few, many):
         if end.n_cells == n_cells:
             return end
-    # The price at which two cuts cost the same shows whether there is a cut between them. The first is a guess: that
-    # E(k) is proportional to k^-2.
+    # The price at which two cuts cost the same shows whether there is a cut between them. Guesses, that E(k) goes on like
+    # k^-2, lead near to it in fewer steps.
     price, guessed = 2 * few.energy / n_cells**3, True
     while True:
         found = levels.cut(price)
@@ -121,9 +121,11 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
             return found
         if few.n_cells < found.n_cells < many.n_cells:
             few, many = (found, many) if found.n_cells < n_cells else (few, found)
-        elif not guessed:
+            price, guessed = price * (found.n_cells / n_cells) ** 3, True
+        elif guessed:
+            price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
+        else:
             return levels._cut_at(_join(few.bounds, many.bounds, n_cells))
-        price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
 
 
 def _join(few: NDArray[np.int32], many: NDArray[np.int32], n_cells: int) -> NDArray[np.int32]:
