@@ -293,7 +293,7 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
-# It is measured in quiet blocks, chosen as for the level. What bands have in common and grows from the quietest blocks to
+# It is measured in quiet blocks, chosen as for the level. What bands have in common and grows from the quietest to
 # louder ones is texture: that much of it, and more, is taken away, but nothing of the white noise that is there.
 
 
