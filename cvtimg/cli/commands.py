@@ -21,6 +21,7 @@ from inspect import Parameter, Signature
 from typing import Annotated, Any, Literal, cast
 
 import typer
+from typer.completion import get_completion_inspect_parameters, install_callback, show_callback
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from cvtimg.batch import WrongUsageError
@@ -155,18 +156,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _install_completion(ctx: typer.Context, param: typer.CallbackParam, shell: str | None) -> None:
-    from typer.completion import install_callback
-
-    install_callback(ctx, param, shell)
-
-
-def _show_completion(ctx: typer.Context, param: typer.CallbackParam, shell: str | None) -> None:
-    from typer.completion import show_callback
-
-    show_callback(ctx, param, shell)
-
-
 # Typer's boxed help takes 0.1 s longer and breaks lines that users copy. Its completion options guess the shell from
 # the parent process, which fails if that is not a shell.
 app = typer.Typer(
@@ -179,9 +168,9 @@ _Shell = Literal["bash", "zsh", "fish"]
 def _cvtimg(
     version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True)] = False,
     install: Annotated[
-        _Shell | None, typer.Option("--install-completion", callback=_install_completion, is_eager=True)
+        _Shell | None, typer.Option("--install-completion", callback=install_callback, is_eager=True)
     ] = None,
-    show: Annotated[_Shell | None, typer.Option("--show-completion", callback=_show_completion, is_eager=True)] = None,
+    show: Annotated[_Shell | None, typer.Option("--show-completion", callback=show_callback, is_eager=True)] = None,
 ) -> None:
     """See `overview`."""
 
@@ -189,8 +178,6 @@ def _cvtimg(
 def command_of(given: list[str]) -> Callable[..., Any]:
     """Return the main function of the command that a command line names, with its arguments."""
     if "_CVTIMG_COMPLETE" in os.environ:
-        from typer.completion import get_completion_inspect_parameters
-
         get_completion_inspect_parameters()  # registers the shells
     if given[:1] == ["help"]:
         given = [*given[1:], "--help"]

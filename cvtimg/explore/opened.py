@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -79,8 +80,7 @@ class Picture:
         self.n_bytes = path.stat().st_size
         self._lock = threading.Lock()
         self._kept: OrderedDict[Any, Any] = OrderedDict()
-        self._curves: dict[str, threading.Event] = {}
-        self._found: dict[str, EnergyCurve] = {}
+        self._curves: dict[str, Future[EnergyCurve]] = {}
         self._closed = False
 
     @property
@@ -142,11 +142,6 @@ class Picture:
         return None if known.all() else known
 
     @cached_property
-    def n_distinct(self) -> int:
-        """Number of distinct colors."""
-        return self.samples.n_colors
-
-    @cached_property
     def samples(self) -> ColorSamples:
         """Colors of all pixels."""
         return self._samples_in(self.whole(MOST_PIXELS))
@@ -188,28 +183,26 @@ class Picture:
     def curve(self, space: SpaceName, *, wait: bool) -> EnergyCurve | None:
         """Return the energy curve; without `wait`, None until it is there. It is computed in the background."""
         with self._lock:
-            first = space not in self._curves
-            ready = self._curves.setdefault(space, threading.Event())
-        if first:
-            threading.Thread(target=self._measure, args=(space, ready), daemon=True).start()
-        if wait:
-            ready.wait()
-        return self._found.get(space)
+            if space not in self._curves:
+                self._curves[space] = Future()
+                threading.Thread(target=self._measure, args=(space,), daemon=True).start()
+            curve = self._curves[space]
+        with suppress(Exception):  # who waits for the curve is told that there is none
+            return curve.result(None if wait else 0)
+        return None
 
-    def _measure(self, space: SpaceName, ready: threading.Event) -> None:
+    def _measure(self, space: SpaceName) -> None:
+        curve = self._curves[space]
         try:
-            with suppress(Exception):  # who waits for the curve is told that there is none
-                self._found[space] = energy_curve(
-                    self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed
-                )
-        finally:
-            ready.set()
+            found = energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
+            curve.set_result(found)
+        except Exception as error:
+            curve.set_exception(error)
 
     def close(self) -> None:
         """End what is computed in the background."""
         self._closed = True
-        for ready in list(self._curves.values()):
-            ready.wait()
+        wait(list(self._curves.values()))
 
     @cached_property
     def _limits(self) -> tuple[float, float]:
@@ -217,16 +210,12 @@ class Picture:
         return natural_limits(bands if self.known is None else bands[self.known])
 
     def _bands(self, pixels: NDArray[Any]) -> NDArray[Any]:
-        bands = pixels.reshape(*self._shape_of(pixels), -1)
-        return bands if self.has_alpha or bands.shape[-1] <= 3 else bands[..., :3]
-
-    def _shape_of(self, pixels: NDArray[Any]) -> tuple[int, ...]:
-        return pixels.shape if self.plain.ndim == 2 else pixels.shape[:-1]
+        bands = pixels[..., None] if self.plain.ndim == 2 else pixels
+        return bands if self.has_alpha else bands[..., :3]
 
     def seen(self, window: Window) -> Pixels:
         """Return the picture as it is shown."""
-        pixels = shown(self._bands(window.of_array(self.plain)), self._limits)
-        return Pixels(pixels)
+        return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
 
     def colors_seen(self, colors: NDArray[Any], *, alpha: bool) -> NDArray[np.uint8]:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
@@ -248,6 +237,6 @@ class Picture:
             "height": height,
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
-            "distinct": self.n_distinct,
+            "distinct": self.samples.n_colors,
             "exact": self.array.dtype == np.uint8,
         }

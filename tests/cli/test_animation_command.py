@@ -27,8 +27,7 @@ def film(photograph: NDArray[np.uint8]) -> Frames:
     frames = Frames(images, (40.0, 70.0, 1000.0), 0)
     write_frames("film.png", frames)
     result = quantize_frames(frames, 200)
-    shown, palettes = result.content
-    write_frames("film.gif", shown, palettes=palettes)
+    result.save("film.gif")
     return Frames(tuple(one.image for one in result.results), frames.durations, 0)
 
 

@@ -17,10 +17,10 @@ import pytest
 from commands import RowOf
 from PIL import Image
 
-from cvtimg import quantize, read_image, write_image
+from cvtimg import quantize, quantize_frames, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.options.common import n_bytes
-from cvtimg.pictures import Frames, image_info, read_frames, write_frames
+from cvtimg.pictures import Frames, image_info, read_frames
 
 pytestmark = pytest.mark.timeout(120)
 RNG = np.random.default_rng(21)
@@ -121,21 +121,10 @@ def test_ext_ends_the_names_of_outputs_beside_their_inputs(here: Path) -> None:
     assert names("out") == ["a.tif"]
 
 
-def film(path: str) -> None:
-    frames = tuple(np.roll(RGB, number, axis=0) for number in range(3))
-    shown, palettes = cvtimg_frames(Frames(frames, (40.0, 40.0, 40.0), 0))
-    write_frames(path, shown, palettes=palettes)
-
-
-def cvtimg_frames(frames: Frames) -> tuple[Frames, object]:
-    from cvtimg import quantize_frames
-
-    return quantize_frames(frames, 200).content
-
-
 def test_gifs_of_a_folder_stay_animated_gifs(here: Path) -> None:
     Path("in").mkdir()
-    film("in/film.gif")
+    frames = tuple(np.roll(RGB, number, axis=0) for number in range(3))
+    quantize_frames(Frames(frames, (40.0,) * 3, 0), 200).save("in/film.gif")
     write_image("in/still.webp", RGB)
     assert cli.main(["quantize", "in", "-k", "8", "--out-dir", "out", "--quiet"]) == 0
     assert names("out") == ["film.gif", "still.png"]

@@ -151,15 +151,6 @@ def test_the_border_of_what_is_left_out_is_no_edge_and_has_no_color(run: Run) ->
     assert len(feature["geometry"]["coordinates"]) == 2
 
 
-def test_a_mask_of_another_size_fails_its_input_alone(run: Run) -> None:
-    write_image("small.png", RGB[:30])
-    write_image("mask.png", np.ones(RGB.shape[:2], bool))
-    outcome = run("small.png", "rgb.png", "-k", "2", "--mask", "mask.png", "--out-dir", "out")
-    assert outcome.status == 1
-    assert "small.png: the mask mask.png must have 50 x 30 pixels, as the image, and has 50 x 40 pixels" in outcome.err
-    assert {name for name in listing() if name.startswith("out/")} == {"out/rgb-labels.png"}
-
-
 def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out(run: Run) -> None:
     image = np.zeros((6, 8), np.uint16)
     image[:, 4:] = 900
@@ -230,16 +221,6 @@ def test_auto_takes_the_number_of_segments_at_the_elbow_of_what_is_known(run: Ru
     number, curve = auto_count(RGB[:, known])
     assert row["k"] == number == np.load("l.npy").max()
     assert row["elbow"] == curve.elbows()
-
-
-def test_auto_counts_averaging_and_edges_as_in_python(run: Run) -> None:
-    noisy = np.clip(RGB + RNG.normal(0, 40, RGB.shape), 0, 255).astype(np.uint8)
-    write_image("noisy.png", noisy)
-    words = ["--averaging", "before", "--radius", "2", "--edge-weight", "300"]
-    (row,) = run("noisy.png", "-k", "auto", "-o", "l.npy", *words).rows
-    expected = segment(noisy, "auto", averaging="before", edge_weight=300)
-    assert row["k"] == expected.n_segments
-    np.testing.assert_array_equal(np.load("l.npy"), expected.labels)
 
 
 @pytest.fixture
