@@ -47,12 +47,12 @@ def test_quantize_does_each_step_once(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("verb", ["quantize", "segment"])
-def test_the_engine_is_thirteen_stations_from_the_command_line(tmp_path: Path, verb: str) -> None:
+def test_the_engine_is_eight_stations_from_the_command_line(tmp_path: Path, verb: str) -> None:
     write_image(tmp_path / "in.png", np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8))
     stations: list[str] = []
 
     def look(frame: FrameType | None, event: str, _: object) -> None:
-        if event == "call" and frame and frame.f_code.co_name == "assign" and not stations:
+        if event == "call" and frame and frame.f_code.co_name == "tessellate" and not stations:
             while frame:
                 name = frame.f_globals.get("__name__", "")
                 stations.extend([f"{name}.{frame.f_code.co_name}"] if name.startswith("cvtimg.") else [])
@@ -63,5 +63,5 @@ def test_the_engine_is_thirteen_stations_from_the_command_line(tmp_path: Path, v
         assert main([verb, str(tmp_path / "in.png"), "-k", "4", "--quiet", "-o", str(tmp_path / "out.png")]) == 0
     finally:
         sys.setprofile(None)
-    assert stations[0] == "cvtimg.engine.points.assign"
-    assert len(stations) <= 13, stations[::-1]
+    assert stations[0] == "cvtimg.engine.tessellation.tessellate"
+    assert len(stations) <= 8, stations[::-1]
