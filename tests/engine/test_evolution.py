@@ -38,7 +38,7 @@ def tables() -> dict[str, NDArray[Any]]:
 def test_the_best_effort_reaches_proven_optima(name: str, tables: dict[str, NDArray[Any]]) -> None:
     for n_generators, least in enumerate(OPTIMA[name], 2):
         found = [tessellate(tables[name], n_generators, effort="best", rng=seed).energy for seed in range(3)]
-        # One search in a hundred ends at a minimum next to the least.
+        # One search in twenty ends at a minimum next to the least.
         assert max(found) < 1.003 * least
         np.testing.assert_allclose(min(found), least, rtol=1e-6)
 

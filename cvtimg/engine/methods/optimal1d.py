@@ -112,8 +112,8 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
     for end in (few, many):
         if end.n_cells == n_cells:
             return end
-    # The price at which two cuts cost the same shows whether there is a cut between them. Guesses, that E(k) goes on like
-    # k^-2, lead near to it in fewer steps.
+    # The price at which two cuts cost the same shows whether there is a cut between them. Guesses, that E(k) goes on
+    # like k^-2, lead near to it in fewer steps.
     price, guessed = 2 * few.energy / n_cells**3, True
     while True:
         found = levels.cut(price)
