@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -51,16 +52,20 @@ def start(source: Path, out: Path, jobs: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen([*command, *options], cwd=source.parent, start_new_session=True, stderr=subprocess.DEVNULL)
 
 
+def statuses() -> Iterator[tuple[Path, list[str]]]:
+    """Yield the folder of each process below /proc, and its state, parent, group and so on from the file ``stat``."""
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            yield path.parent, path.read_text().rpartition(")")[2].split()
+
+
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
     """List the processes that a run has started, without the one that counts resources."""
     found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            status, command = path.read_text().rpartition(")")[2].split(), (path.parent / "cmdline").read_bytes()
-        except OSError:
-            continue
-        if int(status[1]) == process.pid and b"resource_tracker" not in command:
-            found.append(int(path.parent.name))
+    for folder, (_, parent, *_) in statuses():
+        with suppress(OSError):
+            if int(parent) == process.pid and b"resource_tracker" not in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
     return found
 
 
@@ -78,11 +83,9 @@ def kill(process: subprocess.Popen[bytes], how: str) -> None:
 
 
 def wait_for_group(process: subprocess.Popen[bytes]) -> None:
-    """Wait until no process of a run is left."""
+    """Wait until no process of a run is left, but those that have ended and that the system has yet to take away."""
     for _ in range(1000):
-        try:
-            os.killpg(process.pid, 0)
-        except ProcessLookupError:
+        if not any(state != "Z" and int(group) == process.pid for _, (state, _, group, *_) in statuses()):
             return
         time.sleep(0.02)
     sys.exit("FAILED: processes are left 20 seconds after their main process was killed")
