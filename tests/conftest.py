@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 
 from cvtimg import read_image
@@ -20,10 +20,10 @@ gc.disable()
 # What a shell starts in the background ignores Ctrl-C, which tests send to themselves and to programs they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Machines that run tests are busy: a slow example is not a failure. Examples are the same in each run, so that none
-# fails by chance; `pytest --hypothesis-profile=explore` looks for others.
-settings.register_profile("explore", deadline=None)
-settings.register_profile("cvtimg", deadline=None, derandomize=True, database=None)
+# Machines that run tests are busy, or emulated: slow examples are not a failure. Examples are the same in each run, so
+# that none fails by chance; `pytest --hypothesis-profile=explore` looks for others.
+settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("cvtimg", settings.get_profile("explore"), derandomize=True, database=None)
 settings.load_profile("cvtimg")
 
 SAMPLES = Path(__file__).parent.parent / "sample_images"
