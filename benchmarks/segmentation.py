@@ -1,7 +1,7 @@
 """Segmentation beside other programs: noise, pictures that people divided, superpixels, seconds.
 
 Prints four parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
-pictures, if they are there, at one setting for all of them; superpixels beside SLIC; seconds on a megapixel.
+pictures, if they are there; superpixels beside SLIC; seconds on a megapixel.
 
     python benchmarks/segmentation.py [--quick] [--parts noise bsds cells speed]
 """
@@ -25,20 +25,11 @@ from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb,
 from numpy.typing import NDArray
 from PIL import Image
 
-from cvtimg import quantize, segment, superpixels
+from cvtimg import quantize, segment, segment_hierarchy, superpixels
 from cvtimg.labels import connected_pieces
 
 SIGMAS = (0.25, 0.5, 1.0)
 N_SUPERPIXELS = 400
-#: The one setting for all Berkeley pictures.
-BSDS_SETTING: dict[str, Any] = {
-    "n_segments": 6,
-    "space": "lab",
-    "edge_weight": 20,
-    "components": True,
-    "min_size": 100,
-    "border_price": 10000,
-}
 
 Labels = NDArray[Any]
 
@@ -158,10 +149,8 @@ def bsds(given: argparse.Namespace) -> tuple[Rows, Rows]:
     from skimage.color import rgb2gray
     from skimage.segmentation import chan_vese, felzenszwalb
 
-    chosen = {key: value for key, value in BSDS_SETTING.items() if key != "n_segments"}
-    k = BSDS_SETTING["n_segments"]
     rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]] = {
-        "cvtimg segment, components joined": lambda image: segment(image, k, **chosen).labels,
+        "cvtimg segment_hierarchy": lambda image: segment_hierarchy(image).cut(),
         "cvtimg segment, K = 4": lambda image: segment(image, 4).labels,
         "cvtimg segment, K = 4, edge_weight=0 (k-means)": lambda image: segment(image, 4, edge_weight=0).labels,
         f"{skimage()} chan_vese, gray": lambda image: chan_vese(rgb2gray(image)).astype(np.int32),

@@ -29,7 +29,7 @@ EXAMPLES = """\
 """
 #: Arguments of `segment` that do not need the whole image at a time, and options that do.
 _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort", "rng")
-_WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "border_price", "shading", "averaging",
+_WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "shading", "averaging",
           "objects", "edit")  # fmt: skip
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"

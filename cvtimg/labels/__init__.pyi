@@ -1,6 +1,5 @@
 from .components import absorb_small as absorb_small
 from .components import connected_pieces as connected_pieces
-from .components import join_regions as join_regions
 from .contours import Contours as Contours
 from .contours import Polygon as Polygon
 from .contours import find_contours as find_contours

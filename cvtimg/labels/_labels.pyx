@@ -164,35 +164,18 @@ def absorb(
 ctypedef struct Graph:
     int32_t *ends        # (B, 2): regions at either side of each border
     double *lengths      # (B,)
-    double *steps        # (B, S): what is measured along each border, summed over its length
+    double *steps        # (B,): strength of each border, summed over its length
     double *sizes        # (N,): pixels
     double *perimeters   # (N,)
-    double *sums         # (N, H): over the pixels
-    Py_ssize_t n_steps
+    double *sums         # (N, H): histograms
     Py_ssize_t n_sums
     const int32_t *blocks  # (C + 1,): where the histogram of each channel begins in the sums; textons are the last
-    Py_ssize_t n_blocks  # 0 if the sums are those of values
+    Py_ssize_t n_blocks
     double color
     double texture
     double shared
     double size_power
     double total         # pixels of all regions
-
-
-cdef double rise_per_length(const Graph *graph, Py_ssize_t border) noexcept nogil:
-    """Return the rise in energy per pixel of border when the regions at either side merge.
-
-    The difference between them is that of their means, or the step across the border if that is less.
-    """
-    cdef int32_t a = graph.ends[2 * border], b = graph.ends[2 * border + 1]
-    cdef double na = graph.sizes[a], nb = graph.sizes[b], length = graph.lengths[border], apart = 0, across = 0, step
-    cdef Py_ssize_t d
-    for d in range(graph.n_sums):
-        step = graph.sums[a * graph.n_sums + d] / na - graph.sums[b * graph.n_sums + d] / nb
-        apart = apart + step * step
-        step = graph.steps[border * graph.n_steps + d] / length
-        across = across + step * step
-    return na * nb / (na + nb) * min(apart, across) / length
 
 
 cdef double difference(const Graph *graph, Py_ssize_t border) noexcept nogil:
@@ -213,10 +196,6 @@ cdef double difference(const Graph *graph, Py_ssize_t border) noexcept nogil:
         result = result + chi / 2 * (graph.texture if block == graph.n_blocks - 1 else graph.color)
     result = result * (1 - graph.shared * graph.lengths[border] / min(graph.perimeters[a], graph.perimeters[b]))
     return result * pow(na * nb / ((na + nb) * graph.total), graph.size_power)
-
-
-cdef inline double cost_of(const Graph *graph, Py_ssize_t border) noexcept nogil:
-    return difference(graph, border) if graph.n_blocks else rise_per_length(graph, border)
 
 
 cdef inline bint comes_first(const double *costs, int32_t a, int32_t b) noexcept nogil:
@@ -263,15 +242,14 @@ cdef void take_out(int32_t *heap, int32_t *places, const double *costs, Py_ssize
 def merge(
     int32_t[:, ::1] ends,           # INOUT (B, 2): regions at either side of each border
     double[::1] lengths,            # INOUT (B,)
-    double[:, ::1] steps,           # INOUT (B, S): what is measured along each border, summed over its length
+    double[::1] steps,              # INOUT (B,): strength of each border, summed over its length
     double[::1] sizes,              # INOUT (N,): pixels of each region
-    double[:, ::1] sums,            # INOUT (N, H): over the pixels: histograms, or values if there are no blocks
-    double limit,                   # IN: what costs this much is not merged
-    const int32_t[::1] blocks=None,  # IN (C + 1,): where the histogram of each channel begins; textons are the last
-    double color=0,                 # IN: weight of a channel of color
-    double texture=0,               # IN: weight of textons
-    double shared=0,                # IN: how a shared border counts
-    double size_power=0,            # IN
+    double[:, ::1] sums,            # INOUT (N, H): histograms
+    const int32_t[::1] blocks,      # IN (C + 1,): where the histogram of each channel begins; textons are the last
+    double color,                   # IN: weight of a channel of color
+    double texture,                 # IN: weight of textons
+    double shared,                  # IN: how a shared border counts
+    double size_power,              # IN
 ):
     """Merge the pair of neighbors that costs least, again and again; the arguments are used up.
 
@@ -280,7 +258,6 @@ def merge(
     """
     cdef Graph graph
     cdef Py_ssize_t n_borders = lengths.shape[0], n_regions = sizes.shape[0], n = n_borders, n_merges = 0, b, h
-    cdef bint turned
     cdef int32_t border, kept, gone, half, after, other, twin, last, degree
     cdef int32_t[::1] heads = np.full(n_regions, -1, np.int32), tails = np.full(n_regions, -1, np.int32)
     cdef int32_t[::1] following = np.empty(2 * n_borders, np.int32), degrees = np.zeros(n_regions, np.int32)
@@ -296,11 +273,9 @@ def merge(
     cdef int32_t *queue = &heap[0]
     cdef int32_t *place = &places[0]
     cdef double *cost = &costs[0]
-    graph.ends, graph.lengths, graph.steps, graph.n_steps = &ends[0, 0], &lengths[0], &steps[0, 0], steps.shape[1]
+    graph.ends, graph.lengths, graph.steps = &ends[0, 0], &lengths[0], &steps[0]
     graph.sizes, graph.perimeters, graph.sums, graph.n_sums = &sizes[0], &perimeters[0], &sums[0, 0], sums.shape[1]
-    graph.blocks, graph.n_blocks = NULL, 0
-    if blocks is not None:
-        graph.blocks, graph.n_blocks = &blocks[0], blocks.shape[0] - 1
+    graph.blocks, graph.n_blocks = &blocks[0], blocks.shape[0] - 1
     graph.color, graph.texture, graph.shared, graph.size_power = color, texture, shared, size_power
     graph.total = 0
     with nogil:
@@ -311,10 +286,10 @@ def merge(
             perimeters[ends[b, 0]] += lengths[b]
             perimeters[ends[b, 1]] += lengths[b]
         for b in range(n_borders):
-            costs[b] = cost_of(&graph, b)
+            costs[b] = difference(&graph, b)
         for b in range(n_borders // 2 - 1, -1, -1):
             sink(queue, place, cost, n, b)
-        while n > 0 and costs[heap[0]] < limit:
+        while n > 0:
             border = queue[0]
             kept = ends[border, 0]
             gone = ends[border, 1]
@@ -354,10 +329,7 @@ def merge(
                     twin = marks[other]
                     if twin >= 0:
                         lengths[twin] += lengths[b]
-                        # Steps of values go from the first end of a border to the second.
-                        turned = graph.n_blocks == 0 and (ends[twin, 0] == kept) != (half % 2 == 0)
-                        for h in range(graph.n_steps):
-                            steps[twin, h] += -steps[b, h] if turned else steps[b, h]
+                        steps[twin] += steps[b]
                         joined[b] = twin
                         degrees[other] -= 1
                         take_out(queue, place, cost, n, place[b])
@@ -374,7 +346,7 @@ def merge(
             while half >= 0:
                 b = half // 2
                 marks[ends[b, 1 - half % 2]] = -1
-                cost[b] = cost_of(&graph, b)
+                cost[b] = difference(&graph, b)
                 rise(queue, place, cost, place[b])
                 sink(queue, place, cost, n, place[b])
                 half = following[half]

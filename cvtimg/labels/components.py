@@ -1,9 +1,8 @@
-"""Connected pieces of segments as regions, and the merging of small or needless regions into their neighbors.
+"""Connected pieces of segments as regions, and the merging of small ones into their neighbors.
 
 The energy of regions is that of segments: squared distances to the mean of each region, plus a price for the length of
 the borders. Merging regions of n_a and n_b pixels whose means are d apart raises the first term by
-n_a n_b / (n_a + n_b) d^2 and saves the border between them. In a shaded image, regions can differ although no edge
-separates them; `join_regions` therefore takes the step across their border for d if that is smaller.
+n_a n_b / (n_a + n_b) d^2 and saves the border between them.
 """
 
 from __future__ import annotations
@@ -62,9 +61,6 @@ def find_borders(labels: NDArray[np.int32]) -> Borders:
 
 # --- pieces of segments
 
-#: The step across a border is measured this many pixels away from the two pixels at the border.
-_BEYOND_BORDER = 2
-
 
 def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """Find the connected pieces of (H, W) labels, numbered from 1 in reading order; label 0 stays 0.
@@ -110,48 +106,8 @@ def absorb_small(
     return np.append(np.int32(0), parents + np.int32(1))[pieces]
 
 
-def join_regions(regions: NDArray[np.int32], values: NDArray[np.float32], length_price: float) -> NDArray[np.int32]:
-    """Merge neighbors as long as the price of the border between them exceeds the rise in energy.
-
-    The pairs that save the most length for their rise in energy come first. Parameters and result are those of
-    `absorb_small`. Steps across borders are measured between pixels a little apart, so the values are best smoothed a
-    little.
-
-    References
-    ----------
-    G. Koepfler, C. Lopez, J. Morel, SIAM J. Numerical Analysis 31 (1994) 282-299, doi 10.1137/0731015.
-    """
-    borders = find_borders(regions)
-    sizes, sums = _measured(regions, values)
-    steps = sum_by_label(np.repeat(np.arange(len(borders.pairs)), borders.lengths), _steps(borders, regions, values))
-    lengths = borders.lengths.astype(np.float64)
-    merges, _ = _labels.merge(borders.pairs, lengths, steps, sizes.astype(np.float64), sums, length_price)
-    # Every region gets the number of its first part: that of the lowest node in the tree of merges.
-    first = np.arange(len(sizes) + len(merges), dtype=np.int32)
-    for node, pair in enumerate(merges.tolist(), start=len(sizes)):
-        first[node] = min(first[pair[0]], first[pair[1]])
-    for node, pair in zip(range(len(first) - 1, len(sizes) - 1, -1), merges[::-1], strict=True):
-        first[pair] = first[node]
-    return np.append(np.int32(0), first[: len(sizes)] + np.int32(1))[regions]
-
-
 def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """(N,) pixels of each region, and (N, D) sums of their values."""
     own = regions[regions > 0] - 1
     n_regions = int(regions.max())
     return np.bincount(own, minlength=n_regions).astype(np.int64), sum_by_label(own, values[regions > 0], n_regions)
-
-
-def _steps(borders: Borders, regions: NDArray[np.int32], values: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(P, D) step in value across each crack, from the first region of its border to the second."""
-    down, right = borders.is_flat, ~borders.is_flat
-    before = borders.places
-    after = before + np.stack([down, right], axis=1)
-    reach = _BEYOND_BORDER * np.stack([down, right], axis=1)
-    # Borders are blurred: look beyond them, but not beyond the mask.
-    near, far = np.maximum(before - reach, 0), np.minimum(after + reach, np.array(regions.shape) - 1)
-    near = np.where(regions[tuple(near.T)][:, None] > 0, near, before)
-    far = np.where(regions[tuple(far.T)][:, None] > 0, far, after)
-    steps = (values[tuple(far.T)] - values[tuple(near.T)]).astype(np.float64)
-    steps[regions[tuple(before.T)] > regions[tuple(after.T)]] *= -1
-    return steps

@@ -35,7 +35,7 @@ _MODULES = {
 PANELS = {
     "What to get": "",
     "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
-    "border_price background neck_depth object_border threshold compactness edit",
+    "background neck_depth object_border threshold compactness edit",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette palette_per_frame",
     "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "

@@ -139,20 +139,6 @@ SEGMENT = (
         default=0,
         excludes=_BY_COLOR,
     ).on_page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px"),
-    passed(
-        "border_price",
-        Real(0),
-        "With --components: merge neighbors where that costs less per pixel of border.",
-        metavar="P",
-        default=0,
-        needs=("components",),
-    ).on_page(
-        "Border price",
-        "Merge neighbors where that costs less per pixel of border.",
-        slider=(0, 5000),
-        step=10.0,
-        high=10**7,
-    ),
     switch(
         "objects",
         "Make each object before the background a segment; split touching ones. Without -k, measure all it takes.",

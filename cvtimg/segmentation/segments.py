@@ -8,22 +8,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_count,
-    check_excluded,
-    check_needs,
-    check_non_negative,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
 from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
-from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.labels.components import absorb_small, connected_pieces
+from cvtimg.segmentation.averaging import Averaging
 from cvtimg.segmentation.edge_weight import length_cost
 from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels
@@ -31,7 +24,6 @@ from cvtimg.segmentation.touching import Objects
 from cvtimg.segmentation.values import at_pixels, picture_values
 
 _MAX_SEGMENTS = 1 << 16
-_BESIDE_BORDERS = Averaging("before", "gaussian", 1.0)
 #: Parts of the time until their number is picked, and until segments are found but for their neighbors.
 _CURVE, _CELLS = 0.4, 0.6
 
@@ -50,7 +42,6 @@ def segment(
     volume_power: float = 0,
     components: bool = False,
     min_size: int = 0,
-    border_price: float = 0,
     objects: bool | Objects = False,
     mask: ArrayLike | None = None,
     effort: EffortName = "balanced",
@@ -59,7 +50,7 @@ def segment(
     """Divide an image into segments of similar color.
 
     Labels depend on neither the type nor the scale of the image: an 8-bit image and the same image in 16 bits or in
-    floating point have the same segments. Weights and prices are in squared 8-bit levels: they count as if white,
+    floating point have the same segments. Weights are in squared 8-bit levels: they count as if white,
     which is the largest integer of the type and 1 in floating point, were 255 in any space.
 
     Parameters
@@ -92,10 +83,6 @@ def segment(
     min_size : int
         Merge pieces of fewer pixels into the neighbor that raises the energy least. Only pieces that the mask
         separates from all others remain.
-    border_price : float
-        With `components`: merge neighbors as long as this raises the sum of their squared distances by less than
-        `border_price` per pixel of the border between them. Where the image is shaded, the step across the border
-        counts instead of the difference between the means.
     objects : bool or Objects
         Take all segments but the largest, the background, for objects: each gets a label of its own, touching ones are
         split at their necks, and the background gets label 0. See `Objects` for other backgrounds and necks.
@@ -126,8 +113,7 @@ def segment(
     ([240, 360], 2)
     """
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power)
-    size, price = int(check_non_negative("min_size", min_size)), check_non_negative("border_price", border_price)
-    check_needs("border_price", bool(price), "components=True", components)
+    size = int(check_non_negative("min_size", min_size))
     check_excluded("objects", bool(objects), components=components)
     if n_segments != "auto":
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
@@ -149,9 +135,7 @@ def segment(
         labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
     weight = descent.edge_weight if descent else 0.0
     if components or size:
-        labels = _in_pieces(labels, prepared.data, size, max(weight * length_cost(edge_radius), price), components)
-    if price:
-        labels = join_regions(labels, averaged(prepared.data, _BESIDE_BORDERS, labels > 0), price)
+        labels = _in_pieces(labels, prepared.data, size, weight * length_cost(edge_radius), components)
     if objects:
         labels = (Objects() if objects is True else objects).found(labels, prepared.data)
     scale = values.scale**2 if descent is None and start is None else 1.0

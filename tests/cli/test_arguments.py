@@ -33,7 +33,6 @@ WITH = {
     "ramp": "--palette game-boy",
     "radius_range": "--dots sized",
     "tones": "--layers cmyk",
-    "border_price": "--components",
 }
 
 

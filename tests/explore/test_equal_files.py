@@ -62,7 +62,6 @@ VALUES: dict[tuple[str, str], Any] = {
     ("segments", "cells"): 30,
     ("segments", "threshold"): 0.3,
     ("segments", "edge_weight"): "auto",
-    ("segments", "border_price"): 120.0,
     ("segments", "min_size"): 25,
     ("stipple", "n_dots"): 450,
     ("stipple", "max_ink"): 0.6,

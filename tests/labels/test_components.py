@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from cvtimg.labels.components import absorb_small, connected_pieces, join_regions
+from cvtimg.labels.components import absorb_small, connected_pieces
 
 
 def drawn(seed: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
@@ -20,17 +20,6 @@ def drawn(seed: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     labels = rng.integers(1, 4, shape).astype(np.int32)
     labels[rng.random(shape) < 0.1] = 0
     return connected_pieces(labels), rng.normal(size=(*shape, 2)).astype(np.float32)
-
-
-def energy(regions: NDArray[Any], values: NDArray[Any], length_price: float) -> float:
-    """Squared distances to the means, and the length of the borders between regions."""
-    total = 0.0
-    for region in np.unique(regions[regions > 0]):
-        inside = values[regions == region].astype(float)
-        total += ((inside - inside.mean(axis=0)) ** 2).sum()
-    for one, two in ((regions[1:], regions[:-1]), (regions[:, 1:], regions[:, :-1])):
-        total += length_price * np.count_nonzero((one != two) & (one > 0) & (two > 0))
-    return total
 
 
 def neighbors(regions: NDArray[Any]) -> set[tuple[int, int]]:
@@ -68,30 +57,6 @@ def test_the_smallest_goes_first() -> None:
     pieces = np.array([[1, 1, 1, 1, 2, 3, 3, 4, 4, 4, 4]], np.int32)
     kept = absorb_small(pieces, levels[..., None].astype(np.float32), 3)
     np.testing.assert_array_equal(kept, [[1, 1, 1, 1, 3, 3, 3, 4, 4, 4, 4]])
-
-
-@settings(max_examples=30)
-@given(seed=st.integers(0, 1 << 20), price=st.sampled_from([0.05, 0.5, 3.0]))
-def test_regions_are_joined_until_no_pair_would_lower_the_energy(seed: int, price: float) -> None:
-    pieces, values = drawn(seed)
-    if not pieces.any():
-        return
-    joined = join_regions(pieces, values, price)
-    end = energy(joined, values, price)
-    for one, two in neighbors(joined):
-        assert energy(np.where(joined == one, two, joined), values, price) >= end - 1e-4
-    for region in np.unique(joined[joined > 0]):
-        assert ndimage.label(joined == region)[1] == 1
-
-
-def test_shades_are_joined_and_steps_are_not() -> None:
-    columns = np.arange(80)
-    bands = (columns // 20 + 1).astype(np.int32)[None].repeat(30, axis=0)
-    shade = np.broadcast_to(columns.astype(np.float32), (30, 80))[..., None]
-    price = 20 * 15 * 12.0**2 / 30  # of a step of 12 between two bands; the means of shaded ones are 20 apart
-    assert len(np.unique(join_regions(bands, shade, price))) == 1
-    steps = (20 * bands).astype(np.float32)[..., None]
-    np.testing.assert_array_equal(join_regions(bands, steps, price * 0.5), bands)
 
 
 @pytest.mark.parametrize("labels", [[[1, 1, 2, 3]], [[1, 1, 1], [1, 1, 1]]])

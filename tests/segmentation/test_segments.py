@@ -24,7 +24,7 @@ WAYS: list[dict[str, Any]] = [
     {"edge_weight": 30},
     {"edge_weight": "auto", "averaging": "before", "volume_power": 1},
     {"edge_weight": "auto", "averaging": "after"},
-    {"components": True, "min_size": 20, "border_price": 2000},
+    {"components": True, "min_size": 20},
     {"space": "lab", "edge_weight": 10, "min_size": 30},
 ]
 
@@ -257,7 +257,6 @@ def test_after_averaging_each_pixel_is_nearest_to_its_averaged_generator() -> No
         ({"averaging": "during"}, "averaging='during' must be one of before, after"),
         ({"mask": np.ones((2, 2))}, r"mask of shape \(2, 2\) must be \(6, 5\)"),
         ({"mask": np.zeros((6, 5))}, "at least one pixel"),
-        ({"border_price": 5}, "border_price needs components"),
         ({"min_size": -1}, "min_size=-1 must be"),
         ({"space": "xyz"}, "space='xyz' must be one of"),
     ],

@@ -65,7 +65,6 @@ class SegmentsTab(Tab):
             about="Whether pieces of one color that do not touch are one segment.",
             when=_SEGMENTS,
         ),
-        "border_price",
         "background",
         "neck_depth",
         "min_size",

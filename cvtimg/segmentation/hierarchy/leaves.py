@@ -42,10 +42,10 @@ class Leaves:
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""
         pairs, lengths = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64)
-        steps, blocks = (self.strengths * lengths)[:, None], np.cumsum([0, *(one.shape[1] for one in self.histograms)])
+        blocks = np.cumsum([0, *(one.shape[1] for one in self.histograms)], dtype=np.int32)
         weights = SETTINGS.color, SETTINGS.texture, SETTINGS.shared, SETTINGS.size_power
         sums = np.concatenate(self.histograms, axis=1)
-        found = _labels.merge(pairs, lengths, steps, self.sizes.copy(), sums, np.inf, blocks.astype(np.int32), *weights)
+        found = _labels.merge(pairs, lengths, self.strengths * lengths, self.sizes.copy(), sums, blocks, *weights)
         return Merges(found[0], np.maximum.accumulate(found[1]))
 
 
