@@ -47,13 +47,16 @@ def mend(
     best, least, since = mesh, _badness(mesh, how.small), 0
     for _ in each(range(how.rounds)):
         ends = mesh.border_edges()
-        split, added, radii = _refined(mesh, how, ends, shortest)
+        dropped = _needless(mesh, how.small)
+        split, added, radii = _refined(mesh, how, ends, shortest, dropped)
         a, b = mesh.points[ends[split]].transpose(1, 0, 2)
         places = np.concatenate([(a + b) / 2, added])
         sizes = np.concatenate([np.linalg.norm(b - a, axis=1) / 2, radii])
-        if not len(places) or since == how.patience:
+        if not len(places) + dropped.sum() or since == how.patience:
             break
-        inner = _thinned(mesh, field, places, how.near * sizes) if keep_number else mesh.points[mesh.fixed == FREE]
+        free = (mesh.fixed == FREE) & ~dropped
+        n_inner = int((mesh.fixed == FREE).sum()) - len(places)
+        inner = _as_many(mesh, field, free, n_inner, places, how.near * sizes) if keep_number else mesh.points[free]
         if inner is None:
             break
         mesh = PlaneTriangulation.constrained(_with_middles(mesh, split), np.concatenate([inner, added]))
@@ -74,8 +77,14 @@ def _badness(mesh: PlaneTriangulation, small: float) -> float:
     return float(np.maximum(small - angles, 0).sum())
 
 
+def _needless(mesh: PlaneTriangulation, small: float) -> NDArray[np.bool_]:
+    """Tell which vertices (N,) inside divide the angles of one triangle, which is better without them."""
+    n_around = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
+    return (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(small)
+
+
 def _refined(
-    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float
+    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, dropped: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
@@ -90,7 +99,7 @@ def _refined(
     near = cKDTree(middles).query_ball_point(centers, halves.max())
     found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
     split, added = np.zeros(len(ends), bool), np.zeros(len(bad), bool)
-    taken = np.zeros(len(mesh.points), bool)
+    taken = dropped.copy()
     for k, triangle in enumerate(mesh.triangles[bad]):
         if taken[triangle].any():
             continue
@@ -123,31 +132,36 @@ def _bad(
     return bad, a[bad] + steps, np.linalg.norm(steps, axis=1), tips
 
 
-def _thinned(mesh: PlaneTriangulation, field: Field, places: Points, near: NDArray[np.float64]) -> Points | None:
-    """Return the vertices inside but for as many as there are new places; None if there are not so many apart.
+def _as_many(
+    mesh: PlaneTriangulation, field: Field, free: NDArray[np.bool_], n: int, places: Points, near: NDArray[np.float64]
+) -> Points | None:
+    """Return n vertices inside: of the free ones (N,), some go, or more stand in the largest triangles.
 
-    Those nearer to new places than `near` (M,) go first.
+    Those nearer to new places than `near` (M,) go first. None if there are not so many apart.
     """
     from scipy.spatial import cKDTree
 
-    n, free = len(mesh.points), mesh.fixed == FREE
+    n_less, worth = int(free.sum()) - n, field.metric(mesh.points)[:, 0]
+    if n_less <= 0:
+        areas = measure_triangles(mesh.points, mesh.triangles).areas * worth[mesh.triangles].mean(axis=1)
+        largest = np.argsort(-areas, kind="stable")[:-n_less] if n_less else np.empty(0, np.intp)
+        return np.concatenate([mesh.points[free], mesh.points[mesh.triangles[largest]].mean(axis=1)])
     start, end = mesh.edges.T
-    lengths = np.linalg.norm(mesh.points[start] - mesh.points[end], axis=1) * np.sqrt(
-        field.metric(mesh.points)[start, 0]
-    )
-    shortest = np.full(n, np.inf)
+    lengths = np.linalg.norm(mesh.points[start] - mesh.points[end], axis=1) * np.sqrt(worth[start])
+    shortest = np.full(len(free), np.inf)
     np.minimum.at(shortest, start, lengths)
     gaps, new = cKDTree(places).query(mesh.points)
     shortest[gaps < near[new]] = 0
     # No two of them are neighbors: each has shorter edges than all around.
-    rank = np.full(n, n)
-    rank[np.argsort(np.where(free, shortest, np.inf), kind="stable")] = np.arange(n)
-    least = np.full(n, n)
+    rank = np.full(len(free), len(free))
+    rank[np.argsort(np.where(free, shortest, np.inf), kind="stable")] = np.arange(len(free))
+    least = np.full(len(free), len(free))
     np.minimum.at(least, start, rank[end])
     apart = np.flatnonzero(free & (rank < least))
-    if len(apart) < len(places):
+    if len(apart) < n_less:
         return None
-    free[apart[np.argsort(rank[apart])[: len(places)]]] = False
+    free = free.copy()
+    free[apart[np.argsort(rank[apart])[:n_less]]] = False
     return mesh.points[free]
 
 

@@ -14,8 +14,9 @@ from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.meshes import Mesh, MeshSize, measure_triangles
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import PictureField
+from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import label_outline
-from cvtimg.meshes.triangulation import FIXED, PlaneTriangulation, delaunay
+from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
@@ -454,6 +455,15 @@ def test_without_sizes_a_mesh_has_the_vertices_that_its_borders_need(seed: int) 
     assert measures.mean_quality > 0.9
     assert mesh.n_wanted is None
     assert len(mesh_region(L_SHAPE).points) < len(mesh.points)
+
+
+def test_a_vertex_that_divides_a_narrow_triangle_in_three_goes() -> None:
+    corners = np.array([[40.0, 157], [40, 160], [42, 160]])
+    borders = Borders(corners, np.int32([[0, 1], [1, 2], [2, 0]]), np.full((3, 2), [0, 1], np.int32), np.ones(3, bool))
+    field = PictureField(np.full((200, 200), 2, np.float32), np.ones((200, 200), bool))
+    for keep_number, n in ((False, 3), (True, 4)):
+        mesh = PlaneTriangulation.constrained(borders, np.array([[40.7, 158.9]]))
+        assert len(mend(mesh, field, 0.2, Mending(10), shortest=1.0, keep_number=keep_number).points) == n
 
 
 def test_an_edge_that_areas_shrink_to_nothing_does_not_make_millions_of_vertices() -> None:
