@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,7 +60,7 @@ def drawing(
 
 def layer(number: int, name: str, attributes: str, body: Iterable[str]) -> Iterator[str]:
     """Yield a layer as Inkscape, vpype and AxiDraw know them: its number stands before its name."""
-    label = quoteattr(f"{number} {name}")
+    label = f'"{html.escape(f"{number} {name}")}"'
     yield f'<g inkscape:groupmode="layer" inkscape:label={label} id="layer{number}" {attributes}>\n'
     yield from body
     yield "</g>\n"

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+from unicodedata import east_asian_width
 
 from cvtimg.batch.tasks import Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy, url_of
@@ -103,20 +104,24 @@ class Report:
         write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
 
     def _print_table(self, rows: Sequence[Row]) -> None:
-        from rich.console import Console
-        from rich.table import Table
+        # On a terminal without the folders of inputs; in a pipe whole.
+        if sys.stdout.isatty():
+            rows = [{**row, "input": Path(row["input"]).name} for row in rows]
+        lines = [[_HEADS.get(column, column) for column in self._columns]]
+        lines += [[_cell(column, row.get(column)) for column in self._columns] for row in rows]
+        widths = [max(map(_width, texts)) for texts in zip(*lines, strict=True)]
+        for line in lines:
+            shown = []
+            for column, text, width in zip(self._columns, line, widths, strict=True):
+                space = " " * (width - _width(text))
+                shown.append(text + space if column in TEXT_COLUMNS else space + text)
+            print("  ".join(shown).rstrip())
+        sys.stdout.flush()
 
-        # In a pipe, lines are never wrapped. Markup is off because file names may contain brackets.
-        narrow = sys.stdout.isatty()
-        console = Console(markup=False, highlight=False, emoji=False, width=None if narrow else 10_000)
-        table = Table(box=None, pad_edge=False)
-        for column in self._columns:
-            head, is_text = _HEADS.get(column, column), column in TEXT_COLUMNS
-            table.add_column(head, justify="left" if is_text else "right", overflow="fold", no_wrap=not is_text)
-        for row in rows:
-            shown = {**row, "input": Path(row["input"]).name} if narrow else row
-            table.add_row(*(_cell(column, shown.get(column)) for column in self._columns))
-        console.print(table)
+
+def _width(text: str) -> int:
+    """Count the columns of a terminal that a text takes."""
+    return len(text) + sum(east_asian_width(letter) in "WF" for letter in text)
 
 
 def _read_rows(path: Path) -> list[Row]:

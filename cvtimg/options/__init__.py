@@ -35,7 +35,9 @@ _MODULES = {
 PANELS = {
     "What to get": "",
     "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
-    "background neck_depth object_border threshold compactness edit",
+    "background neck_depth object_border threshold compactness edit merge weights motion channels noise "
+    "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "
+    "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette palette_per_frame",
     "Output": "output out_dir ext in_place skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "

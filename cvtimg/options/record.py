@@ -196,11 +196,15 @@ class Option:
         return self.words[-1].partition("/")[0]
 
     @property
-    def placeholder(self) -> str | None:
-        """What ``--help`` shows for a value; None for the choices."""
+    def placeholder(self) -> str:
+        """What ``--help`` shows for a value; nothing for a switch."""
+        if self.metavar or isinstance(self.kind, Switch):
+            return self.metavar
+        if isinstance(self.kind, Choice):
+            return f"<{'|'.join(self.kind.names)}>"
         if isinstance(self.kind, Whole):
-            return self.metavar or ("N|auto" if self.kind.auto else "N")
-        return self.metavar or ("FILE" if isinstance(self.kind, File) else None)
+            return "N|auto" if self.kind.auto else "N"
+        return "FILE" if isinstance(self.kind, File) else "TEXT"
 
     def on_page(self, label: str, about: str = "", **look: Any) -> Option:
         """Return the option as the page shows it, too."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from html import escape
 from itertools import combinations
 from typing import Any, ClassVar
-from xml.sax.saxutils import escape
 
 import numpy as np
 
