@@ -46,7 +46,7 @@ BESIDE = (
     "meson.build",
 )
 #: Imported once, before mutations are tried in copies of this process.
-HEAVY = ("scipy.ndimage", "scipy.spatial", "scipy.stats", "skimage.measure", "PIL.Image", "tifffile")
+HEAVY = ("scipy.ndimage", "scipy.spatial", "scipy.stats", "skimage.measure", "PIL.Image", "tifffile", "typer")
 #: Seconds of tests that are run first.
 FIRST = 15.0
 

@@ -21,7 +21,7 @@ from PIL import Image
 import cvtimg
 from cvtimg.cli.app import main
 from cvtimg.cli.overview import COMMANDS
-from cvtimg.options.words import by_word
+from cvtimg.options import options_of
 
 ROOT = Path(__file__).parent.parent
 WRITTEN = (page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts)
@@ -144,12 +144,13 @@ def test_the_commands_run_and_print_what_is_said(page: Path) -> None:
 
 
 def test_the_commands_have_the_options_that_are_named() -> None:
-    known = {verb: {*by_word(verb)} for verb in COMMANDS} | {"help": {}}
+    words = {verb: " ".join(word for option in options_of(verb) for word in option.words) for verb in COMMANDS}
+    known = {verb: {*text.replace("/", " ").split()} for verb, text in words.items()} | {"help": set[str]()}
     shown = "\n".join(block for page in PAGES for block in blocks(page, "sh", "console"))
     for line in shown.replace("\\\n", " ").splitlines():
         for name, rest in re.findall(r"(?:^(?:\$ )?|\| )cvtimg ([a-z]+)\b((?:(?! #|\|).)*)", line):
             assert name in known, line
-            assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= {*known[name]} | {"--help", "-h"}, line
+            assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= known[name] | {"--help", "-h"}, line
 
 
 def anchors(page: Path) -> set[str]:

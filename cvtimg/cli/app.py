@@ -1,7 +1,7 @@
 """The console script ``cvtimg``.
 
-``--help`` and ``--version`` are answered by `cvtimg.cli.overview`, which imports next to nothing; what a command line
-asks for is found in `cvtimg.cli.commands`.
+``--help`` and ``--version`` are answered by `cvtimg.cli.overview`, which imports next to nothing; what is to be done is
+in `cvtimg.cli.commands`.
 """
 
 from __future__ import annotations
@@ -25,23 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from io import StringIO
 
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
+    if given in ([], ["-h"], ["--help"], ["help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
+        return _tell(version() if given == ["--version"] else overview())
     try:
-        if "_ARGCOMPLETE" in os.environ:
-            from cvtimg.cli.completion import complete
-
-            complete()
-        if given in ([], ["-h"], ["--help"], ["help"], ["--version"]):
-            print(version() if given == ["--version"] else overview(), flush=True)
-            return 0
-        if given[0] in ("--show-completion", "--install-completion"):
-            from cvtimg.cli import completion
-
-            step = completion.install_for if given[0].startswith("--install") else completion.script_for
-            print(step(*given[1:2] or [""]), flush=True)
-            return 0
         from cvtimg.cli.commands import command_of
 
-        todo = command_of(given)()
+        todo = command_of(given)(standalone_mode=False)
         status = int((todo() if callable(todo) else todo) or 0)
         sys.stdout.flush()
         return status
@@ -57,6 +46,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = explain(error, given)
         _end_output()
         return status
+
+
+def _tell(text: str) -> int:
+    try:
+        print(text, flush=True)
+    except OSError:
+        _end_output()
+        return 1
+    return 0
 
 
 def _end_output() -> None:

@@ -1,73 +1,187 @@
-"""Read a command line by the records of `cvtimg.options`, import the one command that it names, and explain errors."""
+"""The Typer application: imports each command only when it is run, and prints errors in one line.
+
+A command is a function of the values that its options have; its docstring is the help. Three things differ from what
+Typer does by itself:
+
+- Parameters are made from the records of `cvtimg.options`, which the page uses, too.
+- Values are converted by these records: Typer's own conversion imports pydantic and builds an adapter for each option,
+  which takes longer than importing NumPy, half of what it takes to quantize a small image.
+- Help comes from `cvtimg.cli.overview`: the usual calls and options on two screens.
+"""
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
-from typing import Any
+from inspect import Parameter, Signature
+from typing import Annotated, Any, Literal, cast
+
+import typer
+from typer.completion import get_completion_inspect_parameters, install_callback, show_callback
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
 from cvtimg.cli.overview import COMMANDS, help_of, help_on, overview, whole_help_of
+from cvtimg.cli.overview import version as version_text
+from cvtimg.cli.running import Todo
 from cvtimg.options import PANELS, options_of
-from cvtimg.options.record import Given, collected
+from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 from cvtimg.options.settings import read_settings
-from cvtimg.options.words import taken
 
-_HELP = ("-h", "--help")
-
-
-def command_of(given: list[str]) -> Callable[[], Any]:
-    """Return what a command line asks for: a command with the values of its options, or a text of help."""
-    verb, *words = given
-    if verb in ("help", *_HELP):
-        topic = words[0] if words else ""
-        if topic.capitalize() in PANELS:
-            return partial(print, help_on(topic.capitalize()), flush=True)
-        return partial(print, whole_help_of(_named(topic)) if topic else overview(), flush=True)
-    _named(verb)
-    if set(_HELP).intersection(words):
-        return partial(print, help_of(verb), flush=True)
-    return partial(getattr(import_module(f"cvtimg.cli.{verb}_command"), verb), given_to(verb, words))
+_NAMES = {"help_option_names": ["-h", "--help"]}
 
 
-def _named(verb: str) -> str:
-    """Check the name of a command."""
-    if verb not in COMMANDS:
-        from difflib import get_close_matches
+class _Command(TyperCommand):
+    """A command whose parameters are made from records."""
 
-        near = get_close_matches(verb, COMMANDS, 1)
-        raise WrongUsageError(f"No such command {verb!r}" + "".join(f"; did you mean {name}?" for name in near))
-    return verb
+    options: dict[str, Option]
+    function: Callable[[Any], Todo | int]
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Convert values by the records; Typer sees to --help, and to arguments that are missing."""
+        ctx.meta["words"] = list(args)
+        known = {word for option in self.options.values() for word in option.words}
+        same = {"-n": "-k", "-k": "-n"}  # either letter stands for the number, where a command has but one of them
+        args = [same[word] if word in same and word not in known else word for word in args]
+        given, rest, _ = self.make_parser(ctx).parse_args(args=list(args))
+        if (path := given.get("settings")) and not ctx.resilient_parsing:
+            args = [*read_settings(path, str(self.name)), *args]  # of words that are repeated, the last counts
+            given, rest, _ = self.make_parser(ctx).parse_args(args=args)
+        for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
+            option, value = self.options.get(param.name or ""), given.get(param.name)
+            if option is None or (option.required and not value):
+                if option or value:
+                    param.handle_parse_result(ctx, given, rest)
+                continue
+            try:
+                ctx.params[option.name] = option.parse(value)
+            except ValueError as error:
+                if not ctx.resilient_parsing:  # a command line that is being completed
+                    raise typer.BadParameter(str(error), ctx=ctx, param=cast("TyperOption", param)) from None
+        if rest and not ctx.resilient_parsing:
+            ctx.fail(f"Got unexpected extra argument(s) ({' '.join(rest)})")
+        return rest
+
+    def invoke(self, ctx: Any) -> Todo | int:
+        given = collected(self.options.values(), ctx.params)
+        given.command = f"{ctx.command_path} {shlex.join(ctx.meta['words'])}"
+        return self.function(given)
+
+    def get_help(self, ctx: Any) -> str:
+        return help_of(str(self.name))
 
 
-def given_to(verb: str, words: list[str]) -> Given:
-    """Return the values of all options; words override settings, and settings the defaults."""
-    found = taken(verb, words)
-    if path := found.get("settings"):
-        found = read_settings(path, verb) | found
-    values = {}
-    for option in options_of(verb):
-        value = found.get(option.name)
-        if option.required and not value:
-            what = f"option {' / '.join(option.words)}" if option.words else f"argument {option.metavar}"
-            raise WrongUsageError(f"Missing {what}")
-        try:
-            values[option.name] = option.parse(value)
-        except ValueError as error:
-            raise WrongUsageError(f"{option.flag}: {error}") from error
-    given = collected(options_of(verb), values)
-    given.command = shlex.join(["cvtimg", verb, *words])
-    return given
+def _parameter(option: Option) -> Parameter:
+    """Describe an option to Typer."""
+    annotation: Any = str
+    if isinstance(option.kind, Switch):
+        annotation = bool
+    elif isinstance(option.kind, Choice):
+        annotation = Literal[tuple(option.kind.names)]  # completed by shells
+    elif isinstance(option.kind, Pair):
+        annotation = tuple[float, float]
+    annotation = list[annotation] if option.many else annotation
+    make = typer.Option if option.words else typer.Argument
+    about = make(*option.words, metavar=option.placeholder, help=option.help)
+    default = Parameter.empty if option.required else option.default
+    return Parameter(option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, about])
+
+
+def _made(verb: str) -> Any:
+    """Make the command of a verb."""
+    module, options = import_module(f"cvtimg.cli.{verb}_command"), options_of(verb)
+
+    def described(**values: Any) -> None:
+        """See the function of the verb; `_Command.invoke` calls it."""
+
+    described.__dict__["__signature__"] = Signature([_parameter(option) for option in options])
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(verb, cls=_Command, context_settings=_NAMES)(described)
+    command: Any = typer.main.get_command(alone)
+    command.options = {option.name: option for option in options}
+    command.function = getattr(module, verb)
+    return command
+
+
+class _Commands(TyperGroup):
+    """Imports a command when it is needed."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            self.commands[cmd_name] = _made(cmd_name)
+        return self.commands.get(cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if not ctx.resilient_parsing and args[0] not in COMMANDS:
+            near = get_close_matches(args[0], COMMANDS, 1)
+            ctx.fail(f"No such command {args[0]!r}" + "".join(f"; did you mean {name}?" for name in near))
+        return super().resolve_command(ctx, args)
+
+    def get_help(self, ctx: Any) -> str:
+        return overview()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(version_text(), flush=True)
+        raise typer.Exit
+
+
+# Typer's boxed help takes 0.1 s longer and breaks lines that users copy. Its completion options guess the shell from
+# the parent process, which fails if that is not a shell.
+app = typer.Typer(
+    cls=_Commands, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, context_settings=_NAMES
+)
+_Shell = Literal["bash", "zsh", "fish"]
+
+
+@app.callback()
+def _cvtimg(
+    version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True)] = False,
+    install: Annotated[
+        _Shell | None, typer.Option("--install-completion", callback=install_callback, is_eager=True)
+    ] = None,
+    show: Annotated[_Shell | None, typer.Option("--show-completion", callback=show_callback, is_eager=True)] = None,
+) -> None:
+    """See `overview`."""
+
+
+def command_of(given: list[str]) -> Callable[..., Any]:
+    """Return the main function of the command that a command line names, with its arguments."""
+    if "_CVTIMG_COMPLETE" in os.environ:
+        get_completion_inspect_parameters()  # registers the shells
+    if given[:1] == ["help"] and given[1:]:
+        title = given[1].capitalize()
+        if title in PANELS or given[1] in COMMANDS:
+            text = help_on(title) if title in PANELS else whole_help_of(given[1])
+            return lambda **_: print(text, flush=True)
+        given = given[1:]
+    # A command that is named needs no group, whose own options Typer would convert.
+    if given and given[0] in COMMANDS and "_CVTIMG_COMPLETE" not in os.environ:
+        return partial(_made(given[0]).main, args=given[1:], prog_name=f"cvtimg {given[0]}")
+    return partial(typer.main.get_command(app).main, args=given, prog_name="cvtimg")
 
 
 def explain(error: Exception, given: list[str]) -> int:
     """Say in one line why a command line failed, and return the exit status."""
+    if isinstance(error, typer.Abort):
+        complain("interrupted")
+        return 130
     if isinstance(error, WrongUsageError):
-        complain(f"{error} (see cvtimg {given[0] if given[0] in COMMANDS else ''} --help)".replace("  ", " "))
+        complain(f"{error} (see cvtimg {given[0]} --help)")
         return 2
+    if isinstance(error, typer.TyperException):
+        command_line = getattr(getattr(error, "ctx", None), "command_path", f"cvtimg {given[0]}")
+        complain(f"{error.format_message().rstrip('.')} (see {command_line} --help)")
+        return error.exit_code
     # Its message begins with the file, or says what is not installed.
     named = isinstance(error, ImportError) or (isinstance(error, OSError) and error.errno is None)
     # Errors of the system that name no file are those of what is printed.

@@ -110,7 +110,7 @@ def help_of(verb: str) -> str:
     """Return the text of ``cvtimg COMMAND --help``: the usual options in full, the names of the others."""
     command, width = described(verb), _width()
     lines = [f"Usage: {command.usage}", "", *_wrapped(command.paragraphs[0], "  ", width), "", *command.examples[:3]]
-    few, rest = {}, {}
+    few, rest = dict[str, "list[Option]"](), dict[str, str]()
     for title, options in command.panels.items():
         usual = [one for one in options if title == "What to get" or one.name in _OUTPUTS]
         few |= {title: usual} if usual else {}

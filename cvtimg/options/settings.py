@@ -1,27 +1,34 @@
 """Files of settings: the options of a command as JSON, such as ``{"colors": 16, "dither": "bayer"}``.
 
-The page writes them, and every command reads them; words of the command line override them.
+The page writes them, and every command reads them as the words that they stand for, before those of the command line.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import reason
-from cvtimg.options.record import Option, Pair, Real, Switch
-from cvtimg.options.words import by_word, taken
+from cvtimg.options import options_of
+from cvtimg.options.record import Option, Pair, Real, Switch, Whole
 
 #: The command that settings are for; may be left out.
 _COMMAND = "command"
 
 
-def read_settings(path: str | Path, verb: str) -> dict[str, Any]:
-    """Return what a file of settings says of options, as `taken` does of words.
+@cache
+def _by_word(verb: str) -> dict[str, Option]:
+    options = (option for option in options_of(verb) if option.name != "settings")
+    return {way: option for option in options for word in option.words for way in word.split("/")}
+
+
+def read_settings(path: str | Path, verb: str) -> list[str]:
+    """Return the words of the command line that a file of settings stands for.
 
     Raises
     ------
@@ -40,8 +47,7 @@ def read_settings(path: str | Path, verb: str) -> dict[str, Any]:
         raise WrongUsageError(f'{path} must be an object of options and their values, such as {{"colors": 16}}')
     if (named := settings.pop(_COMMAND, verb)) != verb:
         raise WrongUsageError(f"{path} has settings of cvtimg {named}, not of cvtimg {verb}")
-    known = {word: option for word, option in by_word(verb).items() if option.name != "settings"}
-    found: dict[str, Any] = {}
+    known, words = _by_word(verb), []
     for name, value in settings.items():
         option = known.get(f"--{name}")
         if option is None:
@@ -49,27 +55,31 @@ def read_settings(path: str | Path, verb: str) -> dict[str, Any]:
             hint = f"; did you mean {near[0][2:]!r}?" if near else ""
             raise WrongUsageError(f"{path}: cvtimg {verb} has no option {name!r}{hint}")
         try:
-            found[option.name] = _checked(option, f"--{name}", value)
+            words += _words(option, f"--{name}", value)
         except ValueError as error:
             raise WrongUsageError(f"{path}: {name}: {error}") from error
-    return found
+    return words
 
 
-def _checked(option: Option, flag: str, value: Any) -> Any:
-    """Return a value as words of the command line give it, once it is checked."""
+def _words(option: Option, flag: str, value: Any) -> list[str]:
+    """Write a value as the command line does; check it."""
     if isinstance(option.kind, Switch):
         if not isinstance(value, bool):
             raise ValueError(f"{json.dumps(value)} must be true or false")
-        return value != option.words[0].endswith(f"/{flag}")
-    pair = isinstance(option.kind, Pair)
-    if pair and (not isinstance(value, list) or len(value) != 2):
-        raise ValueError(f"{json.dumps(value)} must be a list of two numbers")
-    if isinstance(value, list) and not (pair or option.many):
+        on, _, off = option.words[0].partition("/")
+        return [on] if value != (flag == off) else [off] if off else []
+    if isinstance(option.kind, Pair):
+        if not isinstance(value, list) or len(value) != 2:
+            raise ValueError(f"{json.dumps(value)} must be a list of two numbers")
+        texts = [_text(one) for one in value]
+        option.kind.parse(texts)
+        return [flag, *texts]
+    if isinstance(value, list) and not option.many:
         raise ValueError(f"{json.dumps(value)} must be one value")
     texts = [_text(one) for one in (value if isinstance(value, list) else [value])]
-    given = texts if pair or option.many else texts[0]
-    option.parse(given)
-    return given
+    for text in texts:
+        option.kind.parse(text)
+    return [f"{flag}={text}" for text in texts]
 
 
 def _text(value: Any) -> str:
@@ -80,9 +90,20 @@ def _text(value: Any) -> str:
 
 def settings_of(verb: str, words: Sequence[str]) -> Mapping[str, Any]:
     """Return the settings that words of a command stand for; inputs are left out."""
-    found, settings = taken(verb, words), dict[str, Any]()
-    for option in by_word(verb).values():
-        if option.name in found:
-            name, value = option.words[0].partition("/")[0].removeprefix("--"), found[option.name]
-            settings[name] = option.parse(value) if isinstance(option.kind, (Real, Pair)) else value
+    known, settings, rest = _by_word(verb), dict[str, Any](), iter(words)
+    for word in rest:
+        option = known.get(word)
+        if option is None:
+            continue
+        name, value = option.words[0].partition("/")[0].removeprefix("--"), _value(option, word, rest)
+        settings[name] = [*settings.get(name, []), value] if option.many else value
     return {_COMMAND: verb, **settings}
+
+
+def _value(option: Option, flag: str, words: Iterator[str]) -> Any:
+    if isinstance(option.kind, Switch):
+        return not option.words[0].endswith(f"/{flag}")
+    if isinstance(option.kind, Pair):
+        return [float(next(words)), float(next(words))]
+    word = next(words)
+    return option.kind.parse(word) if isinstance(option.kind, (Whole, Real)) else word

