@@ -7,7 +7,11 @@ nothing.
 
 import lazy_loader
 
+from cvtimg._shared.threads import limit_libraries
+
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+limit_libraries()
 
 
 def __getattr__(name: str) -> object:

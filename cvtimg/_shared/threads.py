@@ -7,6 +7,7 @@ spinning, and it survives a fork. No result depends on the number of threads.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -15,16 +16,18 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
+    from concurrent.futures import Future, ThreadPoolExecutor
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 S = TypeVar("S")
 T = TypeVar("T")
 
 #: Variables of the environment that limit the threads of libraries, and ours.
-THREAD_VARIABLES = ("CVTIMG_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-#: Steps of a kernel, about 0.5 ms, below which handing a part to a thread costs more than it saves.
-_WORTH_A_THREAD = 1 << 20
+THREAD_VARIABLES = ("CVTIMG_THREADS", *(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")))
+#: Steps of a kernel, about 0.1 ms, below which handing a part to a thread costs more than it saves.
+_WORTH_A_THREAD = 1 << 19
+#: Parts that each thread may take: with more of them, all end at about the same time.
+_PARTS_OF_A_THREAD = 3
 _alone: ContextVar[bool] = ContextVar("_alone", default=False)
 
 
@@ -45,6 +48,19 @@ def limit_threads(n: int) -> None:
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(n)))
     n_threads.cache_clear()
     _pool.cache_clear()
+
+
+def limit_libraries() -> None:
+    """Let CVTIMG_THREADS hold for libraries as well, unless the environment says otherwise."""
+    wanted = os.environ.get("CVTIMG_THREADS", "")
+    unsaid = [name for name in THREAD_VARIABLES if name not in os.environ]
+    if not wanted.isdigit() or not unsaid:
+        return
+    os.environ.update(dict.fromkeys(unsaid, wanted))
+    if "numpy" in sys.modules and {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} <= {*unsaid}:
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(int(wanted))  # of those that have been loaded
 
 
 @contextmanager
@@ -84,32 +100,65 @@ if hasattr(os, "register_at_fork"):
 
 def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
     """Call ``kernel(start, stop)`` for parts of `n_items`, in threads where `work`, in steps, is worth them."""
-    n_parts = int(min(1 if _alone.get() else n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
-    if n_parts <= 1:
+    n_at_once = int(min(1 if _alone.get() else n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
+    if n_at_once <= 1:
         kernel(0, n_items)
         return
-    bounds = [n_items * part // n_parts for part in range(n_parts + 1)]
-    others = [_pool().submit(kernel, *ends) for ends in pairwise(bounds[1:])]
-    kernel(bounds[0], bounds[1])
-    for other in others:
+    n_parts = min(n_items, _PARTS_OF_A_THREAD * n_at_once)
+    left = iter([*pairwise(n_items * part // n_parts for part in range(n_parts + 1))])
+
+    def take() -> None:
+        for part in left:
+            kernel(*part)
+
+    # Only those that have begun are waited for, so that passes within passes cannot wait for each other.
+    others = [_pool().submit(take) for _ in range(n_at_once - 1)]
+    try:
+        take()
+    finally:
+        begun = _begun(others)
+    for other in begun:
         other.result()
+
+
+def _begun(futures: Sequence[Future[T]]) -> list[Future[T]]:
+    """Wait for those that have begun; the others never will."""
+    from concurrent.futures import wait
+
+    begun = [future for future in futures if not future.cancel()]
+    wait(begun)
+    return begun
 
 
 def side_by_side(work: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
     """Yield what `work` makes of each item, in their order; as many items as there are threads are at work at once."""
-    if len(items) == 1 or _alone.get():
+    if min(len(items), n_threads()) == 1 or _alone.get():
         yield from map(work, items)
         return
+    from concurrent.futures import Future
 
     def alone(item: S) -> T:
         with one_thread():
             return work(item)
 
-    for start in range(0, len(items), n_threads()):
-        batch = items[start : start + n_threads()]
-        others = [_pool().submit(alone, item) for item in batch[1:]]
-        yield alone(batch[0])
-        yield from (other.result() for other in others)
+    # With fewer items than threads, the passes in each have the others.
+    each = alone if len(items) >= n_threads() else work
+    ahead = 3 * n_threads() // 2  # ends wait for those before them
+    ends: list[Future[T]] = []
+    try:
+        for number in range(len(items)):
+            ends += [_pool().submit(each, item) for item in items[len(ends) : number + ahead]]
+            # Until this one ends, take those that no thread has begun.
+            for later in range(number, len(ends)):
+                if ends[number].done():
+                    break
+                if ends[later].cancel():
+                    ends[later] = Future()
+                    ends[later].set_result(each(items[later]))
+            yield ends[number].result()
+            ends[number] = Future()  # lets go of the result
+    finally:
+        _begun(ends)
 
 
 def pairwise_sum(values: Iterable[T], add: Callable[[T, T], T]) -> T | None:

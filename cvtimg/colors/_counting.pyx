@@ -49,14 +49,64 @@ def count_keys(
     return used
 
 
+def count_pages(
+    const uint8_t[:, ::1] pixels,   # IN (N, B)
+    const uint32_t[:, ::1] key_bits,  # IN (B, 256)
+    int32_t[::1] sizes,             # INOUT: += pixels in each page of keys
+):
+    cdef Py_ssize_t n_bytes = key_bits.shape[0], p
+    with nogil:
+        for p in range(pixels.shape[0]):
+            sizes[key_of(&pixels[p, 0], n_bytes, &key_bits[0, 0]) // PAGE] += 1
+
+
+def sort_keys(
+    const uint8_t[:, ::1] pixels,   # IN (N, B)
+    const uint32_t[:, ::1] key_bits,  # IN (B, 256)
+    int64_t[::1] starts,            # INOUT: where the next key with these high bits goes
+    uint16_t[::1] keys,             # OUT: the low 16 bits of the keys of pixels, by their high bits
+):
+    cdef Py_ssize_t n_bytes = key_bits.shape[0], p
+    cdef uint32_t key
+    with nogil:
+        for p in range(pixels.shape[0]):
+            key = key_of(&pixels[p, 0], n_bytes, &key_bits[0, 0])
+            keys[starts[key >> 16]] = <uint16_t>key
+            starts[key >> 16] += 1
+
+
+def count_sorted(
+    const uint16_t[::1] keys,       # IN: keys, less the first one of `pages`
+    const uint16_t[::1] pages,      # IN: the place in `counts` of each page from there on
+    uint32_t[:, ::1] counts,        # INOUT: += 1 at each key
+):
+    cdef Py_ssize_t p
+    with nogil:
+        for p in range(keys.shape[0]):
+            counts[pages[keys[p] // PAGE], keys[p] % PAGE] += 1
+
+
+def count_distinct(const uint16_t[::1] pages, const uint32_t[:, ::1] counts):
+    """Return how many keys in some pages were counted."""
+    cdef Py_ssize_t page, entry, found = 0
+    with nogil:
+        for page in range(pages.shape[0]):
+            if pages[page]:
+                for entry in range(PAGE):
+                    found += counts[pages[page], entry] != 0
+    return found
+
+
 def number_keys(
     const uint16_t[::1] pages,  # IN
     uint32_t[:, ::1] counts,    # INOUT: counts; then, for each key that was counted, its rank
+    Py_ssize_t first,           # IN: which page of all the first of `pages` is
+    Py_ssize_t found,           # IN: keys that were counted in the pages before
     uint32_t[::1] keys,         # OUT: keys that were counted, ascending
     double[::1] density,        # OUT: their counts
 ):
-    """Return how many keys were counted."""
-    cdef Py_ssize_t n_pages = pages.shape[0], page, entry, block, found = 0
+    """Return how many keys were counted up to the end of these pages."""
+    cdef Py_ssize_t n_pages = pages.shape[0], page, entry, block
     cdef uint32_t *count
     cdef uint32_t any_count
     with nogil:
@@ -72,7 +122,7 @@ def number_keys(
                     continue
                 for entry in range(block, block + 16):
                     if count[entry]:
-                        keys[found] = <uint32_t>(page * PAGE + entry)
+                        keys[found] = <uint32_t>((first + page) * PAGE + entry)
                         density[found] = count[entry]
                         count[entry] = <uint32_t>found
                         found += 1

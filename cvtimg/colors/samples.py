@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, n_threads
 from cvtimg.colors import _counting
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
@@ -23,6 +23,10 @@ from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 #: Pixels of up to this many bytes are counted in a table.
 TABLE_BYTES = 3
+#: Pages of keys with equal bits but for the last 16.
+_OF_16_BITS = (1 << 16) // _counting.PAGE_SIZE
+#: Fewer pixels are counted by one thread.
+_PIXELS_OF_A_THREAD = 1 << 18
 
 
 class CountTable:
@@ -41,15 +45,62 @@ class CountTable:
 
     def add(self, pixels: NDArray[np.uint8]) -> None:
         """Count (N, B) pixels."""
-        self._n_used = _counting.count_keys(pixels.reshape(-1), self._key_bits, self._pages, self._counts, self._n_used)
         self._n_pixels += len(pixels)
+        if min(n_threads(), len(pixels) // _PIXELS_OF_A_THREAD) > 1 and len(self._pages) > _OF_16_BITS:
+            self._add_sorted(pixels)
+        else:
+            self._n_used = _counting.count_keys(
+                pixels.reshape(-1), self._key_bits, self._pages, self._counts, self._n_used
+            )
+
+    def _add_sorted(self, pixels: NDArray[np.uint8]) -> None:
+        """Count pixels by the high bits of their keys, of which each thread has its own."""
+        bands = np.array_split(pixels, min(n_threads(), len(pixels) // _PIXELS_OF_A_THREAD))
+        in_pages = np.zeros((len(bands), len(self._pages)), np.int32)
+        keys = np.empty(len(pixels), np.uint16)
+
+        def measure(start: int, stop: int) -> None:
+            for n in range(start, stop):
+                _counting.count_pages(bands[n], self._key_bits, in_pages[n])
+
+        def sort(start: int, stop: int) -> None:
+            for n in range(start, stop):
+                _counting.sort_keys(bands[n], self._key_bits, starts[n], keys)
+
+        def count(start: int, stop: int) -> None:
+            for n in range(start, stop):
+                own = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
+                _counting.count_sorted(keys[ends[n] : ends[n + 1]], own, self._counts)
+
+        in_parts(measure, len(bands), work=4 * len(pixels))
+        new = np.flatnonzero((self._pages == 0) & in_pages.any(axis=0))
+        self._pages[new] = np.arange(self._n_used + 1, self._n_used + len(new) + 1)
+        self._n_used += len(new)
+        sizes = in_pages.reshape(len(bands), -1, _OF_16_BITS).sum(axis=2, dtype=np.int64)
+        starts = np.cumsum(sizes.T).reshape(sizes.T.shape).T - sizes
+        starts, ends = np.ascontiguousarray(starts), np.append(starts[0], len(pixels))
+        in_parts(sort, len(bands), work=4 * len(pixels))
+        in_parts(count, sizes.shape[1], work=4 * len(pixels))
 
     def close(self) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the (M, B) distinct pixels and their (M,) counts; from then on the table only looks up pixels."""
-        n_most = min(self._n_pixels, self._n_used * _counting.PAGE_SIZE)
-        keys, density = np.empty(n_most, np.uint32), np.empty(n_most)
-        n_distinct = _counting.number_keys(self._pages, self._counts, keys, density)
-        return _pixels_of(keys[:n_distinct], len(self._key_bits)), density[:n_distinct].copy()
+        firsts = range(0, len(self._pages), _OF_16_BITS if n_threads() > 1 else len(self._pages))
+        groups = [self._pages[first : first + firsts.step] for first in firsts]
+        found = np.zeros(len(groups) + 1, np.int64)
+
+        def measure(start: int, stop: int) -> None:
+            found[start + 1 : stop + 1] = [_counting.count_distinct(own, self._counts) for own in groups[start:stop]]
+
+        def number(start: int, stop: int) -> None:
+            for n in range(start, stop):
+                _counting.number_keys(groups[n], self._counts, firsts[n], before[n], keys, density)
+
+        work = self._n_used * _counting.PAGE_SIZE
+        in_parts(measure, len(groups), work)
+        before = np.cumsum(found)
+        keys, density = np.empty(before[-1], np.uint32), np.empty(before[-1])
+        in_parts(number, len(groups), work)
+        return _pixels_of(keys, len(self._key_bits)), density
 
     def look_up(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
         """Return the (N,) index of each of (N, B) pixels among the distinct ones."""
@@ -78,7 +129,13 @@ def _pixels_of(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
     """Return the (M, B) bytes of keys, by tables for their lower and upper 12 bits."""
     half = np.arange(1 << 12, dtype=np.uint32)
     lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
-    return lower[keys & 0xFFF] | upper[keys >> 12]
+    pixels = np.empty((len(keys), n_bytes), np.uint8)
+
+    def fill(start: int, stop: int) -> None:
+        pixels[start:stop] = lower[keys[start:stop] & 0xFFF] | upper[keys[start:stop] >> 12]
+
+    in_parts(fill, len(keys), work=16 * len(keys))
+    return pixels
 
 
 def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
@@ -137,6 +194,16 @@ class ColorSamples(WeightedSamples):
             checked = np.where(self.inside, checked, 0)
         density = np.bincount(self.inverse.reshape(-1), checked.reshape(-1), self.n_colors)
         return replace(self, density=density.astype(np.float64))
+
+    def at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return, for each pixel, which of the (M,) values its color has: (H, W)."""
+        found, flat = np.empty(self.inverse.shape, values.dtype), self.inverse.reshape(-1)
+
+        def take(start: int, stop: int) -> None:
+            np.take(values, flat[start:stop], out=found.reshape(-1)[start:stop], mode="clip")
+
+        in_parts(take, flat.size, work=flat.size)
+        return found
 
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
         """Return some of the colors, without `inverse`."""

@@ -63,7 +63,6 @@ def pack_tiles(
     const sample_t[:, ::1] rows,  # IN (N, D)
     const double[::1] center,     # IN (D,)
     double scale,                 # IN
-    Py_ssize_t first,             # IN: which tile of all the first of `tiles` is
     float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
 ):
     cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
@@ -72,7 +71,7 @@ def pack_tiles(
         for t in range(n_tiles):
             for d in range(dims):
                 for i in range(LANES):
-                    tiles[t, d, i] = <float>((rows[min((first + t) * LANES + i, n - 1), d] - center[d]) * scale)
+                    tiles[t, d, i] = <float>((rows[min(t * LANES + i, n - 1), d] - center[d]) * scale)
 
 
 def assign(

@@ -98,27 +98,48 @@ def pack(
     center: NDArray[np.float64] | None = None,
     frame: Frame | None = None,
     in_order: bool = False,
+    order: NDArray[np.intp] | None = None,
 ) -> Points:
     """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one."""
+    # With an order, in which near ones follow each other, they are packed in that.
     # Rows are copied only here.
     middle = _mean(rows, density) if center is None and frame is None else center
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
     if middle is not None:
-        scale = scale_within(rows.min(axis=0), rows.max(axis=0), middle) if rows.dtype.kind == "f" else 1.0
-        frame = Frame(middle, scale)
+        frame = Frame(middle, scale_within(*limits(rows), middle) if rows.dtype.kind == "f" else 1.0)
     assert frame is not None
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
     tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
+    padded = np.zeros(n_tiles * _kernels.TILE)
 
     def pack_part(start: int, stop: int) -> None:
-        _kernels.pack_tiles(rows, frame.center, frame.scale, start, tiles[start:stop])
+        ends = slice(start * _kernels.TILE, min(stop * _kernels.TILE, n_points))
+        if order is None:
+            own, padded[ends] = rows[ends], density[ends]
+        else:
+            own, padded[ends] = rows[order[ends]], density[order[ends]]
+        _kernels.pack_tiles(own, frame.center, frame.scale, tiles[start:stop])
 
-    in_parts(pack_part, n_tiles, work=rows.size)
-    padded = np.zeros(n_tiles * _kernels.TILE)
-    padded[:n_points] = density
-    return _points(tiles, padded, frame, n_points, in_order)
+    in_parts(pack_part, n_tiles, work=4 * rows.size)
+    return _points(tiles, padded, frame, n_points, in_order or order is not None)
+
+
+def limits(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the (D,) least and greatest coordinates of (N, D) rows."""
+    # Long rows are compared ten times faster than short ones.
+    n_dims, n_long = rows.shape[1], len(rows) // _kernels.TILE
+    long, rest = rows[: n_long * _kernels.TILE].reshape(n_long, n_dims * _kernels.TILE), rows[n_long * _kernels.TILE :]
+    low, high = [rest], [rest]
+
+    def compare(start: int, stop: int) -> None:
+        low.append(long[start:stop].min(axis=0).reshape(-1, n_dims))
+        high.append(long[start:stop].max(axis=0).reshape(-1, n_dims))
+
+    if n_long:
+        in_parts(compare, n_long, work=2 * rows.size)
+    return np.concatenate(low).min(axis=0), np.concatenate(high).max(axis=0)
 
 
 def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,29 +166,50 @@ def scale_for_float32(size: float) -> float:
 def _points(
     tiles: NDArray[np.float32], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool
 ) -> Points:
-    boxes = np.stack([tiles.min(axis=2), tiles.max(axis=2)], axis=1)
-    # In parts: the squares of all points at once would be a second copy of them.
-    total = 0.0
-    for part, ends in _fixed_parts(tiles):
-        squares = np.einsum("tdi,tdi->ti", tiles[part], tiles[part], dtype=np.float64).reshape(-1)
-        total += float(np.einsum("n,n->", density[ends], squares))
-    return Points(tiles, boxes, density, frame, n_points, in_order, total)
+    boxes = np.empty((len(tiles), 2, tiles.shape[1]), np.float32)
+    parts = _fixed_parts(tiles)
+    energies = np.empty(len(parts))
+
+    def finish(start: int, stop: int) -> None:
+        for n, (part, ends) in enumerate(parts[start:stop], start):
+            tiles[part].min(axis=2, out=boxes[part, 0])
+            tiles[part].max(axis=2, out=boxes[part, 1])
+            squares = np.einsum("tdi,tdi->ti", tiles[part], tiles[part], dtype=np.float64).reshape(-1)
+            energies[n] = np.einsum("n,n->", density[ends], squares)
+
+    in_parts(finish, len(parts), work=4 * tiles.size)
+    return Points(tiles, boxes, density, frame, n_points, in_order, sum(energies.tolist()))
 
 
 def coarsen(points: Points, factor: int) -> Points:
     """Replace every `factor` consecutive points by their center of mass; `factor` divides the size of a tile."""
     # Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
     n_tiles, n_dims, width = points.tiles.shape
-    n_missing = -n_tiles % factor
-    tiles = np.concatenate([points.tiles, np.repeat(points.tiles[-1:], n_missing, axis=0)])
-    density = np.concatenate([points.density, np.zeros(n_missing * width)]).reshape(-1, 1, width // factor, factor)
-    groups = tiles.reshape(-1, n_dims, width // factor, factor)
-    masses = density.sum(axis=3)
-    sums = np.einsum("tdgi,tegi->tdg", groups, density)
-    means = np.divide(sums, masses, out=groups[..., 0].astype(np.float64), where=masses > 0).astype(np.float32)
-    # Every `factor` tiles become one tile.
-    means = means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
-    return _points(np.ascontiguousarray(means), masses.reshape(-1), points.frame, masses.size, in_order=True)
+    n_merged = -(-n_tiles // factor)
+    merged, masses = np.empty((n_merged, n_dims, width), np.float32), np.empty((n_merged, width))
+
+    def merge(start: int, stop: int) -> None:
+        # Every `factor` tiles become one tile; the last one may lack some.
+        tiles = points.tiles[start * factor : stop * factor]
+        density = points.density[start * factor * width : stop * factor * width]
+        n_missing = (stop - start) * factor - len(tiles)
+        if n_missing:
+            tiles = np.concatenate([tiles, np.repeat(tiles[-1:], n_missing, axis=0)])
+            density = np.concatenate([density, np.zeros(n_missing * width)])
+        groups, weights = (
+            tiles.reshape(-1, n_dims, width // factor, factor),
+            density.reshape(-1, width // factor, factor),
+        )
+        own = weights.sum(axis=2)
+        sums = np.einsum("tdgi,tgi->tdg", groups, weights)
+        means = np.divide(sums, own[:, None], out=groups[..., 0].astype(np.float64), where=own[:, None] > 0)
+        merged[start:stop] = (
+            means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
+        )
+        masses[start:stop] = own.reshape(-1, width)
+
+    in_parts(merge, n_merged, work=8 * points.tiles.size)
+    return _points(merged, masses.reshape(-1), points.frame, masses.size, in_order=True)
 
 
 def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
@@ -222,8 +264,8 @@ def assign(
         else:
             _kernels.assign(points.tiles[part], single, half_norms, labels[ends])
 
-    # With many generators only a few dozen are compared with each point.
-    n_compared = GROUPED_FROM if grouped else len(single)
+    # With many generators only some dozens are compared with each point, after a look at all for each few tiles.
+    n_compared = GROUPED_FROM + len(single) // 16 if grouped else len(single)
     in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * n_compared)
     return labels
 
@@ -256,7 +298,7 @@ def cell_moments(
         for (tiles, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
             _kernels.accumulate(points.tiles[tiles], points.density[ends], labels[ends], part)
 
-    in_parts(accumulate, len(parts), work=points.tiles.size)
+    in_parts(accumulate, len(parts), work=3 * points.tiles.size)
     total = parts.sum(axis=0)
     return total[:, -1].copy(), total[:, :-1].copy()
 
@@ -285,8 +327,17 @@ def distances_to_own(points: Points, generators: NDArray[np.float64], labels: ND
 
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
-    weighted = points.density * distances_to_own(points, generators, labels)
-    energies = np.bincount(labels, weighted, len(generators))
+    parts = _fixed_parts(points.tiles)
+    sums = np.empty((len(parts), len(generators)))
+
+    def add(start: int, stop: int) -> None:
+        for n, (tiles, ends) in enumerate(parts[start:stop], start):
+            distances = np.empty(ends.stop - ends.start)
+            _kernels.distances_to_own(points.tiles[tiles], generators, labels[ends], distances)
+            sums[n] = np.bincount(labels[ends], points.density[ends] * distances, len(generators))
+
+    in_parts(add, len(parts), work=3 * points.tiles.size)
+    energies = sums.sum(axis=0)
     # Distinct points are farther apart than this: the rest is the rounding of means.
     return np.where(energies > _ROUNDING * points.energy_about_origin, energies, 0.0)
 

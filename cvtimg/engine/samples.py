@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
-from cvtimg.engine.points import GROUPED_FROM, Frame, Points, pack
+from cvtimg._shared.threads import in_parts, n_threads
+from cvtimg.engine.points import GROUPED_FROM, Frame, Points, limits, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
 MAX_ORDERED_DIMS = 4
-#: Shifts and masks that insert three zeros between the bits of a 16-bit number.
-_INSERT_ZEROS = ((24, 0x000000FF000000FF), (12, 0x000F000F000F000F), (6, 0x0303030303030303), (3, 0x1111111111111111))
-
+#: Rows whose keys are made at once, and parts that are sorted at once.
+_ROWS, _PARTS = 1 << 15, 64
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
 #: are enough generators for a gain and not so many rows that sorting costs more.
 _FEW_ENOUGH_TO_SORT = 1 << 23
@@ -58,17 +58,65 @@ def pack_in_order(
     if not sortable or n_generators < GROUPED_FROM:
         return pack(rows, weights, frame=frame), None
     order = along_curve(rows)
-    return pack(rows[order], weights[order], frame=frame, in_order=True), order
+    return pack(rows, weights, frame=frame, order=order), order
 
 
 def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:
-    """Return the order of (M, D <= 4) rows along a Morton curve, with 2^16 steps over their range."""
-    low, high = float(rows.min()), float(rows.max())
+    """Return the order of (M, D <= 4) rows along a Morton curve, with up to 2^16 steps over their range."""
+    n_rows, n_dims = rows.shape
+    # Keys and places are sorted as one number each, in which long keys of many rows lose their last bits.
+    place_bits = np.uint64(n_rows.bit_length())
+    lost = np.uint64(max(0, 16 * n_dims + n_rows.bit_length() - 64))
+    n_parts = -(-n_rows // _ROWS)
+    keyed = np.empty(n_rows, np.uint64)
+    lows, highs = limits(rows)
+    low, high = float(lows.min()), float(highs.max())
     scale = 65535 / (high - low) if high > low else 0.0
-    keys = np.zeros(len(rows), np.uint64)
-    for dim in range(rows.shape[1]):
-        bits = ((rows[:, dim].astype(np.float64) - low) * scale).astype(np.uint64)
-        for shift, mask in _INSERT_ZEROS:
-            bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
-        keys |= bits << np.uint64(dim)
-    return np.argsort(keys, kind="stable")
+
+    def make(first: int, last: int) -> None:
+        for start in range(first * _ROWS, min(last * _ROWS, n_rows), _ROWS):
+            part = slice(start, min(start + _ROWS, n_rows))
+            key = np.zeros(part.stop - start, np.uint64)
+            for dim in range(n_dims):
+                steps = ((rows[part, dim].astype(np.float64) - low) * scale).astype(np.uint64)
+                key |= _spread(steps, n_dims) << np.uint64(dim)
+            keyed[part] = key >> lost << place_bits | np.arange(start, part.stop, dtype=np.uint64)
+
+    in_parts(make, n_parts, work=16.0 * rows.size)
+    return (_sorted(keyed) & ((np.uint64(1) << place_bits) - np.uint64(1))).astype(np.intp)
+
+
+def _sorted(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Sort distinct keys: in parts, and then what of each part is between two of some keys."""
+    n_parts = min(len(keys) // _ROWS, _PARTS)
+    if n_parts < 2 or n_threads() == 1:
+        return np.sort(keys)
+    parts = np.array_split(keys, n_parts)
+
+    def sort(first: int, last: int) -> None:
+        for part in parts[first:last]:
+            part.sort()
+
+    in_parts(sort, n_parts, work=16.0 * len(keys))
+    some = np.sort(np.concatenate([part[:: _ROWS // _PARTS] for part in parts]))
+    between = some[[len(some) * part // n_parts for part in range(1, n_parts)]]
+    cuts = np.array([[0, *np.searchsorted(part, between), len(part)] for part in parts])
+    ends = cuts.sum(axis=0)
+
+    def join(first: int, last: int) -> None:
+        for n in range(first, last):
+            own = keys_in_order[ends[n] : ends[n + 1]]
+            np.concatenate([part[cut[n] : cut[n + 1]] for part, cut in zip(parts, cuts, strict=True)], out=own)
+            own.sort()
+
+    keys_in_order = np.empty_like(keys)
+    in_parts(join, n_parts, work=16.0 * len(keys))
+    return keys_in_order
+
+
+def _spread(steps: NDArray[np.uint64], n_dims: int) -> NDArray[np.uint64]:
+    """Insert zeros between the bits of 16-bit numbers, one for each other dimension."""
+    for width in (8, 4, 2, 1):
+        mask = sum(((1 << width) - 1) << start * n_dims for start in range(0, 16, width))
+        steps = (steps | steps << np.uint64(width * (n_dims - 1))) & np.uint64(mask)
+    return steps

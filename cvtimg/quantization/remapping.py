@@ -265,7 +265,7 @@ def map_samples(
     if lacks_clear:
         colors, labels = _fitted(colors, labels)
     labels = labels.astype(np.uint8 if len(colors) <= 256 else np.uint16)
-    indices = labels[samples.inverse] if dither is None else labels
+    indices = samples.at_pixels(labels) if dither is None else labels
     if samples.inside is not None:
         indices[~samples.inside] = 0
     n_channels = colors.shape[1]
