@@ -9,7 +9,6 @@ N_ERRORS = 6
 LONGEST = RATE_LONGEST
 FARTHEST = RATE_FARTHEST
 MOST_MATCHES = RATE_MOST_MATCHES
-BLOCK = RATE_BLOCK
 MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
@@ -24,15 +23,13 @@ cdef extern from "similarity.h" nogil:
     )
 
 cdef extern from "rate.h" nogil:
-    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES, RATE_BLOCK
+    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES, RATE_CELLS
     ctypedef struct rate_band:
-        Py_ssize_t width, n_entries, n_blocks
+        Py_ssize_t width, n_entries
         int shift, n_matches
         const float *targets
         const float *visibility
         const float *entries
-        const float *columns
-        const float *boxes
         const float *lengths
         const float *distances
         float price, literal, strength, longest
@@ -41,8 +38,11 @@ cdef extern from "rate.h" nogil:
         pass
     ctypedef struct rate_near:
         pass
+    ctypedef struct rate_cell:
+        pass
     ctypedef struct rate_scratch:
         rate_node *nodes
+        rate_cell *cells
         rate_near *near
         float *above
         float *below
@@ -64,6 +64,7 @@ cdef extern from "lzw.h" nogil:
         lzw_book book
         int n_paths
         const float *kept
+        rate_cell *cells
         float *above
         float *below
         lzw_paths *paths
@@ -109,8 +110,8 @@ def errors(
 
 def map_band(
     const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
-    const float[:, :, ::1] blocks, const float[:, ::1] boxes, const float[::1] lengths, const float[::1] distances,
-    int shift, int n_matches, float price, float literal, float strength, float longest, uint8_t[:, ::1] indices,
+    const float[::1] lengths, const float[::1] distances, int shift, int n_matches, float price, float literal,
+    float strength, float longest, uint8_t[:, ::1] indices,
 ):
     """Map a band of rows by rate, into `indices`.
 
@@ -122,10 +123,6 @@ def map_band(
         How much their squared errors count.
     entries : (K + 1, 4) float32 array
         Places of the palette, and one far from all pixels.
-    blocks : (B, 4, BLOCK) float32 array
-        The coordinates of the entries without that, block by block, filled up with places far away.
-    boxes : (8, B) float32 array
-        The lowest and the highest coordinates of each block.
     lengths, distances : (LONGEST + 1,) and (FARTHEST + 1,) float32 array
         Prices of matches, in squared errors, by their length and distance in bytes.
     shift : int
@@ -143,23 +140,24 @@ def map_band(
     # A row begins with the byte of its filter, which no match goes across, and with a new byte.
     cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = height * stride
     cdef rate_band band = rate_band(
-        width, n_entries, len(blocks), shift, n_matches, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0],
-        &blocks[0, 0, 0], &boxes[0, 0], &lengths[0], &distances[0], price, literal, strength, longest, &indices[0, 0],
+        width, n_entries, shift, n_matches, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &lengths[0],
+        &distances[0], price, literal, strength, longest, &indices[0, 0],
     )
     nodes = np.empty((width + 1) * sizeof(rate_node), np.uint8)
     near = np.empty(width * sizeof(rate_near), np.uint8)
+    cells = np.full(RATE_CELLS * sizeof(rate_cell), 0x80, np.uint8)  # whose corners are far from all pixels
     rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)
     floor = np.empty(width, np.float32)
     stream = np.full(run + (RATE_LONGEST << shift), n_entries, np.uint16)
     newest, older = np.full(1 << 16, -1, np.int32), np.empty(run, np.int32)
-    cdef uint8_t[::1] node_bytes = nodes, near_bytes = near
+    cdef uint8_t[::1] node_bytes = nodes, near_bytes = near, cell_bytes = cells
     cdef float[:, :, ::1] handed = rows
     cdef float[::1] of_row = floor
     cdef uint16_t[::1] of_stream = stream
     cdef int32_t[::1] heads = newest, chains = older
     cdef rate_scratch scratch = rate_scratch(
-        <rate_node *>&node_bytes[0], <rate_near *>&near_bytes[0], &handed[0, 0, 0], &handed[1, 0, 0], &of_row[0],
-        &of_stream[0], &heads[0], &chains[0], stride, run,
+        <rate_node *>&node_bytes[0], <rate_cell *>&cell_bytes[0], <rate_near *>&near_bytes[0], &handed[0, 0, 0],
+        &handed[1, 0, 0], &of_row[0], &of_stream[0], &heads[0], &chains[0], stride, run,
     )
     with nogil:
         for row in range(height):
@@ -168,14 +166,13 @@ def map_band(
 
 def map_phrases(
     const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
-    const float[:, :, ::1] blocks, const float[:, ::1] boxes, const float[:, :, ::1] kept, int n_paths, float price,
-    float strength, float longest, uint8_t[:, ::1] indices,
+    const float[:, :, ::1] kept, int n_paths, float price, float strength, float longest, uint8_t[:, ::1] indices,
 ):
     """Map an image by rate for LZW, into `indices`.
 
     Parameters
     ----------
-    targets, visibility, entries, blocks, boxes, price, strength, longest, indices
+    targets, visibility, entries, price, strength, longest, indices
         As in `map_band`.
     kept : (H, W, 4) float32 array or None
         Places of what the image is drawn over, for which the index is K.
@@ -184,21 +181,23 @@ def map_phrases(
     """
     cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1
     cdef rate_band band = rate_band(
-        width, n_entries, len(blocks), 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &blocks[0, 0, 0],
-        &boxes[0, 0], NULL, NULL, price, 0, strength, longest, &indices[0, 0],
+        width, n_entries, 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], NULL, NULL, price, 0, strength,
+        longest, &indices[0, 0],
     )
     longer, slots = np.empty((LZW_CODES + 1, 256), np.int16), np.full(LZW_CODES, -1, np.int16)
     rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)
+    cells = np.full(RATE_CELLS * sizeof(rate_cell), 0x80, np.uint8)
     paths = np.empty((LZW_DECIDED + LZW_AHEAD + 1) * sizeof(lzw_paths), np.uint8)
     cdef int16_t[:, ::1] of_book = longer
     cdef int16_t[::1] of_slots = slots
     cdef float[:, :, ::1] handed = rows
-    cdef uint8_t[::1] of_paths = paths
+    cdef uint8_t[::1] of_paths = paths, of_cells = cells
     cdef lzw_scratch scratch
     scratch.book.longer = <int16_t (*)[256]>&of_book[0, 0]
     scratch.n_paths = n_paths
     scratch.kept = NULL if kept is None else &kept[0, 0, 0]
     scratch.above, scratch.below = &handed[0, 0, 0], &handed[1, 0, 0]
+    scratch.cells = <rate_cell *>&of_cells[0]
     scratch.paths, scratch.slots = <lzw_paths *>&of_paths[0], &of_slots[0]
     with nogil:
         lzw_map(&band, &scratch, height)

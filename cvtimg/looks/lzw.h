@@ -42,6 +42,7 @@ typedef struct {
   lzw_book book;
   int n_paths;
   const float *kept;     // (rows, width, 4) places of what a frame is drawn over, or NULL
+  rate_cell *cells;      // RATE_CELLS
   float *above, *below;  // (width + 2, 4) errors handed on from the row above, and to the row below
   lzw_paths *paths;      // LZW_DECIDED + LZW_AHEAD + 1
   int16_t *slots;        // LZW_CODES: which candidate has a phrase, or -1
@@ -84,10 +85,10 @@ static inline const float *lzw_shown(const rate_band *band, const lzw_scratch *s
 // drawn again.
 static int lzw_choose(const rate_band *band, lzw_scratch *scratch, Py_ssize_t at, const float *place, int *choices) {
   rate_near near;
-  rate_look(band, place, band->visibility[at], &near);
+  rate_look(band, scratch->cells, place, band->visibility[at], &near);
   const float most = near.square[0] + LZW_BEHIND_BITS * band->price;
   int n = 0;
-  for (int i = 0; i < near.n && near.square[i] <= most; i++) {
+  for (int i = 0; i < RATE_NEAR && near.square[i] <= most; i++) {
     const float *entry = band->entries + RATE_WIDTH * near.entry[i];
     const int same = scratch->kept && !memcmp(entry, scratch->kept + RATE_WIDTH * at, RATE_WIDTH * sizeof(float));
     if (!same) choices[n++] = near.entry[i];

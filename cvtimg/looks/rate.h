@@ -23,9 +23,9 @@
 
 // Coordinates; the longest and the farthest match of deflate in bytes; the most matches followed from a pixel; how many of
 // the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
-enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 8, RATE_TRIES = 6 };
-// Entries are compared in blocks of neighbors, of which most are too far away as a whole.
-enum { RATE_BLOCK = 8, RATE_MOST_BLOCKS = 256 / RATE_BLOCK };
+enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 6, RATE_TRIES = 6 };
+// The entries near a place are sought among so many near the middle of its cell, which are known of so many cells.
+enum { RATE_MANY = 16, RATE_CELL_BITS = 12, RATE_CELLS = 1 << RATE_CELL_BITS };
 // The first two indices of a match, and all that follow, cost at most so many bits more than literals; and it is given up
 // when another is so many bits ahead.
 static const float RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
@@ -34,14 +34,12 @@ static const float RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 3
 static const float RATE_RIGHT = 12 / 16.f, RATE_BELOW = 2 / 16.f, RATE_ASIDE = 1 / 16.f;
 
 typedef struct {
-  Py_ssize_t width, n_entries, n_blocks;
+  Py_ssize_t width, n_entries;
   int shift;                // of numbers of pixels to numbers of bytes
   int n_matches;            // at most so many are followed from a pixel
   const float *targets;     // (rows, width, 4) places of the pixels
   const float *visibility;  // (rows, width) how much a squared error counts
-  const float *entries;     // (n_entries + 1, 4) places of the palette, neighbors together; the last is far from all pixels
-  const float *columns;     // (n_blocks, 4, RATE_BLOCK) the same without the last, filled up with places far away
-  const float *boxes;       // (8, n_blocks) the lowest and the highest coordinates of each block
+  const float *entries;     // (n_entries + 1, 4) places of the palette; the last is far from all pixels
   const float *lengths;     // (RATE_LONGEST + 1) price of the length of a match, in bytes
   const float *distances;   // (RATE_FARTHEST + 1) price of its distance, in bytes
   float price, literal;     // price of a bit, and of an index by itself
@@ -54,11 +52,17 @@ typedef struct {
   int32_t from, distance, last;   // where the last edge begins; distance of the match, in pixels, 0 for a literal
 } rate_node;
 
-// The entries near a pixel, nearest first.
+// The entries near a pixel, nearest first; the one far from all pixels where there are not so many.
 typedef struct {
-  int32_t n, entry[RATE_NEAR];
   float square[RATE_NEAR];
+  uint8_t entry[RATE_NEAR];
 } rate_near;
+
+// A cube of places whose side is the usual step between entries, and the entries nearest to its middle.
+typedef struct {
+  int32_t corner[RATE_WIDTH];
+  uint8_t entries[RATE_MANY];
+} rate_cell;
 
 // Matches from a pixel, which are followed side by side.
 typedef struct {
@@ -70,6 +74,7 @@ typedef struct {
 
 typedef struct {
   rate_node *nodes;         // width + 1
+  rate_cell *cells;         // RATE_CELLS
   rate_near *near;          // width: the nearest entries without the row's own errors
   float *above, *below;     // (width + 2, 4) errors handed on from the row above, and to the row below
   float *floor;             // width: what the best literal costs without the row's own errors
@@ -106,67 +111,70 @@ static inline void rate_spread(const rate_band *band, const float *wanted, const
   }
 }
 
-// Lower bounds of the squares of all entries of each block.
-static inline void rate_bounds(const rate_band *band, const float *place, float weight, float *bounds) {
-  const Py_ssize_t n = band->n_blocks;
-  for (Py_ssize_t b = 0; b < n; b++) bounds[b] = 0;
+static inline float rate_square(const rate_band *band, const float *place, int entry) {
+  const float *given = band->entries + RATE_WIDTH * entry;
+  const float a = place[0] - given[0], b = place[1] - given[1], c = place[2] - given[2], d = place[3] - given[3];
+  return (a * a + b * b) + (c * c + d * d);
+}
+
+// Put the nearest of up to RATE_MANY entries in their order. Squares have the order of their bits, of which the last ones
+// tell which it is: so no two are equal, and each comes after as many as are less.
+static inline void rate_rank(const rate_band *band, const float *place, float weight, const uint8_t *entries, int n,
+                             rate_near *near) {
+  float squares[RATE_MANY];
+  int32_t keys[RATE_MANY], ranks[RATE_MANY] = {0}, ranked[RATE_MANY];
+  for (int i = 0; i < n; i++) squares[i] = weight * rate_square(band, place, entries[i]);
+  memcpy(keys, squares, sizeof(float) * (size_t)n);
+  for (int i = 0; i < n; i++) keys[i] = (keys[i] & -RATE_MANY) | i;
+  for (int j = 0; j < n; j++) {
+    for (int i = 0; i < n; i++) ranks[i] += keys[j] < keys[i];
+  }
+  for (int i = 0; i < n; i++) ranked[ranks[i]] = i;
+  for (int i = 0; i < RATE_NEAR; i++) {
+    near->entry[i] = entries[ranked[i]];
+    near->square[i] = squares[ranked[i]];
+  }
+}
+
+// Find the entries nearest to the middle of a cell.
+static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *cell) {
+  float middle[RATE_WIDTH], squares[RATE_MANY];
+  for (int c = 0; c < RATE_WIDTH; c++) middle[c] = band->longest * ((float)corner[c] + .5f);
+  memcpy(cell->corner, corner, sizeof cell->corner);
+  memset(cell->entries, (int)band->n_entries, RATE_MANY);
+  int n = 0;
+  for (int k = 0; k < band->n_entries; k++) {
+    const float square = rate_square(band, middle, k);
+    if (n == RATE_MANY && square >= squares[n - 1]) continue;
+    int at = n < RATE_MANY ? n++ : n - 1;
+    for (; at > 0 && squares[at - 1] > square; at--) {
+      squares[at] = squares[at - 1];
+      cell->entries[at] = cell->entries[at - 1];
+    }
+    squares[at] = square;
+    cell->entries[at] = (uint8_t)k;
+  }
+}
+
+// Find the entries nearest to a place, among those near the middle of its cell.
+RATE_CLONES static void rate_look(const rate_band *band, rate_cell *cells, const float *place, float weight,
+                                  rate_near *near) {
+  static const uint32_t mix[RATE_WIDTH] = {0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D, 0x27D4EB2F};
+  int32_t corner[RATE_WIDTH];
+  uint32_t hash = 0;
   for (int c = 0; c < RATE_WIDTH; c++) {
-    const float *low = band->boxes + c * n, *high = low + RATE_WIDTH * n, x = place[c];
-    for (Py_ssize_t b = 0; b < n; b++) {
-      const float under = low[b] - x, over = x - high[b], outside = under > over ? under : over;
-      bounds[b] += outside > 0 ? weight * outside * outside : 0;
-    }
+    corner[c] = (int32_t)floorf(place[c] / band->longest);
+    hash ^= mix[c] * (uint32_t)corner[c];
   }
-}
-
-// The squares of the entries of a block.
-static inline void rate_squares(const float *columns, const float *place, float weight, float *squares) {
-  for (int i = 0; i < RATE_BLOCK; i++) {
-    const float a = place[0] - columns[i], b = place[1] - columns[i + RATE_BLOCK];
-    const float c = place[2] - columns[i + 2 * RATE_BLOCK], d = place[3] - columns[i + 3 * RATE_BLOCK];
-    squares[i] = weight * ((a * a + b * b) + (c * c + d * d));
-  }
-}
-
-// Put an entry in its place among the nearest.
-static inline void rate_insert(rate_near *near, int32_t entry, float square) {
-  int at = near->n < RATE_NEAR ? near->n++ : RATE_NEAR - 1;
-  for (; at > 0 && near->square[at - 1] > square; at--) {
-    near->square[at] = near->square[at - 1];
-    near->entry[at] = near->entry[at - 1];
-  }
-  near->square[at] = square;
-  near->entry[at] = entry;
-}
-
-// Find the entries nearest to a place.
-RATE_CLONES static void rate_look(const rate_band *band, const float *place, float weight, rate_near *near) {
-  float bounds[RATE_MOST_BLOCKS], squares[RATE_BLOCK], bound = FLT_MAX;
-  Py_ssize_t block = 0;
-  near->n = 0;
-  rate_bounds(band, place, weight, bounds);
-  for (Py_ssize_t b = 1; b < band->n_blocks; b++) block = bounds[b] < bounds[block] ? b : block;
-  for (Py_ssize_t b = -1; b < band->n_blocks; b++) {  // the nearest block first
-    if (b == block || (b >= 0 && bounds[b] >= bound)) continue;
-    const Py_ssize_t first = (b < 0 ? block : b) * RATE_BLOCK;
-    rate_squares(band->columns + RATE_WIDTH * first, place, weight, squares);
-    for (int i = 0; i < RATE_BLOCK && first + i < band->n_entries; i++) {
-      if (squares[i] >= bound) continue;
-      rate_insert(near, (int32_t)(first + i), squares[i]);
-      if (near->n == RATE_NEAR) bound = near->square[RATE_NEAR - 1];
-    }
-  }
+  rate_cell *cell = cells + (hash >> (32 - RATE_CELL_BITS));
+  if (memcmp(cell->corner, corner, sizeof corner)) rate_fill(band, corner, cell);
+  rate_rank(band, place, weight, cell->entries, RATE_MANY, near);
 }
 
 // Put entries that are near in their order for a place not far from theirs.
-static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
-                            rate_near *near) {
-  near->n = 0;
-  for (int i = 0; i < before->n; i++) {
-    const float *entry = band->entries + RATE_WIDTH * before->entry[i];
-    const float a = place[0] - entry[0], b = place[1] - entry[1], c = place[2] - entry[2], d = place[3] - entry[3];
-    rate_insert(near, before->entry[i], weight * ((a * a + b * b) + (c * c + d * d)));
-  }
+RATE_CLONES static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
+                                        rate_near *near) {
+  rate_rank(band, place, weight, before->entry, RATE_NEAR, near);
 }
 
 // Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
@@ -205,11 +213,12 @@ static void rate_drop(rate_matches *matches, float bound) {
   if (n && 4 * n > 3 * matches->n) return;
   n = 0;
   for (int m = 0; m < matches->n; m++) {
-    if (matches->cost[m] > bound) continue;
+    const int stays = matches->cost[m] <= bound;
     matches->cost[n] = matches->cost[m];
     matches->away[n] = matches->away[m];
     for (int c = 0; c < RATE_WIDTH; c++) matches->error[c][n] = matches->error[c][m];
-    matches->at[n++] = matches->at[m];
+    matches->at[n] = matches->at[m];
+    n += stays;
   }
   matches->n = n;
 }
@@ -254,8 +263,8 @@ static void rate_begin(const rate_band *band, const rate_scratch *scratch, Py_ss
   const int32_t here = (int32_t)(row * scratch->stride + i), farthest = RATE_FARTHEST << band->shift;
   const int32_t within = (1 << band->shift) - 1;
   int n = matches->n;
-  for (int a = 0; a < near->n; a++) {
-    for (int b = 0; b < next->n && near->square[a] + next->square[b] < room; b++) {
+  for (int a = 0; a < RATE_NEAR; a++) {
+    for (int b = 0; b < RATE_NEAR && near->square[a] + next->square[b] < room; b++) {
       int32_t at = scratch->newest[near->entry[a] << 8 | next->entry[b]];
       for (int tries = 0; at >= 0 && here - at <= farthest && tries < RATE_TRIES; tries++, at = scratch->older[at]) {
         if ((here - at) & within) continue;
@@ -357,7 +366,7 @@ static void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_
     const Py_ssize_t at = row * width + i;
     float place[RATE_WIDTH];
     rate_wanted(band->targets + at * RATE_WIDTH, scratch->above + (i + 1) * RATE_WIDTH, NULL, place);
-    rate_look(band, place, band->visibility[at], scratch->near + i);
+    rate_look(band, scratch->cells, place, band->visibility[at], scratch->near + i);
     scratch->floor[i] = band->literal + scratch->near[i].square[0];
   }
   for (Py_ssize_t i = 0; i < width; i++) rate_extend(band, scratch, row, i);

@@ -36,6 +36,8 @@ _DISTANCES = np.append(0, np.repeat(_DISTANCE_BITS + _DISTANCE_EXTRA, 1 << _DIST
 COMPARISONS = 1 << 22
 #: A coordinate far from all pixels, and the least visibility, with which it is still dear.
 _FAR, _LEAST = 1e15, 1e-12
+#: Shortest step between entries.
+_LEAST_STEP = 1e-3
 
 
 #: Ways to code indices: of PNG, and of GIF.
@@ -111,18 +113,15 @@ def map_by_rate(
     """
     height, width, _ = places.shape
     targets, weights = _wide(places), np.maximum(seen, np.float32(_LEAST))
-    order = _in_blocks(entries)
-    palette = np.concatenate([_wide(entries)[order], np.full((1, 4), _FAR, np.float32)])
-    blocks, boxes = _blocks(palette[:-1])
-    indices, longest = np.empty((height, width), np.uint8), usual_step(palette[:-1])
-    names = np.append(order, len(order)).astype(np.uint8)  # one more where a frame below is kept
+    palette = np.concatenate([_wide(entries), np.full((1, 4), _FAR, np.float32)])
+    indices, longest = np.empty((height, width), np.uint8), max(usual_step(entries), _LEAST_STEP)
     if rate.coder == "lzw":
         below = None if kept is None else _wide(kept)
         n_paths = max(rate.n_matches * _looks.MOST_PATHS // _looks.MOST_MATCHES, 1)
         _looks.map_phrases(
-            targets, weights, palette, blocks, boxes, below, n_paths, rate.price, strength, longest, indices
+            targets, weights, palette, below, n_paths, rate.price, strength, longest, indices
         )  # fmt: skip
-        return names[indices]
+        return indices
     shift = next(shift for shift in (3, 2, 1, 0) if len(entries) <= 1 << (8 >> shift))
     starts = range(0, height, _BAND)
     lengths, distances = ((rate.price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
@@ -132,31 +131,12 @@ def map_by_rate(
         for number in range(first, last):
             rows = slice(starts[number], starts[number] + _BAND)
             _looks.map_band(
-                targets[rows], weights[rows], palette, blocks, boxes, lengths, distances, shift, rate.n_matches,
+                targets[rows], weights[rows], palette, lengths, distances, shift, rate.n_matches,
                 rate.price, literal, strength, longest, indices[rows],
             )  # fmt: skip
 
     in_parts(kernel, len(starts), _WORK * targets.size)
-    return names[indices]
-
-
-def _in_blocks(entries: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Return an order of (K, D) entries in which blocks hold neighbors: halves along the widest direction, again."""
-    order = np.arange(len(entries))
-    if len(order) <= _looks.BLOCK:
-        return order
-    order = np.argsort(entries[:, np.ptp(entries, axis=0).argmax()], kind="stable")
-    half = -(-len(order) // (2 * _looks.BLOCK)) * _looks.BLOCK
-    return np.concatenate([some[_in_blocks(entries[some])] for some in (order[:half], order[half:])])
-
-
-def _blocks(entries: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the entries by blocks (B, 4, BLOCK), with places far away in the end, and the boxes (8, B) of blocks."""
-    full = np.full((-(-len(entries) // _looks.BLOCK) * _looks.BLOCK, 4), _FAR, np.float32)
-    full[: len(entries)] = entries
-    starts = np.arange(0, len(entries), _looks.BLOCK)
-    boxes = np.concatenate([some.reduceat(entries, starts) for some in (np.minimum, np.maximum)], axis=1).T
-    return np.ascontiguousarray(full.reshape(-1, _looks.BLOCK, 4).transpose(0, 2, 1)), np.ascontiguousarray(boxes)
+    return indices
 
 
 def _wide(places: NDArray[np.float32]) -> NDArray[np.float32]:
