@@ -28,8 +28,4 @@ from .polygons import as_region as as_region
 from .regions import Box as Box
 from .regions import Region as Region
 from .result import Placement as Placement
-from .samples import Circles as Circles
-from .samples import FigureMoments as FigureMoments
-from .samples import Figures as Figures
 from .samples import SampleMoments as SampleMoments
-from .samples import Segments as Segments

@@ -24,14 +24,14 @@ from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
-from cvtimg.placement.descent import DESCENTS, Descend, Projection, Terms
+from cvtimg.placement.descent import DESCENTS, Projection, Terms
 from cvtimg.placement.metrics import LpGauge, MetricLike, PolygonGauge, as_gauge
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, PlacementEffort, check_apart, picture_moments, place_by_levels
 from cvtimg.placement.polygons import PictureRegion, as_region
 from cvtimg.placement.regions import MOST_POINTS, Box, Region
 from cvtimg.placement.result import Placement
-from cvtimg.placement.samples import FigureMoments, Figures, SampleMoments
+from cvtimg.placement.samples import SampleMoments
 
 #: Candidates of a start for each generator.
 _CANDIDATES = 32
@@ -51,7 +51,6 @@ def place_generators(
     fixed: ArrayLike | None = None,
     on_boundary: ArrayLike | str | None = None,
     metric: MetricLike = 2,
-    generators: str | Figures = "points",
     method: str | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -76,8 +75,6 @@ def place_generators(
     metric : float, str or (M, 2) array
         Power p of the p-norm, by which places are nearest and which is squared in the energy: 2, the Euclidean, 1, 20,
         numpy.inf; "triangle"; or the corners of a convex polygon around the origin, where the distance is 1.
-    generators : "points" or Figures
-        `Segments` or `Circles` in place of points, in the plane.
     method : {"l-bfgs", "over-relaxed", "lloyd"}, optional
         How generators move: "lloyd" by default with ``on_boundary="auto"``, else "l-bfgs".
     effort : {"fast", "balanced", "best"}
@@ -94,7 +91,7 @@ def place_generators(
     Notes
     -----
     Cells are integrated exactly over the pixels of an image; as polygons in other regions of the plane, exactly for
-    a constant density; and over samples for other dimensions, metrics and figures.
+    a constant density; and over samples for other dimensions and metrics.
 
     References
     ----------
@@ -117,13 +114,6 @@ def place_generators(
     if isinstance(on_boundary, str):
         check_choice("on_boundary", on_boundary, ("auto",))
     descend = DESCENTS[check_choice("method", method or ("lloyd" if auto else "l-bfgs"), DESCENTS)]
-    if isinstance(generators, str):
-        check_choice("generators", generators, ("points",))
-    else:
-        plain = fixed is None and on_boundary is None and gauge == LpGauge(2) and where.n_dims == 2
-        allowed = "in the plane, with metric=2, none fixed or on the boundary"
-        check_in_range("generators", generators, plain, allowed)
-        return _place_figures(where, weight, n_generators, generators, descend, settings, random, Watch(callback))
     still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
     terms = Terms(
         settings.elsewhere,
@@ -189,25 +179,6 @@ def place_in_picture(
     mass = check_picture_density("density", density)
     how: dict[str, Any] = {"fixed": fixed, "method": method, "effort": effort, "rng": rng, "callback": callback}
     return place_generators(PictureRegion(np.ones(mass.shape, bool)), n_generators, density=mass, **how)
-
-
-def _place_figures(
-    region: Region,
-    density: Density,
-    n_generators: int,
-    kind: Figures,
-    descend: Descend,
-    effort: PlacementEffort,
-    rng: np.random.Generator,
-    watch: Watch,
-) -> Placement:
-    """Place figures around points that stand apart: figures that cross at the start would stay so."""
-    samples = _samples(region, density, n_generators, effort, rng)
-    drawn = draw_start(region, density, n_generators, rng)
-    apart = descend(SampleMoments(samples, LpGauge(2)), drawn, Terms(EFFORTS["fast"].elsewhere)).generators
-    begin = kind.start(apart, (region.measure / n_generators) ** 0.5, rng)
-    terms = Terms(effort.elsewhere, project=kind.project, watch=watch)
-    return Placement.of(descend(FigureMoments(samples, kind), begin, terms), region, kind)
 
 
 def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
@@ -16,7 +15,6 @@ from cvtimg.placement.cells import CellMeasures, measure_cells, oriented_pieces,
 from cvtimg.placement.descent import Descent
 from cvtimg.placement.polygons import PictureRegion
 from cvtimg.placement.regions import Box, Region
-from cvtimg.placement.samples import Figures
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -41,8 +39,6 @@ class Placement(ReadOnly):
         Whether the energy had come to rest when the descent stopped.
     region : Region
         Where they were placed.
-    figures : (K, P) float64 array or None
-        Segments (x1, y1, x2, y2) or circles (x, y, radius), of which points are the middles.
     """
 
     points: NDArray[np.float64]
@@ -53,7 +49,6 @@ class Placement(ReadOnly):
     n_iter: int
     converged: bool
     region: Region
-    figures: NDArray[np.float64] | None = None
 
     def _repr_html_(self) -> str:
         """Draw the generators, with y down in images and in each pair of axes if there are more than two."""
@@ -85,24 +80,19 @@ class Placement(ReadOnly):
         """
         shapely = optional("shapely", "regions")
 
-        self._refuse_figures()
         pieces, own = oriented_pieces(voronoi_cells(self.points, self.region))
         rings = (map(shapely.get_coordinates, shapely.get_rings(piece)) for piece in pieces)
         return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own, rings, strict=True))
 
     def measures(self) -> CellMeasures:
         """Measure how regular the Voronoi cells are: exactly where they are polygons, else by samples."""
-        self._refuse_figures()
         return measure_cells(self.points, self.region)
 
-    def _refuse_figures(self) -> None:
-        check_that("generators", self.figures is None, "be points: the cells of segments and circles are no polygons")
-
     @classmethod
-    def of(cls, descent: Descent, region: Region, kind: Figures | None = None) -> Placement:
+    def of(cls, descent: Descent, region: Region) -> Placement:
         """Make it of the end of a descent."""
-        moments, end = descent.moments, descent.generators
-        points, centroids = (end, moments.centroids) if kind is None else map(kind.middles, (end, moments.centroids))
+        moments = descent.moments
+        points, centroids = descent.generators, moments.centroids
         if isinstance(region, Box) and any(region.periodic):
             wrapped = region.project(points)
             points, centroids = wrapped, centroids + (wrapped - points)
@@ -115,5 +105,4 @@ class Placement(ReadOnly):
             n_iter=len(descent.energies) - 1,
             converged=descent.converged,
             region=region,
-            figures=None if kind is None else np.array(end),
         )

@@ -2,8 +2,7 @@
 Points in the plane
 ===================
 
-Generators by density, on the boundary, around a periodic box, by other metrics, and generators that are segments or
-circles.
+Generators by density, on the boundary, around a periodic box, and by other metrics.
 """
 
 from __future__ import annotations
@@ -12,14 +11,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from cvtimg import place_generators
 from cvtimg.engine import WeightedSamples
-from cvtimg.placement import Box, Circles, FigureMoments, Placement, PolygonRegion, SampleMoments, Segments, as_gauge
+from cvtimg.placement import Box, Placement, PolygonRegion, SampleMoments, as_gauge
 
 INK, PAPER = "#1b2a41", "#e0c9a6"
 SIDE = 400
@@ -70,20 +69,9 @@ for axes, title, placement in (
     draw_cells(axes, placement)
     if title.startswith("a periodic"):
         axes.add_patch(Rectangle((0, 0), 1, 1, fill=False, edgecolor="#c1121f", linewidth=1.4))
-for axes, metric in ((panels[4], 1), (panels[5], "triangle")):
-    axes.set_title(f"metric={metric!r}")
+KITE = [[2, 0], [0, 1], [-1, 0], [0, -1]]
+for axes, metric in zip(panels[4:], (1, 20, "triangle", KITE), strict=True):
+    axes.set_title(f"metric={metric}")
     placement = place_generators(SQUARE, 60, metric=metric)
     draw_labels(axes, SampleMoments(grid(), as_gauge(metric)).labels(placement.points))
     axes.plot(*placement.points.T, "o", color=INK, markersize=2.2)
-segments, circles = Segments(length=0.15), Circles()
-for axes, kind in ((panels[6], segments), (panels[7], circles)):
-    placement = place_generators(SQUARE, 40, generators=kind, effort="fast")
-    assert placement.figures is not None
-    draw_labels(axes, FigureMoments(grid(), kind).labels(placement.figures)[0])
-    axes.set_title(f"generators={type(kind).__name__}({'length=0.15' if kind is segments else ''})")
-    if kind is segments:
-        lines = placement.figures.reshape(-1, 2, 2)
-        axes.add_collection(LineCollection(list(lines), color="#c1121f", linewidth=2))
-    else:
-        for x, y, radius in placement.figures:
-            axes.add_patch(Circle((x, y), radius, fill=False, edgecolor="#c1121f", linewidth=1.4))

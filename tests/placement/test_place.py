@@ -14,15 +14,12 @@ from cvtimg.engine.methods import Probabilistic
 from cvtimg.placement import (
     MACQUEEN,
     Box,
-    Circles,
     ConstantDensity,
-    FigureMoments,
     ImplicitRegion,
     PixelMoments,
     PolygonMoments,
     PolygonRegion,
     SampleMoments,
-    Segments,
     as_density,
     as_gauge,
     measure_cells,
@@ -172,33 +169,6 @@ def test_samples_belong_to_the_nearest_by_the_gauge(metric: Any) -> None:
     np.testing.assert_allclose(lengths[np.arange(2000), labels], lengths.min(axis=1), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "kind", [Segments(length=0.2), Segments(price_per_length=0.1), Circles()], ids=["fixed", "priced", "circles"]
-)
-def test_figures_move_along_the_gradient_of_their_energy(kind: Any) -> None:
-    rng = np.random.default_rng(0)
-    moments = FigureMoments(SQUARE.sample(4000), kind)
-    figures = kind.start(rng.random((5, 2)), 0.3, rng)
-    found = moments(figures)
-    gradient = -2 * found.masses[:, None] * (found.centroids - figures)
-    for index in np.ndindex(*figures.shape):
-        step = np.zeros_like(figures)
-        step[index] = 1e-5
-        numeric = (moments(figures + step).energy - moments(figures - step).energy) / 2e-5
-        assert gradient[index] == pytest.approx(numeric, abs=2e-4)  # a sample may change its cell
-
-
-def test_segments_circles_and_points_among_them() -> None:
-    lengths = np.where(np.arange(12) < 4, 0.0, 0.3)
-    mixed = place_generators(SQUARE, 12, generators=Segments(length=lengths), effort="fast")
-    assert mixed.figures is not None
-    found = np.linalg.norm(mixed.figures[:, 2:] - mixed.figures[:, :2], axis=1)
-    np.testing.assert_allclose(found, lengths, atol=1e-12)
-    assert (np.diff(mixed.energies) < 0).all()
-    circles = place_generators(SQUARE, 12, generators=Circles(), effort="fast")
-    assert circles.energy < mixed.energy < place_generators(SQUARE, 12, effort="fast").energy
-
-
 def test_cells_are_polygons_that_fill_the_region() -> None:
     placement = place_generators(FRAME, 40)
     cells = placement.cells()
@@ -297,7 +267,6 @@ def test_macqueen_moves_one_generator_at_a_time() -> None:
         ({"on_boundary": "all"}, "on_boundary='all' must be one of auto"),
         ({"method": "newton"}, "method='newton' must be one of"),
         ({"effort": "huge"}, "effort='huge' must be one of"),
-        ({"generators": "lines"}, "generators='lines' must be one of points"),
         ({"density": lambda p: 0 * p[:, 0]}, "density must not be 0 everywhere in the region"),
         ({"fixed": [[np.nan, 0]]}, "fixed must be finite"),
     ],
