@@ -16,7 +16,7 @@ from cvtimg._shared.progress import tell
 from cvtimg.engine.methods import METHODS, Conditions, Ends, Method
 from cvtimg.engine.methods.lloyd import masses_and_distances
 from cvtimg.engine.points import Points
-from cvtimg.engine.seeding import SEEDINGS, random
+from cvtimg.engine.seeding import SEEDINGS, kmeans_plus_plus, random
 
 #: When children rest: the best end descends further afterwards.
 _RESTING = Stopping(tolerance=3e-3, max_iterations=100)
@@ -31,6 +31,7 @@ class Evolution:
     n_kept: int  # tessellations that become parents
     n_children: int  # in each generation
     patience: int  # evolution ends after so many children without an improvement
+    most: int  # and after so many in all
     n_candidates: int = 4  # generators of a child, drawn at random, of which the one that is missed least is replaced
 
 
@@ -45,17 +46,20 @@ def evolve(
 ) -> NDArray[np.float64]:
     """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
     descend, resting = method.descend_all, conditions.until(_RESTING)
-    seedings = [SEEDINGS[init]] + [random] * (effort.n_kept - 1)
+    # Those of k-means++ have rare samples that are far away, which others miss; these cost less.
+    seedings = [SEEDINGS[init]] + [kmeans_plus_plus] * (effort.n_kept // 3)
+    seedings += [random] * (effort.n_kept - len(seedings))
     free = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     elders = descend(points, np.stack([np.concatenate([fixed, some]) for some in free]), resting)
-    n_idle = 0
+    n_idle = n_born = 0
     while True:
         elders = _survivors(elders, effort.n_kept)
         least = float(elders.energies[0])
-        if conditions.watch(least) or n_idle >= effort.patience or least == 0:
+        if conditions.watch(least) or n_idle >= effort.patience or n_born >= effort.most or least == 0:
             break
         children = descend(points, _children(points, elders, effort, conditions), resting)
         improved = children.energies.min() < least * (1 - _SAME)
+        n_born += effort.n_children
         n_idle = 0 if improved else n_idle + effort.n_children
         elders = Ends(*(np.concatenate(both) for both in zip(elders, children, strict=True)))
         tell(n_idle / effort.patience)
