@@ -1,9 +1,10 @@
 """Tables of few rows: energy over that of scikit-learn's KMeans(n_init=10), and processor seconds.
 
 Tables are of scikit-learn, standardized, or made. Energies are computed from labels, for every rival alike. `optima`
-counts the proven least energies of the iris table that are found, for 2 to 10 generators.
+counts the proven least energies of the iris table that are found, for 2 to 10 generators; `seeds` compares ten seeds on
+tables on which no setting was chosen.
 
-    python benchmarks/tables.py [--quick] [--docs] [--parts energies optima]
+    python benchmarks/tables.py [--quick] [--docs] [--parts energies optima seeds]
 
 Rivals that cannot be imported are left out; `hgmeans`, which is HG-means, is built from its source.
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -46,6 +48,23 @@ def tables() -> dict[str, Table]:
     found["normal"] = rng.standard_normal((1000, 100))
     found["blobs"] = centers[rng.integers(0, 60, 5000)] + rng.standard_normal((5000, 8))
     return found
+
+
+def others() -> dict[str, Table]:
+    """Make tables on which no setting of cvtimg was chosen, standardized."""
+    from sklearn import datasets
+
+    rng = np.random.default_rng(2026)
+    centers = rng.normal(0, 2, (25, 12))
+    found = {
+        "linnerud": np.hstack(datasets.load_linnerud(return_X_y=True)),
+        "circles": datasets.make_circles(1200, noise=0.05, random_state=13)[0],
+        "swiss roll": datasets.make_swiss_roll(3000, random_state=14)[0],
+        "low rank": datasets.make_low_rank_matrix(800, 40, effective_rank=6, random_state=15),
+        "25 blobs": centers[np.sqrt(rng.integers(0, 625, 3000)).astype(int)] + rng.standard_normal((3000, 12)),
+        "log-normal": np.exp(rng.standard_normal((1500, 8))),
+    }
+    return {name: (rows - rows.mean(axis=0)) / rows.std(axis=0) for name, rows in found.items()}
 
 
 def rivals() -> dict[str, Find]:
@@ -100,6 +119,26 @@ def energies(given: argparse.Namespace) -> tuple[Rows, Rows]:
     return found, shown
 
 
+def seeds(given: argparse.Namespace) -> Rows:
+    """Compare ten seeds with as many of KMeans(n_init=10): energies and processor time, on other tables."""
+    from sklearn.cluster import KMeans
+
+    found: Rows = []
+    for name, rows in others().items():
+        for k in (5, 10, 30) if len(rows) > 30 else (3, 5, 10):
+            ten = [timed(partial(KMeans(k, n_init=10, random_state=n).fit, rows), time.process_time) for n in range(10)]
+            base, seconds = np.array([(model.inertia_, seconds) for model, seconds in ten]).T
+            found.append({"table": f"{name}, {rows.shape[0]} x {rows.shape[1]}", "k": k})
+            found[-1]["KMeans"] = f"{base.min() / base.mean() - 1:+.2%} to {base.max() / base.mean() - 1:+.2%}"
+            for effort in ("balanced", "best")[: 1 if given.quick else 2]:
+                search = partial(cvtimg.tessellate, rows, k, effort=effort)
+                runs = [timed(partial(search, rng=n), time.process_time) for n in range(10)]
+                energies = np.array([run.energy for run, _ in runs]) / base.mean() - 1
+                times = np.mean([second for _, second in runs]) / seconds.mean()
+                found[-1][effort] = f"{energies.mean():+.2%}, worst {energies.max():+.2%}, {times:.1f} x"
+    return found
+
+
 def draw(found: Rows) -> None:
     """Write docs/tables.webp: each rival's time and energy by those of the first, a dot for each table and K."""
     pyplot = import_module("matplotlib.pyplot")
@@ -139,4 +178,4 @@ def optima(given: argparse.Namespace) -> Rows:
 if __name__ == "__main__":
     read = parser(__doc__)
     read.add_argument("--docs", action="store_true", help="write the plot to docs/tables.webp")
-    run(read, energies, optima)
+    run(read, energies, optima, seeds)

@@ -31,7 +31,7 @@ class Evolution:
     n_kept: int  # tessellations that become parents
     n_children: int  # in each generation
     patience: int  # evolution ends after so many children without an improvement
-    most: int  # and after so many in all
+    most: int  # and after so many in all, or more of fewer than 32 columns, where they cost less
     n_candidates: int = 4  # generators of a child, drawn at random, of which the one that is missed least is replaced
 
 
@@ -51,11 +51,12 @@ def evolve(
     seedings += [random] * (effort.n_kept - len(seedings))
     free = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     elders = descend(points, np.stack([np.concatenate([fixed, some]) for some in free]), resting)
+    most = effort.most * max(1, 32 // points.n_dims)
     n_idle = n_born = 0
     while True:
         elders = _survivors(elders, effort.n_kept)
         least = float(elders.energies[0])
-        if conditions.watch(least) or n_idle >= effort.patience or n_born >= effort.most or least == 0:
+        if conditions.watch(least) or n_idle >= effort.patience or n_born >= most or least == 0:
             break
         children = descend(points, _children(points, elders, effort, conditions), resting)
         improved = children.energies.min() < least * (1 - _SAME)

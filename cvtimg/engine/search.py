@@ -43,7 +43,9 @@ class Fewer:
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
-    "balanced": SearchEffort(1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(10, 8, 32, 64)),
+    "balanced": SearchEffort(
+        1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(10, 8, 32, 64)
+    ),
     "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 256, 4096)),
 }
 
