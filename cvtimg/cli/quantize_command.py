@@ -42,6 +42,8 @@ COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "ou
 #: Said where nothing tells what is wanted.
 _CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least squared error"
 
+_DEEP = "written with 16 bits per channel; --depth 8 gives an indexed file, a fraction of the size"
+
 #: Options by their names in Python, where these differ.
 _FLAGS = {
     "weights": "--weight-map",
@@ -131,7 +133,9 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
         raise ValueError(error.reason.format(flag)) from error
-    return result.summary()
+    # PNG has palettes of 8 bits only.
+    deep = task.output.suffix.lower() == ".png" and result.results[0].palette.itemsize == 2 and result.n_colors <= 256
+    return result.summary() | ({"warning": _DEEP} if deep else {})
 
 
 def _taken(options: Mapping[str, Any], record: Any) -> dict[str, Any]:

@@ -190,3 +190,11 @@ def test_a_quality_out_of_reach_is_told_and_the_best_is_written_but_not_below_a_
     refused = run("in.png", "--quality", "98-99", "-k", "8", "--effort", "fast")
     assert "at its lower end, which 8 colors reach" in refused["error"]
     assert not Path("out.png").exists()
+
+
+def test_deep_images_of_few_colors_are_said_to_be_smaller_with_8_bits(run: RowOf) -> None:
+    write_image("g16.png", np.random.default_rng(0).normal(30_000, 4_000, (60, 80)).astype(np.uint16))
+    deep, flat = run("g16.png", "-k", 32), run("g16.png", "-k", 32, "--depth", 8)
+    assert "--depth 8 gives an indexed file" in deep["warning"]
+    assert "warning" not in flat
+    assert flat["output_bytes"] < deep["output_bytes"]
