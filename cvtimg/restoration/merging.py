@@ -48,6 +48,9 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
         cost = 0.5 * max(evidence.variances(versions)) / unit
     if n_generators is None:
         n_generators, _ = auto_count(_fused_rows(versions, evidence, 1.5), 32)
+        sharp = _fused_rows(versions, evidence, 0.0)  # a drawing of two colors has more once it is blurred
+        told = np.einsum("ij,j->i", sharp, np.pi ** np.arange(sharp.shape[1]))
+        n_generators = min(n_generators, len(np.unique(told)))
     values, weights = versions.values, versions.weights(trust)
     values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # so that float32 is precise enough
 

@@ -241,3 +241,9 @@ def test_auto_finds_about_as_many_segments_as_there_are_colors() -> None:
     result = restore(versions, "auto", masks=known)
     assert 4 <= len(result.colors) <= 6
     assert psnr(result.image, clean) > 28
+
+
+def test_a_drawing_of_two_colors_comes_back_as_it_is() -> None:
+    y, x = np.mgrid[:60, :80]
+    mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 400) * (x % 9 > 2)
+    np.testing.assert_array_equal(restore([mask]).image, mask)

@@ -31,10 +31,11 @@ export class Recipes {
 
 	showChosen() {
 		const {chosen} = this, {command} = JSON.parse(chosen.settings);
-		for (const name of ["command", "python", "folder"]) $(name).textContent = chosen[name] ?? "";
+		for (const name of ["command", "folder"]) write($(name), chosen[name] ?? "");
+		$("python").textContent = chosen.python;
 		$("many").hidden = !chosen.folder;
 		$("copylink").textContent = "Copy link";
-		$("settingsnote").textContent = `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`;
+		write($("settingsnote"), `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`);
 		if (this.result) this.offer(this.result);
 	}
 
@@ -76,6 +77,12 @@ export class Recipes {
 		const {settings} = this.chosen;
 		save(`${JSON.parse(settings).command}.json`, new Blob([`${settings}\n`], {type: "application/json"}));
 	}
+}
+
+// Writes text whose words are not broken at their hyphens.
+function write(place, text) {
+	const parts = text.split(/(\s+)/).map(part => part.trim() ? element("span", {className: "word", textContent: part}) : part);
+	place.replaceChildren(...parts);
 }
 
 function save(download, blob) {
