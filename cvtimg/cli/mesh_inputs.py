@@ -104,9 +104,9 @@ def read_size(path: Path) -> NDArray[Any]:
     import cvtimg
 
     size = cvtimg.read_image(path)
-    if size.ndim != 2:
-        raise ValueError(f"--size {path} has {size.shape[2]} bands and must have one")
-    return size
+    if size.ndim == 3 and (size[..., :3] != size[..., :1]).any():
+        raise ValueError(f"--size {path} must be a gray image; this one has colors")
+    return size[..., 0] if size.ndim == 3 else size
 
 
 def named(mesh: Mesh, names: list[tuple[str, list[float]]]) -> Mesh:
