@@ -12,6 +12,9 @@ from cvtimg.cli.segment_outputs import Style, check_room, kind_of, outputs_of, w
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
 
@@ -33,6 +36,7 @@ _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", 
           "objects", "edit")  # fmt: skip
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
+_UNEVEN = "a smooth surface explains more than a third segment would: --shading takes uneven light out"
 #: Columns where objects are counted: what was measured.
 COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 
@@ -119,7 +123,15 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **found.summary(),
         **({"tracks": int(found.labels.max())} if given.track else {}),
         **({"warning": _OF_PLANES} if by_planes else {}),
+        **({"warning": _UNEVEN} if _is_lit_unevenly(given, image, stack.known[0]) else {}),
     }
+
+
+def _is_lit_unevenly(given: Given, image: NDArray[Any], known: NDArray[np.bool_]) -> bool:
+    from cvtimg.segmentation.local_means import is_lit_unevenly
+
+    others = given.shading or given.hierarchy or given.superpixels or given.objects
+    return given.number == 2 and not others and is_lit_unevenly(image, known, 2)
 
 
 def _way(given: Given) -> Callable[..., Segmentation]:

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from cvtimg.engine.tessellation import tessellate
 
-#: Light varies over this share of the longer side, and is found on so many pixels.
-_REACH_OF_LIGHT, _ENOUGH_PIXELS = 0.125, 1 << 18
+#: Light varies over this share of the longer side, then, to follow it into the corners, over half of that. It is found
+#: on so many pixels.
+_REACHES_OF_LIGHT, _ENOUGH_PIXELS = (0.125, 0.0625), 1 << 18
 _BLOCKS_IN_REACH = 4
+#: So many pixels tell whether it is uneven.
+_FEW_PIXELS = 1 << 13
 _MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.
 _PRIOR = 0.02
@@ -28,22 +31,49 @@ def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | 
     # there: segments are found in what the gain of the segments before leaves.
     apart = max(int(np.sqrt(inside.size / _ENOUGH_PIXELS)), 1)
     some, known = values[::apart, ::apart], inside[::apart, ::apart]
-    reach = [_REACH_OF_LIGHT * max(known.shape)] * 2
     means: NDArray[Any] = np.broadcast_to(some[known].mean(axis=0), some.shape)
-    light = np.ones(0, np.float32)
-    for _ in range(_MAX_ROUNDS):
-        before = light
-        shared = local_mean((some * means).sum(axis=2), known, reach, _PRIOR)
-        own = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
-        light = np.divide(shared, own, out=np.ones_like(own), where=own > 0)
-        light /= light.mean()
-        if before.size and np.abs(light - before).max() < 1e-3:
-            break
-        even = some / spread(light, known.shape)[..., None]
-        cells = tessellate(even[known], n_segments, effort="fast", rng=rng)
-        means = np.zeros(some.shape, np.float32)
-        means[known] = cells.generators[cells.labels]
+    for share in _REACHES_OF_LIGHT:
+        reach, light = [share * max(known.shape)] * 2, np.ones(0, np.float32)
+        for _ in range(_MAX_ROUNDS):
+            before = light
+            shared = local_mean((some * means).sum(axis=2), known, reach, _PRIOR)
+            own = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
+            light = np.divide(shared, own, out=np.ones_like(own), where=own > 0)
+            light /= light.mean()
+            if before.size and np.abs(light - before).max() < 1e-3:
+                break
+            even = some / spread(light, known.shape)[..., None]
+            cells = tessellate(even[known], n_segments, effort="fast", rng=rng)
+            means = np.zeros(some.shape, np.float32)
+            means[known] = cells.generators[cells.labels]
     return np.where(inside[..., None], values / spread(light, inside.shape)[..., None], np.float32(0))
+
+
+def is_lit_unevenly(image: NDArray[Any], inside: _Inside, n_segments: int) -> bool:
+    """Tell whether a quadratic surface under the segments explains more than another segment would."""
+    apart = max(int(np.sqrt(inside.size / _FEW_PIXELS)), 1)
+    known = inside[::apart, ::apart]
+    rows = image[::apart, ::apart].reshape(*known.shape, -1)[known].astype(np.float32)
+    if len(np.unique(rows, axis=0)) <= n_segments:
+        return False
+    down, right = (2 * np.argwhere(known) / known.shape - 1).T
+    powers = np.stack([down**0, down, right, down**2, down * right, right**2], axis=1)
+    flat = rows - powers @ _fitted(powers, rows)
+    labels = tessellate(flat, n_segments, effort="fast", rng=0).labels
+    for _ in range(_MAX_ROUNDS):
+        columns = np.concatenate([np.eye(n_segments)[labels], powers], axis=1)
+        fitted = _fitted(columns, rows)
+        distances = rows[:, None] - (powers @ fitted[n_segments:])[:, None] - fitted[:n_segments]
+        squares = np.square(distances).sum(axis=2)
+        labels = squares.argmin(axis=1)
+    more = tessellate(rows, n_segments + 1, effort="fast", rng=0)
+    return bool(squares.min(axis=1).sum() < more.energy)
+
+
+def _fitted(columns: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+    """Return factors of (N, M) columns whose sum is nearest to (N, D) rows."""
+    shared = np.einsum("ni,nj->ij", columns, columns)
+    return np.asarray(np.linalg.pinv(shared, hermitian=True) @ np.einsum("ni,nd->id", columns, rows))
 
 
 def local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: float) -> _Floats:

@@ -15,6 +15,7 @@ from cvtimg.labels.components import connected_pieces
 from cvtimg.segmentation import Averaging
 from cvtimg.segmentation.averaging import average_segments, averaged
 from cvtimg.segmentation.edge_weight import weight_of_detail
+from cvtimg.segmentation.local_means import is_lit_unevenly
 
 #: One of each kind of way through `segment`.
 WAYS: list[dict[str, Any]] = [
@@ -303,9 +304,29 @@ def test_in_even_light_segments_are_those_of_the_things_not_of_the_lamp(bands: i
     assert not with_mask[right <= 50].any()
 
 
+def test_light_is_uneven_where_a_surface_explains_more_than_another_segment() -> None:
+    down, right = np.mgrid[:150, :200]
+    things = np.where(np.hypot(down % 40 - 20, right % 40 - 20) < 8, 40, 100)
+    noise = np.random.default_rng(0).normal(0, 4, things.shape)
+    inside = right > 3
+    assert is_lit_unevenly(things * (0.5 + right / 200) + noise, inside, 2)
+    assert not is_lit_unevenly(things + noise, inside, 2)
+    assert not is_lit_unevenly(np.where(right > 100, 20, 80) + noise, inside, 2)
+    assert not is_lit_unevenly(things, inside, 2)  # has no third color
+
+
 def test_details_within_a_pixel_need_less_weight_the_smaller_they_are() -> None:
     weights = [weight_of_detail(detail, 3) for detail in (0, 0.1, 0.25, 0.5, 0.56, 1, 2, 30)]
     assert weights[0] == 0
     assert (np.diff(weights) > 0).all()
     assert weights[4] == pytest.approx(1 / 56, rel=0.05)  # a pixel has 28 neighbors
     assert weights[-1] == pytest.approx(30 / 75, rel=0.02)  # the mean over all directions of an edge
+
+
+def test_of_a_page_under_a_lamp_ink_alone_is_ink() -> None:
+    page = pytest.importorskip("skimage.data").page()
+    sauvola = page < pytest.importorskip("skimage.filters").threshold_sauvola(page, 15)
+    ink = segment(page, 2, shading=True, smallest_detail=0.25).labels == 1
+    within = ndimage.binary_erosion(sauvola)  # but for rims, where the cut is a matter of definition
+    assert np.count_nonzero(ink & ~sauvola) < 0.03 * np.count_nonzero(sauvola)
+    assert np.count_nonzero(within & ~ink) < 0.01 * np.count_nonzero(within)
