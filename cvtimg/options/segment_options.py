@@ -216,7 +216,10 @@ SEGMENT = (
     ),
     common.MASK,
     common.NODATA,
-    switch("volume", "Use the same segments in all pages of a file; with --objects: find objects in three dimensions."),
+    switch(
+        "volume",
+        "Use the same segments in all pages, as a volume if their distance is known; with --objects: its objects.",
+    ),
     switch("track", "Objects of a time series keep their label from frame to frame, by overlap.", needs=("objects",)),
     replace(common.VOLUME_POWER, excludes=_OTHER_WAYS),
     common.EFFORT,

@@ -123,7 +123,7 @@ def count_objects(
     """
     check_choice("background", background, BACKGROUNDS)
     least = None if min_size is None else check_non_negative("min_size", min_size)
-    bands, inside, size = _checked(image, spacing, mask)
+    bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
     if not inside.all():
         gray[~inside] = np.median(gray[inside])
@@ -139,7 +139,7 @@ def count_objects(
     return measured(labels, bands, counting=Counting(step < 0, blur, radius, least))
 
 
-def _checked(
+def checked_bands(
     image: Any, spacing: Sequence[float] | None, mask: ArrayLike | None
 ) -> tuple[NDArray[Any], _Inside, tuple[float, ...]]:
     """Return an image or a volume with an axis of bands, the pixels that count, and their sides in those of a plane."""

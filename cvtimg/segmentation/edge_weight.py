@@ -8,7 +8,9 @@ where y is near x if it lies within a disc about x. Boundary pixels are transfer
 where E is least, and each transfer updates both means at once: the change of E is known exactly, so E never rises. A
 straight edge along an axis costs 36 `edge_weight` per pixel of its length at radius 3; a disc that differs by c from
 its surroundings is worth its edge from a radius of about 72 `edge_weight` / c^2 on. A disc shrinks pixel by pixel only
-below half of that radius: to take away what is not worth its edge, descend at twice the weight first.
+below half of that radius: to take away what is not worth its edge, descend at twice the weight first. In a volume the
+disc of near pixels is a ball; one that differs by c is worth its border from a radius of about 428 `edge_weight` / c^2
+on, and shrinks below two thirds of that: there, 3/2 of the weight comes first.
 
 J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-1858.
 """
@@ -54,6 +56,7 @@ def descend(
     *,
     edge_weight: float,
     radius: int = 3,
+    planes: Planes | None = None,
     weights: NDArray[np.float32] | None = None,
     volume_power: float = 0,
     connected: bool = False,
@@ -74,7 +77,9 @@ def descend(
         others=np.zeros(padded.shape, np.uint16),
         stale=np.zeros(padded.shape, np.uint8),
     )
-    state = State(whole, [(0, len(values))], values.shape[1:], n_segments, Moves(radius, volume_power, connected))
+    state = State(
+        whole, [(0, len(values))], values.shape[1:], n_segments, Moves(radius, volume_power, connected, planes)
+    )
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
     means, masses = state.cells.means[1:].copy(), state.cells.masses[1:].copy()
     inner = padded[radius:-radius, radius:-radius].copy()
@@ -117,6 +122,16 @@ class Moves(NamedTuple):
     radius: int  # pixels are near each other up to this distance
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
+    planes: Planes | None = None  # those of a volume, or none: an image
+
+
+class Planes(NamedTuple):
+    """The planes of a volume as one image, each below the one before."""
+
+    # Rows that do not count keep the planes apart, and so many planes of these come first and last that none of the
+    # steps to neighbors leads out of the image.
+    rows: int  # from one plane to the next
+    spacing: float  # from one plane to the next, in pixels
 
 
 class Disc(NamedTuple):
@@ -149,7 +164,8 @@ class State:
         self, image: Layers, strips: Sequence[tuple[int, int]], shape: tuple[int, ...], n_segments: int, moves: Moves
     ) -> None:
         (width, n_dims), radius = shape, moves.radius
-        self.disc = Disc((disc(radius) @ (width + 2 * radius, 1)).astype(np.int32), radius)
+        stride, rows = width + 2 * radius, moves.planes.rows if moves.planes else 0
+        self.disc = Disc((neighbors(radius, moves.planes) @ (rows * stride, stride, 1)).astype(np.int32), radius)
         places = (n_segments + 1, n_dims)
         self.cells = SegmentMoments(np.zeros(places), np.zeros(places), np.zeros(n_segments + 1))
         self._image, self._strips, self._moves = image, strips, moves
@@ -163,11 +179,12 @@ class State:
         The weight is the least at which discs of the radius `detail` are just worth their edge where the contrast
         between segments that meet is greatest.
         """
-        worth = self._greatest_step() * weight_of_detail(detail, self.disc.margin) if detail else 0.0
-        weight = max(edge_weight, worth)
+        radius, planes = self._moves.radius, self._moves.planes
+        worth = self._greatest_step() * weight_of_detail(detail, radius, planes) if detail else 0.0
+        weight, shrinking = max(edge_weight, worth), (1.5 if is_deep(radius, planes) else 2) * worth
         self._begin()
-        if 2 * worth > weight:
-            self._settle(2 * worth, max_sweeps)
+        if shrinking > weight:
+            self._settle(shrinking, max_sweeps)
             self._wake()
         energies, converged = self._settle(weight, max_sweeps)
         return energies, weight, converged
@@ -242,7 +259,7 @@ class State:
 
     def _sweep(self, edge_weight: float, backward: bool) -> int:
         """Return how many pixels were transferred."""
-        moved, (_, power, connected) = 0, self._moves
+        moved, (_, power, connected, _) = 0, self._moves
         for first, last in reversed(self._strips) if backward else self._strips:
             if self._image.stale[first : last + 2 * self.disc.margin].any():
                 strip = self._image.rows(first, last, self.disc.margin)
@@ -263,29 +280,38 @@ class State:
         cells.energies = np.maximum(squares - step * sums, 0).sum(axis=1)
 
 
-def disc(radius: int) -> NDArray[np.intp]:
-    """(S, 2) steps down and right to the neighbors within a disc, without its center."""
-    down, right = np.mgrid[-radius : radius + 1, -radius : radius + 1].reshape(2, -1)
-    near = (down**2 + right**2 <= radius**2) & ((down != 0) | (right != 0))
-    return np.stack([down, right], axis=1)[near]
+def is_deep(radius: int, planes: Planes | None) -> bool:
+    """Return whether pixels of different planes are near each other."""
+    return planes is not None and planes.spacing <= radius
 
 
-def length_cost(radius: int) -> int:
+def neighbors(radius: int, planes: Planes | None = None) -> NDArray[np.intp]:
+    """(S, 3) steps in planes, down and right to the neighbors within a disc or a ball, without its center."""
+    depth = planes.spacing if planes else 1.0
+    deep = int(radius / depth) if planes else 0
+    plane, down, right = np.mgrid[-deep : deep + 1, -radius : radius + 1, -radius : radius + 1].reshape(3, -1)
+    squares = (depth * plane) ** 2 + down**2 + right**2
+    return np.stack([plane, down, right], axis=1)[(squares > 0) & (squares <= radius**2)]
+
+
+def length_cost(radius: int, planes: Planes | None = None) -> int:
     """Return the cost per pixel of a straight edge along an axis at an edge weight of 1: 36 at radius 3."""
-    return int(np.abs(disc(radius)[:, 0]).sum())
+    return int(np.abs(neighbors(radius, planes)[:, 1]).sum())
 
 
-def weight_of_detail(detail: float, radius: int) -> float:
+def weight_of_detail(detail: float, radius: int, planes: Planes | None = None) -> float:
     """Return the edge weight at which a disc of this radius that differs by 1 from all around is worth its edge.
 
     The pairs that its edge parts are, for each step to a neighbor, the part of the disc that does not lie in the disc
     moved by this step. For large discs this tends to 1/75 of the radius of the disc, at radius 3. A disc smaller than a
-    pixel lends it that part of its contrast.
+    pixel lends it that part of its contrast. In volumes the same is true of balls, and of 1/428 of their radius.
     """
     if not detail:
         return 0.0
-    steps = np.hypot(*disc(radius).T)
-    half = np.minimum(steps / (2 * detail), 1)
-    shared = 2 * detail**2 * (np.arccos(half) - half * np.sqrt(1 - half**2))
-    area = np.pi * detail**2
-    return float(min(area, 1) ** 2 * area / (2 * (area - shared).sum()))
+    depth = planes.spacing if planes else 1.0
+    half = np.minimum(np.linalg.norm(neighbors(radius, planes) * (depth, 1, 1), axis=1) / (2 * detail), 1)
+    if is_deep(radius, planes):
+        size, shared = 4 / 3 * np.pi * detail**3 / depth, (1 - half) ** 2 * (2 + half) / 2
+    else:
+        size, shared = np.pi * detail**2, 2 / np.pi * (np.arccos(half) - half * np.sqrt(1 - half**2))
+    return float(min(size, 1) ** 2 / (2 * (1 - shared).sum()))

@@ -67,7 +67,8 @@ def divide_stack(
     edits: Sequence[str] = (),
 ) -> DividedStack:
     """Divide each image of a file, all pages `together` by the same generators, or the `volumes` of its frames."""
-    # Together, pages are one image with so many rows `apart` that they are not near each other. With `track`, labels
+    # Together, pages are a volume if the distance of planes is known, or one image with so many rows `apart` that they
+    # are not near each other. With `track`, labels
     # keep their number from frame to frame.
     assert stack.header is not None  # in tiles, there is none
     parts = [_without_alpha(image, known, stack.header) for image, known in stack]
@@ -79,10 +80,12 @@ def divide_stack(
     spacing: dict[str, Any] = {}
     if volumes:
         spacing, n_together = {"spacing": _spacing(pages)}, pages.shape[-1] if pages else 1
+    elif pages and together and pages.axes in ("Z", "Q") and pages.pixel_size and pages.pixel_size.z:
+        spacing = {"spacing": _spacing(pages)}
     labels, results = np.empty((len(parts), *parts[0][0].shape[:2]), np.int32), []
     for start in range(0, len(parts), n_together):
         some = parts[start : start + n_together]
-        image, known = some[0] if n_together == 1 and not volumes else _stacked(some, None if volumes else apart)
+        image, known = some[0] if n_together == 1 and not spacing else _stacked(some, None if spacing else apart)
         if not known.any():
             raise ValueError("has no pixel that counts: all are transparent, without data or left out by the mask")
         result = divide(image, mask=known, **spacing)

@@ -14,7 +14,7 @@ from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
 from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
-from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, length_cost
+from cvtimg.segmentation.edge_weight import EdgeWeighted, Planes, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
 
@@ -41,6 +41,7 @@ class Smoothness:
     edge_radius: int  # pixels are near each other up to this distance
     smallest_detail: float  # radius of the discs that are just worth their edge
     volume_power: float  # cells count by their share of the mass to this power
+    planes: Planes | None  # of a volume
 
     @classmethod
     def checked(
@@ -50,11 +51,12 @@ class Smoothness:
         edge_radius: int,
         smallest_detail: float,
         volume_power: float = 0,
+        planes: Planes | None = None,
     ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
         detail = check_non_negative("smallest_detail", smallest_detail)
-        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail, volume_power)
+        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail, volume_power, planes)
 
     def averages(self, when: str) -> Averaging | None:
         """Return how to average at this time, if so."""
@@ -64,7 +66,7 @@ class Smoothness:
         """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
         if self.edge_weight is not None:
             return self.edge_weight, 0.0
-        return auto_weight(noise, self.edge_radius) * gain, self.smallest_detail
+        return auto_weight(noise, self.edge_radius, self.planes) * gain, self.smallest_detail
 
     def prepare(self, values: PictureValues, shaded: int = 0) -> Prepared:
         """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
@@ -111,15 +113,15 @@ class Prepared:
             labels = average_segments(self.data, labels, n_segments, after)
         if not (self.edge_weight or detail):
             return labels, None
-        moves: dict[str, Any] = {"radius": how.edge_radius, "volume_power": how.volume_power}
+        moves: dict[str, Any] = {"radius": how.edge_radius, "volume_power": how.volume_power, "planes": how.planes}
         end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, detail=detail, **moves)
         return end.labels, end
 
 
-def auto_weight(noise: NDArray[np.float64], radius: int) -> float:
+def auto_weight(noise: NDArray[np.float64], radius: int, planes: Planes | None = None) -> float:
     """Follow the noise in the direction where it is greatest, at the same cost of length for every radius."""
     variance = max(float(np.linalg.eigvalsh(noise)[-1]), 0.0)
-    return _AUTO_WEIGHT * variance * length_cost(_RADIUS_OF_AUTO) / length_cost(radius)
+    return _AUTO_WEIGHT * variance * length_cost(_RADIUS_OF_AUTO) / length_cost(radius, planes)
 
 
 def blur_at_start(variance: float, noise: NDArray[np.float64], n_segments: int) -> float:

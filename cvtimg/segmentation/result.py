@@ -107,7 +107,7 @@ class Segmentation(Segments):
 
     Attributes
     ----------
-    labels : (H, W) int32 array
+    labels : (H, W) or, of a volume, (Z, H, W) int32 array
         Labels start at 1; 0 marks pixels outside the mask and, with `objects`, the background. Segments are sorted by
         the brightness of their generators, the sum of the bands, from dark to bright. Ties are broken by the bands in
         turn, then by reading order.

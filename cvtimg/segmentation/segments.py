@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -17,7 +18,8 @@ from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.averaging import Averaging
-from cvtimg.segmentation.edge_weight import length_cost
+from cvtimg.segmentation.counting import checked_bands
+from cvtimg.segmentation.edge_weight import Planes, length_cost
 from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
@@ -43,6 +45,7 @@ def segment(
     components: bool = False,
     min_size: int = 0,
     objects: bool | Objects = False,
+    spacing: Sequence[float] | None = None,
     mask: ArrayLike | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -55,7 +58,7 @@ def segment(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, C) array, or Pillow image
+    image : (H, W) or (H, W, C) array, or Pillow image; with `spacing`, (Z, H, W) or (Z, H, W, C) array
         Any integer or floating point type, with any number of bands. Pixels that are NaN or infinite in any band, or
         masked in a masked array, are left out.
     n_segments : int or "auto"
@@ -86,7 +89,10 @@ def segment(
     objects : bool or Objects
         Take all segments but the largest, the background, for objects: each gets a label of its own, touching ones are
         split at their necks, and the background gets label 0. See `Objects` for other backgrounds and necks.
-    mask : (H, W) array, optional
+    spacing : (float, float, float), optional
+        Distances of voxels along Z, H and W in any unit, for a volume of square pixels: the last two are the same. Near
+        pixels are then those in a ball, and details are balls. All else is done in each plane.
+    mask : array of the size of the image, optional
         Pixels to segment: those where the mask is not 0. The others have label 0 and no influence.
     effort, rng
         As in `tessellate`.
@@ -112,7 +118,10 @@ def segment(
     >>> np.unique(result.labels, return_counts=True)[1].tolist(), segment(image, 2, edge_weight=0).labels[5, 5].item()
     ([240, 360], 2)
     """
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power)
+    shape, planes = np.shape(image)[:3], None
+    if spacing is not None:
+        image, mask, planes = below_each_other(image, spacing, mask, edge_radius)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power, planes)
     size = int(check_non_negative("min_size", min_size))
     check_excluded("objects", bool(objects), components=components)
     if n_segments != "auto":
@@ -135,12 +144,17 @@ def segment(
         labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
     weight = descent.edge_weight if descent else 0.0
     if components or size:
-        labels = _in_pieces(labels, prepared.data, size, weight * length_cost(edge_radius), components)
+        labels = _in_pieces(labels, prepared.data, size, weight * length_cost(edge_radius, planes), components)
     if objects:
         labels = (Objects() if objects is True else objects).found(labels, prepared.data)
     scale = values.scale**2 if descent is None and start is None else 1.0
     end: Any = descent or replace(cells, energies=tuple(scale * energy for energy in cells.energies))
-    return from_labels(values, prepared.field, labels, end, weight, curve)
+    result = from_labels(values, prepared.field, labels, end, weight, curve)
+    if planes is None:
+        return result
+    first = (len(labels) // planes.rows - shape[0]) // 2
+    own = result.labels.reshape(-1, planes.rows, shape[2])[first : first + shape[0], : shape[1]]
+    return replace(result, labels=np.ascontiguousarray(own))
 
 
 def segment_curve(
@@ -180,6 +194,18 @@ def segment_curve(
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, 0, volume_power)
     values = picture_values(image, check_choice("space", space, SPACES), mask)
     return curve_of_segments(smoothness.prepare(values), n_max, rng)
+
+
+def below_each_other(
+    image: Any, spacing: Sequence[float], mask: ArrayLike | None, radius: int
+) -> tuple[NDArray[Any], NDArray[np.bool_], Planes]:
+    """Return the planes of a volume as one image, with as much around them as `Planes` needs, and what counts of it."""
+    bands, inside, size = checked_bands(image, spacing, mask)
+    planes = Planes(bands.shape[1] + radius, size[0])
+    first = int(radius / planes.spacing)
+    around = [(first, first), (0, radius), (0, 0)]
+    tall = np.pad(bands, [*around, (0, 0)]).reshape(-1, *bands.shape[2:])
+    return tall, np.pad(inside, around).reshape(tall.shape[:2]), planes
 
 
 def _in_pieces(

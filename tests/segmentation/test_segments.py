@@ -14,7 +14,7 @@ from cvtimg.labels import read_labels
 from cvtimg.labels.components import connected_pieces
 from cvtimg.segmentation import Averaging
 from cvtimg.segmentation.averaging import average_segments, averaged
-from cvtimg.segmentation.edge_weight import weight_of_detail
+from cvtimg.segmentation.edge_weight import Planes, weight_of_detail
 from cvtimg.segmentation.local_means import is_lit_unevenly
 
 #: One of each kind of way through `segment`.
@@ -136,6 +136,38 @@ def test_discs_smaller_than_the_smallest_detail_vanish_and_larger_ones_stay(
         found = segment(image, 2, smallest_detail=detail).labels == 2
         kept = found[inside].mean()
         assert kept > 0.5 if stays else kept < 0.1
+
+
+@pytest.mark.parametrize("depth", [1, 2])
+@pytest.mark.parametrize(("contrast", "noise"), [(5, 0), (100, 0.1)])
+def test_in_volumes_balls_smaller_than_the_smallest_detail_vanish_and_larger_ones_stay(
+    contrast: float, noise: float, depth: int
+) -> None:
+    plane, down, right = np.mgrid[: 36 // depth, :40, :70]
+    for radius, stays in ((1.3, False), (3.1, True)):
+        inside = np.zeros(plane.shape, bool)
+        for z, y, x in ((10.2, 12.1, 12), (10, 27.3, 40.1), (26.4, 12, 40), (25.7, 27, 12.2)):
+            inside |= (depth * plane - z) ** 2 + (down - y) ** 2 + (right - x) ** 2 <= radius**2
+        rest = noise * contrast * np.random.default_rng(0).normal(size=plane.shape)
+        volume = (20 + contrast * (inside | (right > 55)) + rest).astype(np.float32) / 255
+        found = segment(volume, 2, smallest_detail=2, spacing=(depth, 1, 1)).labels == 2
+        kept = found[inside].mean()
+        assert kept > 0.8 if stays else kept < 0.1
+
+
+@pytest.mark.parametrize("depth", [1, 1.5, 4])
+def test_in_volumes_near_pixels_are_those_in_a_ball(depth: float) -> None:
+    volume = np.random.default_rng(0).integers(0, 200, (6, 9, 11)).astype(np.uint8)
+    known = volume != 7
+    result = segment(volume, 3, edge_weight=20, spacing=(depth, 1, 1), mask=known)
+    np.testing.assert_array_equal(result.labels > 0, known)
+    steps = np.stack(np.mgrid[-3:4, -3:4, -3:4], axis=-1).reshape(-1, 3)
+    near = [step for step in steps if 0 < np.square(step * (depth, 1, 1)).sum() <= 9]
+    padded, pairs = np.pad(result.labels, 3), 0
+    for z, y, x in near:
+        there = padded[3 + z : 9 + z, 3 + y : 12 + y, 3 + x : 14 + x]
+        pairs += np.count_nonzero((there != result.labels) & (there > 0) & known)
+    assert result.energies[-1] == pytest.approx(result.energy + 20 * pairs, rel=1e-6)
 
 
 def specks(labels: NDArray[np.int32]) -> float:
@@ -321,6 +353,7 @@ def test_details_within_a_pixel_need_less_weight_the_smaller_they_are() -> None:
     assert (np.diff(weights) > 0).all()
     assert weights[4] == pytest.approx(1 / 56, rel=0.05)  # a pixel has 28 neighbors
     assert weights[-1] == pytest.approx(30 / 75, rel=0.02)  # the mean over all directions of an edge
+    assert weight_of_detail(30, 3, Planes(9, 1.0)) == pytest.approx(30 / 428, rel=0.02)
 
 
 def test_of_a_page_under_a_lamp_ink_alone_is_ink() -> None:
