@@ -75,20 +75,6 @@ def test_an_axis_aligned_edge_costs_36_a_pixel() -> None:
     assert long - short == pytest.approx(20 * 36)
 
 
-@pytest.mark.parametrize("radius", [8, 20])
-def test_a_disc_is_worth_its_edge_above_a_radius_of_72_edge_weights_over_its_squared_contrast(radius: int) -> None:
-    reach = np.arange(-80, 81)
-    disc = reach[:, None] ** 2 + reach**2 <= radius**2
-    values = 3 * disc.astype(np.float32)[..., None]
-    for part, is_worth_it in ((0.8, True), (1.3, False)):
-        edge_weight = part * 9 * radius / 72  # at contrast 3
-        there, gone = (
-            descend(values, labels.astype(np.int32), 2, edge_weight=edge_weight, max_sweeps=0).energies[0]
-            for labels in (disc + 1, np.ones(disc.shape))
-        )
-        assert (there < gone) == is_worth_it
-
-
 def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
     truth = np.repeat([1, 2], 12)[None].repeat(20, axis=0).astype(np.int32)
     weights = np.ones((20, 24, 1), np.float32)

@@ -65,12 +65,11 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("edge_weight", [0, 12, "auto"])
-def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, edge_weight: Any) -> None:
+@pytest.mark.parametrize("way", [{"edge_weight": 0}, {"edge_weight": 12}, {}], ids=str)
+def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, way: dict[str, Any]) -> None:
     image = np.ascontiguousarray(KINDS[kind](photograph)[:200, 20:180])
     write(image)
-    result = segment_file("a.tif", "b.tif", 4, edge_weight=edge_weight)
-    whole = segment(image, 4, edge_weight=edge_weight)
+    result, whole = segment_file("a.tif", "b.tif", 4, **way), segment(image, 4, **way)
     assert same(tifffile.imread("b.tif"), whole.labels) > 0.999
     means = region_means(whole.labels, image)[1:]
     np.testing.assert_allclose(result.generators, means.reshape(result.generators.shape), rtol=1e-4)
@@ -104,13 +103,6 @@ def test_averages_reach_across_strips() -> None:
     expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
     assert len(strips) > 3
     np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
-
-
-@pytest.mark.parametrize("space", ["lab", "linear"])
-def test_spaces_are_those_of_segment(photograph: NDArray[Any], space: str) -> None:
-    write(photograph)
-    segment_file("a.tif", "b.tif", 4, space=space, edge_weight=3)
-    assert same(tifffile.imread("b.tif"), segment(photograph, 4, space=space, edge_weight=3).labels) > 0.999
 
 
 def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
