@@ -53,7 +53,7 @@ def main(path: Path, n_body: int = 2000) -> dict[str, SurfaceMeasures]:
             seen_from(-65, 50),
         ),
         "Sheet, exp(-20 x²)": (
-            surface_points(sheet, N, density=lambda p: np.exp(-20 * p[:, 0] ** 2), keep_border=False),
+            surface_points(sheet, N, density=lambda p: np.exp(-20 * p[:, 0] ** 2)),
             seen_from(-100, 28),
         ),
         f"Body, {n_body} points": (surface_points(animal, n_body), seen_from(-55, 20)),

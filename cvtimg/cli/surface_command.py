@@ -12,7 +12,6 @@ EXAMPLES = """\
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
   cvtimg surface scan.ply -n 5000 --density quality
   cvtimg surface voxels.stl -n 5000 --feature-angle 180
-  cvtimg surface part.obj -n 9000 --tolerance 0.02
 """
 COLUMNS = ("input", "n", "triangles", "components", "borders", "least_angle", "mean_quality", "seconds", "output")
 
@@ -40,12 +39,9 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     shape = read_surface(task.source)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
-    features = {
-        "feature_angle": given.feature_angle,
-        "keep_border": not given.free_border,
-        "tolerance": given.tolerance,
-    }
-    found = cvtimg.surface_points(shape, given.number, density=weight, effort=given.effort, **features)
+    found = cvtimg.surface_points(
+        shape, given.number, density=weight, feature_angle=given.feature_angle, effort=given.effort
+    )
     stopwatch.lap("place")
     found.save(task.output, overwrite=given.overwrite)
     if "--plot" in task.outputs:

@@ -108,13 +108,6 @@ SURFACE = (
         metavar="DEGREES",
         default=40.0,
     ),
-    switch("free_border", "Let points of open surfaces stay half a cell from the border, and keep no edges."),
-    Option(
-        "tolerance",
-        Real(above=0),
-        "How far triangles may be from the surface, as a share of its diagonal: points are closer where it bends.",
-        metavar="SHARE",
-    ),
     file("plot", "Plot the triangles, .png or .svg, colored by quality and shaded.", common.PLOTS),
     Option(
         "view",

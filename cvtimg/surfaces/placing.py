@@ -1,7 +1,6 @@
 """Place points on a surface: collapse edges of fine triangles, then move points and flip edges (Lloyd's method).
 
-Creases and boundaries are curves of points that stay, along which the surface is cut. Where a boundary is free, cells
-are sums over samples instead, and end where the surface does.
+Creases and boundaries are curves of points that stay, along which the surface is cut.
 """
 
 from __future__ import annotations
@@ -9,31 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import (
-    check_at_least,
-    check_choice,
-    check_in_range,
-    check_positive,
-    hints_at_keywords,
-    refuse_type,
-)
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, hints_at_keywords, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.sums import sum_by_label
-from cvtimg.engine.samples import WeightedSamples
-from cvtimg.engine.tessellation import tessellate
-from cvtimg.meshes.outlines import divided
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
 from cvtimg.surfaces.features import extra_points, find_features, place_on_curves
 from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
-from cvtimg.surfaces.sizes import HEXAGON, Sizes, least_number, limits_within
+from cvtimg.surfaces.sizes import HEXAGON, Sizes
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
 
@@ -58,15 +46,11 @@ class SurfaceEffort:
     rest: int = 10  # the sizes of cells are measured again after so many moves
     retreats: int = 4  # points whose triangles would fold stay, and those so far around them if that folds others
     fine: float = 0.5  # edges of the fine triangles that points are taken from, by the distances of points
-    finer: float = 0.2  # the same for samples, where cells are sums over them
     looked_at: int = 4096  # places at least where the density is looked at
     first_part: float = 0.4  # edges shorter than this part of the distance of points are collapsed first,
     growth: float = 1.1  # then the part grows so
     last_part: float = 30.0  # up to this
     stretch: float = 1.5  # edges that this makes are no longer than this multiple of that part
-    trials: int = 4  # rounds by which triangles come within a tolerance of the surface
-    aim: float = 0.9  # the part of it that each aims at
-    flat: float = -0.5  # cosine of the angle from which on a triangle is flat
 
 
 #: The registry of efforts.
@@ -84,8 +68,6 @@ def surface_points(
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,
     feature_angle: float = 40.0,
-    keep_border: bool = True,
-    tolerance: float | None = None,
     effort: EffortName = "balanced",
 ) -> SurfacePoints:
     """Place points on a surface as generators of a centroidal Voronoi tessellation, and join them by triangles.
@@ -101,13 +83,8 @@ def surface_points(
         From (N, 3) points to (N,) densities >= 0. Distances of points are about in proportion to density^(-1/4).
     feature_angle : float
         Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
-        kept: their corners are points, and edges of triangles lie along them. 180 keeps none.
-    keep_border : bool
-        Keep the boundary of an open surface in the same way. Otherwise points stay inside, half a cell from it, and
-        creases are not kept.
-    tolerance : float, optional
-        How far triangles may be from the surface, as a share of the diagonal of its bounds, > 0: points are closer to
-        each other where the surface or its border bends.
+        kept: their corners are points, and edges of triangles lie along them. 180 keeps none. Boundaries are kept in
+        the same way.
     effort : {"fast", "balanced", "best"}
         How long points are moved.
 
@@ -122,7 +99,7 @@ def surface_points(
 
     Creases, boundaries, and edges of three faces or more are features, but for creases shorter than the distance of
     points. Points at their corners stay; others divide the curves between by the same density, and the rest is placed
-    while these stay. Where a boundary is free, cells end there; this takes longer.
+    while these stay.
 
     References
     ----------
@@ -144,90 +121,17 @@ def surface_points(
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
-    limits = EFFORTS[effort]
     check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
-    is_free = not (keep_border or shape.triangulation.is_closed)
-    apart = float(shape.triangulation.areas().sum() / (HEXAGON * limits.looked_at)) ** 0.5
+    apart = float(shape.triangulation.areas().sum() / (HEXAGON * EFFORTS[effort].looked_at)) ** 0.5
     mesh = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface)
-    angle = 180.0 if shape.is_smooth or is_free else feature_angle
-
-    def place(most: Values | None) -> SurfacePoints:
-        """Place points, with distances within limits (N,) at the vertices of the mesh."""
-        sizes = Sizes(mesh, n, weight, most)
-        if is_free:
-            return _by_samples(shape, mesh, n, sizes, limits)
-        found, is_sound = _by_triangles(shape, mesh, n, sizes, limits, angle)
-        if is_sound:
-            return found
-        other = _by_samples(shape, mesh, n, sizes, limits)
-        return other if other.energy < found.energy and _has_shape(other, shape) else found
-
-    weight = as_density(density)
-    if tolerance is None:
-        return place(None)
-    depth = check_positive("tolerance", tolerance)
-    lines = find_features(mesh, angle, np.full(len(mesh.points), apart))
-    return _near_surface(place, mesh, lines, depth * float(np.linalg.norm(np.ptp(mesh.points, axis=0))), n, limits)
+    sizes = Sizes(mesh, n, as_density(density))
+    return _placed(shape, mesh, n, sizes, EFFORTS[effort], 180.0 if shape.is_smooth else feature_angle)
 
 
-def _near_surface(
-    place: Callable[[Values], SurfacePoints],
-    mesh: SurfaceTriangulation,
-    features: Mask,
-    depth: float,
-    n: int,
-    effort: SurfaceEffort,
-) -> SurfacePoints:
-    """Place points, given the largest distances (N,) between them, until triangles are within a depth of the mesh."""
-    most = limits_within(mesh, features, depth, n)
-    n_least = least_number(mesh, most)
-    check_in_range("n", n, n > n_least, f"more than about {n_least}, which the tolerance asks for")
-    best, least = None, np.inf
-    for _ in range(effort.trials):
-        found = place(most)
-        far, apart = _distances(mesh, found)
-        if far.max() < least:
-            best, least = found, float(far.max())
-        most = np.minimum(most, apart * np.where(far > depth, effort.aim * depth / np.maximum(far, depth), np.inf))
-        if least <= depth or least_number(mesh, most) >= n:
-            break
-    if least > depth:
-        warn(f"triangles are up to {least / depth:.3g} times the tolerance away: more points come nearer", stacklevel=4)
-    assert best is not None
-    return best
-
-
-def _distances(mesh: SurfaceTriangulation, found: SurfacePoints) -> tuple[Values, Values]:
-    """Return how far vertices (N,) of a mesh are from triangles, and how far points are apart there."""
-    from scipy.spatial import KDTree
-
-    result = SurfaceTriangulation(found.points, found.triangles)
-    near = KDTree(found.points).query(mesh.points, 2)[1].ravel()
-    # Walks from all triangles at the two nearest points, of which one leads to the nearest triangle.
-    corners = np.argsort(found.triangles, axis=None, kind="stable")
-    counts = np.bincount(found.triangles.ravel(), minlength=len(found.points))
-    own, number = divided(counts[near])
-    start = (corners[(np.cumsum(counts) - counts)[near][own] + number] // 3).astype(np.int32)
-    places, faces = result.nearest(mesh.points[own // 2], start)
-    far = np.linalg.norm(mesh.points[own // 2] - places, axis=1)
-    order = np.lexsort((far, own // 2))
-    first = order[np.flatnonzero(np.diff(own[order] // 2, prepend=-1))]
-    ends = found.points[found.triangles[faces[first]]]
-    return far[first], np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).mean(axis=1)
-
-
-def _has_shape(found: SurfacePoints, surface: Surface) -> bool:
-    """Tell whether triangles close, and have as many holes and handles as the surface."""
-    if not len(found.triangles):
-        return False
-    figures = found.measures()
-    return figures.is_closed and figures.euler_characteristic == surface.triangulation.euler_characteristic
-
-
-def _by_triangles(
+def _placed(
     surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort, angle: float
-) -> tuple[SurfacePoints, bool]:
-    """Place points by the cells of a triangulation; tell whether there are features, or no fold stood in their way."""
+) -> SurfacePoints:
+    """Place points by the cells of a triangulation."""
     whole = _split(surface, mesh, sizes, effort.fine)
     apart = sizes(whole.points)
     apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
@@ -238,24 +142,14 @@ def _by_triangles(
     goals[kept] = surface.on_surface(places) if len(kept) else places
     used, triangles = _collapsed(fine, apart[sites], n, kept, sites, effort)
     mesh = SurfaceTriangulation(goals[sites[used]], triangles)
-    offset, n_iter, is_free = _relax(surface, fine, mesh, used, sizes.density, effort)
+    offset, n_iter = _relax(surface, fine, mesh, used, sizes.density, effort)
     masses, _ = mesh.moments(sizes.given(mesh.points))
     # The sides of a cut become one again.
     _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
     points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
     masses = sum_by_label(joined, masses, n)
     energy = _energy(fine, points, sizes.given)
-    return SurfacePoints(points, triangles, masses, energy, offset, n_iter), is_free or len(kept) > 0
-
-
-def _by_samples(
-    surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort
-) -> SurfacePoints:
-    """Place points by samples: where a surface has a boundary, or is thinner than cells are wide."""
-    fine = _split(surface, mesh, sizes, effort.finer)
-    weights = fine.vertex_areas() * sizes.density(fine.points)
-    points, triangles, masses, offset, n_iter = _place_by_samples(surface, fine, weights, n, effort)
-    return SurfacePoints(points, triangles, masses, _energy(fine, points, sizes.given), offset, n_iter)
+    return SurfacePoints(points, triangles, masses, energy, offset, n_iter)
 
 
 def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: float) -> SurfaceTriangulation:
@@ -302,12 +196,12 @@ def _relax(
     used: Indices,
     density: Density,
     effort: SurfaceEffort,
-) -> tuple[float, int, bool]:
+) -> tuple[float, int]:
     """Move points, used vertices of `fine`, to the centers of mass of their cells, projected to the surface.
 
-    Those on its boundary stay. Returns the offset, the moves, and whether the last one held no point back.
+    Those on its boundary stay. Returns the offset and the moves.
     """
-    move, last, is_free = 0, effort.moves, True
+    move, last = 0, effort.moves
     fixed = mesh.on_boundary()
     goals, outward = mesh.points[fixed], fine.normals()[used[fixed]]
     mesh.points, normals, faces = surface.nearest(mesh.points, fine.face_of_each()[used], fine)
@@ -328,13 +222,11 @@ def _relax(
         if offset <= effort.offset:
             last = min(last, move + effort.last)
         if move >= last:
-            return offset, move, is_free
-        is_free = True
+            return offset, move
         for _ in range(effort.retreats):
             back = _surfaces.find_inward(mesh, there, directions)
             if not back.any():
                 break
-            is_free = False
             there[back], directions[back], near[back] = mesh.points[back], normals[back], faces[back]
         mesh.points, normals, faces = there, directions, near
         move += 1
@@ -350,69 +242,3 @@ def _energy(fine: SurfaceTriangulation, points: Points, density: Density) -> flo
         distances, _ = tree.query(middles)
         total += float((areas * density(middles) * distances**2).sum()) / 3
     return total
-
-
-def _place_by_samples(
-    surface: Surface, fine: SurfaceTriangulation, weights: Values, n: int, effort: SurfaceEffort
-) -> tuple[Points, Triangles, Values, float, int]:
-    """Move points to the centers of mass of the samples nearest to them, projected to the surface.
-
-    Samples, with their weights (N,), are the vertices of fine triangles, which are small beside cells.
-    """
-    from scipy.spatial import KDTree
-
-    # Centers of mass in space, near the surface, to start from; then those that are on it.
-    points = tessellate(WeightedSamples(fine.points.copy(), weights.copy(), in_order=False), n).generators
-    face = fine.face_of_each()
-    whole = KDTree(fine.points)
-    sizes, move = np.ones(n), 0
-    points, _, _ = surface.nearest(points, face[whole.query(points)[1]], fine)
-    area = fine.vertex_areas()
-    while True:
-        _, labels = KDTree(points).query(fine.points)
-        masses = sum_by_label(labels, weights, n)
-        heavy = masses > 0
-        sums = sum_by_label(labels, fine.points, n, weights)
-        centers = np.where(heavy[:, None], sums / np.where(heavy, masses, 1)[:, None], points)
-        sizes = np.sqrt(np.maximum(sum_by_label(labels, area, n), 1e-300))
-        there, _, _ = surface.nearest(centers, face[whole.query(centers)[1]], fine)
-        offset = float(np.sqrt(np.mean((np.linalg.norm(there - points, axis=1) / sizes) ** 2)))
-        if offset <= effort.offset or move == effort.moves:
-            return points, _without_flat(points, _dual(labels, fine.triangles), effort.flat), masses, offset, move
-        points, move = there, move + 1
-
-
-def _dual(labels: NDArray[np.intp], triangles: Triangles) -> Triangles:
-    """Join points whose cells meet in a triangle.
-
-    Where the same three cells meet in several triangles, those that go around in opposite directions cancel out: what
-    is left has no holes, as it is the image of a surface that has none.
-    """
-    corners = labels[triangles]
-    a, b, c = corners.T
-    corners = corners[(a != b) & (b != c) & (c != a)]
-    first = np.argmin(corners, axis=1)
-    turned = np.take_along_axis(corners, (first[:, None] + np.arange(3)) % 3, axis=1)
-    direction = np.where(turned[:, 1] < turned[:, 2], 1, -1)
-    keys, where = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
-    sums = np.bincount(where.ravel(), direction, len(keys))
-    found = np.where((sums < 0)[:, None], keys[:, [0, 2, 1]], keys)
-    return np.ascontiguousarray(found[np.abs(sums) > 0.5], np.int32)
-
-
-def _without_flat(points: Points, triangles: Triangles, flattest: float) -> Triangles:
-    """Leave out flat triangles at the boundary, where cells that are long beside it meet far outside of them."""
-    while len(triangles):
-        mesh = SurfaceTriangulation(points, triangles)
-        corner = np.flatnonzero(mesh.twins.ravel() < 0)  # where an edge of the boundary begins
-        face, k = corner // 3, corner % 3
-        start, end, apex = (triangles[face, (k + step) % 3] for step in range(3))
-        one, other = points[start] - points[apex], points[end] - points[apex]
-        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-        # An apex inside comes to the boundary; one that is there would be its end on both sides.
-        flat = (np.einsum("ij,ij->i", one, other) < flattest * lengths) & ~np.isin(apex, start)
-        _, first = np.unique(apex[flat], return_index=True)
-        if not len(first):
-            break
-        triangles = np.delete(triangles, face[flat][first], axis=0)
-    return triangles

@@ -147,24 +147,6 @@ def test_distances_grow_gradually_where_a_density_jumps() -> None:
     assert found.measures().least_angle > 25
 
 
-@pytest.mark.slow
-def test_points_are_closer_where_a_tolerance_asks_for_it() -> None:
-    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 0.5, 21), indexing="ij"))
-    ridge = np.stack([x, y, 0.3 * np.exp(-(((x - 1) / 0.2) ** 2))], axis=1), grid(81, 21)
-    line, diagonal = ridge[0][y == 0][:, [0, 2]].T, np.linalg.norm(np.ptp(ridge[0], axis=0))
-
-    def farthest(tolerance: float | None) -> float:
-        found = surface_points(ridge, 300, tolerance=tolerance, effort="fast")
-        middles = found.points[found.triangles].mean(axis=1)
-        return float(np.abs(middles[:, 2] - np.interp(middles[:, 0], *line)).max() / diagonal)
-
-    assert farthest(None) > 0.003 > farthest(0.003)
-    with pytest.raises(ValueError, match=r"n=300 must be more than about .*, which the tolerance asks for"):
-        farthest(1e-5)
-    with pytest.warns(UserWarning, match="times the tolerance away: more points come nearer"):
-        farthest(0.0011)
-
-
 def test_components_and_borders_are_counted() -> None:
     points, faces = sheet()
     whole = measure_surface(points, faces)
@@ -198,5 +180,3 @@ def test_features_that_n_or_the_angle_does_not_allow_are_refused() -> None:
         surface_points(cube(), 100, feature_angle=200)
     found = surface_points(cube(), 100, feature_angle=180, effort="fast")
     assert area(found) < 23.5
-    with pytest.raises(ValueError, match="tolerance=0 must be"):
-        surface_points(cube(), 100, tolerance=0)

@@ -12,7 +12,6 @@ from scipy.spatial import ConvexHull, KDTree
 
 from cvtimg import surface_points
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, measure_surface, torus
-from cvtimg.surfaces.placing import _without_flat
 
 Points = NDArray[np.float64]
 
@@ -114,15 +113,6 @@ def test_densities_at_vertices_are_linear_in_between() -> None:
         VertexDensity(fine.points, fine.triangles, np.ones(3))
 
 
-def test_flat_triangles_at_a_boundary_are_left_out() -> None:
-    # The middle of the longest side of a triangle is pulled out, and again that of a side.
-    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.1, 0], [0.5, 0.6, 0]], float)
-    corners = np.array([[0, 1, 4], [1, 2, 5], [2, 3, 5], [3, 0, 5], [0, 4, 5], [4, 1, 5]], np.int32)
-    left = _without_flat(square, corners, -0.5)
-    assert left.tolist() == corners[1:].tolist()
-    assert (_without_flat(square, left, -0.5) == left).all()  # what is on the boundary stays there
-
-
 @pytest.mark.slow
 def test_a_density_is_seen_inside_of_large_triangles() -> None:
     # It is next to nothing at the corners of the cube.
@@ -207,23 +197,6 @@ def test_parts_that_touch_in_a_vertex_are_divided() -> None:
     surface = TriangulatedSurface(both, np.concatenate([faces, second]))
     assert surface.triangulation.euler_characteristic == 4
     assert surface_points(surface, 200).measures().euler_characteristic == 4
-
-
-def test_cells_of_an_open_surface_end_at_a_free_boundary() -> None:
-    """A sheet that is rolled: the same as a plane, but for distances across."""
-    sheet = ImplicitSurface(lambda p: p[:, 2] - 0.3 * np.sin(2 * p[:, 0]), [-1, -1, -0.4], [1, 1, 0.4])
-    found = surface_points(sheet, 200, keep_border=False)
-    assert np.allclose(found.points[:, 2], 0.3 * np.sin(2 * found.points[:, 0]), atol=1e-9)
-    x = np.linspace(-1, 1, 2001)
-    length = np.hypot(np.diff(x), np.diff(0.3 * np.sin(2 * x))).sum()
-    assert found.masses.sum() == pytest.approx(2 * length, rel=1e-3)
-    measures = found.measures()
-    assert (measures.is_closed, measures.euler_characteristic) == (False, 1)
-    assert measures.least_angle > 25
-    assert found.energy * 200 == pytest.approx(5 / (18 * 3**0.5) * (2 * length) ** 2, rel=0.05)
-    assert np.abs(found.points[:, :2]).max() < 0.99
-    normals = np.cross(*(found.points[found.triangles[:, k]] - found.points[found.triangles[:, 0]] for k in (1, 2)))
-    assert (normals[:, 2] > 0).all()
 
 
 def test_what_is_no_surface_is_refused(tmp_path: Path) -> None:
