@@ -32,7 +32,7 @@ from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
     Tiling,
-    VoronoiTiling,
+    descend_cells,
     descend_error,
     detail_density,
     paint,
@@ -97,7 +97,7 @@ class Mosaic(ReadOnly):
     energy : float
         Squared error summed over pixels and channels, in the color space of the mosaic, before `palette`.
     energies : tuple of float
-        Before each step of the descent, and at the end. They may rise in between; the least is kept.
+        Before each step on the whole image, and at the end. They may rise in between; the least is kept.
     psnr : float
         Peak signal-to-noise ratio of `image`, in decibels; infinite if it equals the image.
     """
@@ -240,7 +240,8 @@ def mosaic(
     """Compose an image of convex tiles, each of one color.
 
     The tiles are Voronoi cells or Delaunay triangles. Their points begin where the image changes most, and descend
-    the squared error of the mosaic itself, so that borders of tiles settle on edges of the image.
+    the squared error of the mosaic itself, so that borders of tiles settle on edges of the image; wide cells do so on
+    smaller images first.
 
     Parameters
     ----------
@@ -318,15 +319,15 @@ def _descended(
 ) -> tuple[Tiling, NDArray[np.float64], list[float]]:
     """Start from the detail of the image and a uniform share, and descend."""
     density = detail_density(bands, n_cells, uniform)
-    size = (bands.shape[0], bands.shape[1])
-    tiling: Tiling = VoronoiTiling(size, n_cells)
     with part(0, _STARTED):
         if shape == "cells":
             points = place_in_picture(density, n_cells, effort="fast").points
         else:
             points = place_corners(density, n_cells)
-            tiling = DelaunayTiling(size, points)
     with part(_STARTED, 1):
+        if shape == "cells":
+            return descend_cells(bands, points, n_steps, on_step)
+        tiling = DelaunayTiling((bands.shape[0], bands.shape[1]), points)
         return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.progress import tell
+from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork import _artwork
@@ -37,7 +37,9 @@ class Descent:
 
     momentum: float = 0.8  # how much of the last steps counts in the direction of the next
     memory: float = 0.95  # and in its length
-    step: float = 0.25  # length of a first step, in sides of a tile
+    step: float = 0.25  # length of a first step, in sides of a tile,
+    later: float = 0.1  # and where a smaller image came first, as they do
+    coarsest: float = 8.0  # while tiles have this side there, in pixels
     every: int = 8  # steps between relocations at least, for cells that are moved need steps to settle
     share: float = 0.05  # of all steps between relocations
     until: float = 0.7  # part of the steps in which they happen
@@ -78,11 +80,11 @@ def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sum
     """Let parts of the rows add to sums of their own, and add these up in order."""
     height, width = shape
     sums = np.zeros((_PARTS, *sums_shape))
-    bounds = [height * part // _PARTS for part in range(_PARTS + 1)]
+    bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
 
     def add_parts(start: int, stop: int) -> None:
-        for part in range(start, stop):
-            add(bounds[part], bounds[part + 1], sums[part])
+        for number in range(start, stop):
+            add(bounds[number], bounds[number + 1], sums[number])
 
     in_parts(add_parts, _PARTS, 4.0 * height * width)
     return sums.sum(axis=0)
@@ -281,8 +283,32 @@ class DelaunayTiling:
 Tiling: TypeAlias = VoronoiTiling | DelaunayTiling
 
 
+def descend_cells(
+    image: NDArray[np.float32], points: Floats, n_steps: int, on_step: Callable[[int, float], None]
+) -> tuple[Tiling, Floats, list[float]]:
+    """Move the points of cells, first on the image of half the size: they move as well there, in a quarter of the time.
+
+    Return the cells, the best places, and the error before each step on the whole image.
+    """
+    height, width = image.shape[:2]
+    tiling, first = VoronoiTiling((height, width), len(points)), DESCENT.step
+    if height * width >= len(points) * (2 * DESCENT.coarsest) ** 2:
+        even = np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+        small = even.reshape(even.shape[0] // 2, 2, even.shape[1] // 2, 2, -1).mean(axis=(1, 3))
+        with part(0, 0.2):
+            _, points, _ = descend_cells(small, points / 2, n_steps, lambda step, energy: None)
+        points, first = tiling.keep_inside(2 * points), DESCENT.later
+    with part(0.2, 1):
+        return tiling, *descend_error(tiling, image, points, n_steps, on_step, first)
+
+
 def descend_error(
-    tiling: Tiling, image: NDArray[np.float32], points: Floats, n_steps: int, on_step: Callable[[int, float], None]
+    tiling: Tiling,
+    image: NDArray[np.float32],
+    points: Floats,
+    n_steps: int,
+    on_step: Callable[[int, float], None],
+    first: float = DESCENT.step,
 ) -> tuple[Floats, list[float]]:
     """Move points so that the error of the mosaic falls; return the best places and the error before each step.
 
@@ -318,7 +344,7 @@ def descend_error(
         scale = how.memory * scale + (1 - how.memory) * (gradient**2).sum(axis=1, keepdims=True)
         mean = direction / (1 - how.momentum ** (step + 1))
         spread = np.sqrt(scale / (1 - how.memory ** (step + 1)))
-        length = how.step * (1 - step / n_steps) * tiling.spacing(painted, len(points))[:, np.newaxis]
+        length = first * (1 - step / n_steps) * tiling.spacing(painted, len(points))[:, np.newaxis]
         steps = length * np.divide(mean, spread, out=np.zeros_like(mean), where=spread > 0)
         points = tiling.keep_inside(points - steps)
     return best, energies

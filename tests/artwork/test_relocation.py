@@ -56,3 +56,10 @@ def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):
     relocated = cvtimg.mosaic(image, 300).energy
     monkeypatch.setattr(tilings, "DESCENT", tilings.Descent(until=0))
     assert relocated < 0.99 * cvtimg.mosaic(image, 300).energy
+
+
+def test_cells_that_settle_on_a_smaller_image_first_fit_better(monkeypatch):
+    image = cvtimg.read_image(SAMPLES / "coffee.png")[:200, :300]
+    both = cvtimg.mosaic(image, 200, effort="fast").energy
+    monkeypatch.setattr(tilings, "DESCENT", tilings.Descent(coarsest=np.inf))
+    assert both < 0.99 * cvtimg.mosaic(image, 200, effort="fast").energy
