@@ -60,13 +60,13 @@ def statuses() -> Iterator[tuple[Path, list[str]]]:
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
-    """List the processes that a run has started, without the one that counts resources."""
+    """List the processes of a run, without its first and the one that counts resources."""
     found = []
-    for folder, (_, parent, *_) in statuses():
+    for folder, (_, _, group, *_) in statuses():
         with suppress(OSError):
-            if int(parent) == process.pid and b"resource_tracker" not in (folder / "cmdline").read_bytes():
+            if int(group) == process.pid and b"resource_tracker" not in (folder / "cmdline").read_bytes():
                 found.append(int(folder.name))
-    return found
+    return [pid for pid in found if pid != process.pid]
 
 
 def kill(process: subprocess.Popen[bytes], how: str) -> None:

@@ -11,7 +11,9 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import cache
 from multiprocessing import active_children, get_context, parent_process
+from multiprocessing.context import BaseContext
 from time import time
 from typing import Any, TypeAlias
 
@@ -37,10 +39,10 @@ _Seat: TypeAlias = Callable[[Attempt, Task], Future[Outcome]]
 
 
 def in_processes(
-    attempt: Attempt, tasks: Sequence[Task], n_workers: int, threads_each: int
+    attempt: Attempt, tasks: Sequence[Task], n_workers: int, threads_each: int, late: tuple[str, ...]
 ) -> Generator[tuple[int, Outcome]]:
     """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
-    seats = [_Process(threads_each) for _ in range(n_workers)]
+    seats = [_Process(threads_each, late) for _ in range(n_workers)]
     try:
         yield from _performed(attempt, tasks, [seat.submit for seat in seats])
     finally:
@@ -112,13 +114,13 @@ def _outcome(future: Future[Outcome], task: Task) -> Outcome:
 
 
 class _Process:
-    """A worker process, spawned and never forked, because a forked program with threads can hang.
+    """A worker process, never a fork of this one, because a forked program with threads can hang.
 
     Each has an executor of its own: one of several processes would fail all its tasks if one process died.
     """
 
-    def __init__(self, n_threads: int) -> None:
-        self._n_threads = n_threads
+    def __init__(self, n_threads: int, late: tuple[str, ...]) -> None:
+        self._n_threads, self._late = n_threads, late
         self._pool: ProcessPoolExecutor | None = None
         self._last: Future[Outcome] | None = None
         self._processes: list[Any] = []
@@ -127,7 +129,7 @@ class _Process:
         if self._last is not None and self._last.done() and isinstance(self._last.exception(), BrokenProcessPool):
             self.end()
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (self._n_threads,))
+            self._pool = ProcessPoolExecutor(1, _context(self._late), _begin, (self._n_threads,))
             before = active_children()
             with _interrupts_held():
                 self._last = self._pool.submit(_work, attempt, task)
@@ -149,11 +151,37 @@ class _Process:
         self._pool = None
 
 
+@cache
+def _context(late: tuple[str, ...]) -> BaseContext:
+    """Return how workers start: from a server of one thread, which has imported what all of them need, by forks."""
+    if sys.platform != "linux":
+        return get_context("spawn")
+    from multiprocessing import forkserver
+
+    context = get_context("forkserver")
+    context.set_forkserver_preload([*late, *(name for name in sys.modules if name.startswith("cvtimg."))])
+    # Nothing is imported from the current folder.
+    here, own = dict(os.environ), {**dict.fromkeys(THREAD_VARIABLES, "1"), "PYTHONSAFEPATH": "1"}
+    os.environ |= own
+    try:
+        with _interrupts_held():
+            forkserver.ensure_running()
+    finally:
+        os.environ |= here
+        for name in own.keys() - here.keys():
+            del os.environ[name]
+    return context
+
+
 def _begin(n_threads: int) -> None:
     """Prepare a worker process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that partial files are removed
     limit_threads(n_threads)
+    if n_threads > 1:
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(n_threads)  # the server, and so its fork, has one
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

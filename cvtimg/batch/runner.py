@@ -28,8 +28,8 @@ INTERRUPTED = 128 + signal.SIGINT
 class Running:
     """How a plan is run."""
 
-    # Number of worker processes; with 1, all inputs are processed in this process. By default the number of threads, if
-    # the inputs are worth it.
+    # Number of cores for worker processes, as many where there are inputs for them; with 1, all inputs are processed in
+    # this process. By default the number of threads, if the inputs are worth it.
     jobs: int | None = 1
     # Skip inputs whose outputs all exist. These are complete, because files appear complete or not at all.
     skip_existing: bool = False
@@ -39,6 +39,8 @@ class Running:
     dask: str | None = None
     in_place: bool = False  # Allow outputs to replace their own inputs, once they are complete
     skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
+    # Modules that tasks import, which workers have from the start.
+    late: tuple[str, ...] = ("cvtimg.pictures.files",)
     # Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
     by_url: tuple[str, ...] = ()
     # Makes a context in which each task is done, which appends to the list the warnings of its row; picklable.
@@ -230,7 +232,8 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
     elif jobs > 1:
         from cvtimg.batch.executors import in_processes
 
-        results = in_processes(attempt, tasks, jobs, max(1, n_threads() // jobs))
+        cores = min(running.jobs or n_threads(), n_threads())
+        results = in_processes(attempt, tasks, jobs, max(1, cores // jobs), running.late)
     else:
         yield enumerate(map(attempt, tasks))
         return

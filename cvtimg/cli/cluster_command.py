@@ -53,7 +53,7 @@ def cluster(given: Given) -> Todo:
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
-    return planned(plan, _cluster, columns, given, tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy"))
+    return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))
 
 
 def _output_of(source: Path, labels_only: bool) -> str:

@@ -68,9 +68,6 @@ def quantize(given: Given) -> Todo:
     Animations stay animations in .gif, .png and .webp, with one palette for all frames; so do TIFF files of several
     pages, with -o FILE.tif.
     """
-    from cvtimg import write_palette
-    from cvtimg.pictures.files import lossless_suffixes
-
     aims = (given.palette, given.number, given.psnr, given.max_bytes)
     chosen = given.goal is None and given.quality is None and all(aim is None for aim in aims)
     for_eyes = chosen or given.goal == "eyes" or given.quality is not None
@@ -79,6 +76,8 @@ def quantize(given: Given) -> Todo:
     if given.optimize:
         _check_optimize(given.output)
     if given.ext is not None:
+        from cvtimg.pictures.files import lossless_suffixes
+
         check_suffix("--ext", Path(f"NAME{given.ext}"), lossless_suffixes())
         if os.sep in given.ext or "{" in given.ext or "}" in given.ext:
             raise WrongUsageError(f"--ext: {given.ext!r} must be the end of a file name")
@@ -103,6 +102,8 @@ def quantize(given: Given) -> Todo:
         find = partial(_palette_of_all, options={name: how[name] for name in (*_FINDING, "space") if name in how})
         palette = _share(plan, find, partial(_count_known, given=given), running=running)
         if given.save_palette and palette is not None:
+            from cvtimg import write_palette
+
             write_palette(given.save_palette, palette, overwrite=running.overwrite or given.skip_existing)
             plan.joint = {}
     if palette is not None:
@@ -112,7 +113,7 @@ def quantize(given: Given) -> Todo:
     if for_eyes:
         columns = tuple("quality" if name == "energy" else name for name in columns)
     report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
-    return planned(plan, partial(_quantize, options=how), report, given)
+    return planned(plan, partial(_quantize, options=how), report, given, late=("cvtimg.quantization.files", "deflate"))
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, run
 from cvtimg.batch.pipes import is_standard
@@ -21,18 +21,16 @@ _Read = TypeVar("_Read")
 CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
 
 
-def planned(
-    plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, by_url: tuple[str, ...] = ()
-) -> Todo:
+def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, **how: Any) -> Todo:
     """Return what runs a plan, by `work` for each task, a function of a module, and returns the exit status."""
-    # `report` may be the columns of its table.
+    # `report` may be the columns of its table; `how` holds fields of Running.
     sends = any(is_standard(path) for task in plan.tasks for path in task.outputs.values())
     if sends and given.as_json:
         raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")
     if not isinstance(report, Report):
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
     report.quiet |= sends  # a table would mix with the output
-    running = replace(running_of(given, by_url), around=partial(_as_asked, given=given))
+    running = replace(running_of(given), **how, around=partial(_as_asked, given=given))
     return partial(run, plan, partial(work, given=given), report, running)
 
 
@@ -44,12 +42,12 @@ def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
         raise InputsFailedError([(str(path), error)]) from error
 
 
-def running_of(given: Given, by_url: tuple[str, ...] = ()) -> Running:
+def running_of(given: Given) -> Running:
     """Return how a batch is run, by the options that the command has."""
     names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger")
     jobs = given.jobs if hasattr(given, "jobs") else 1
     own = {name: getattr(given, name) for name in names if hasattr(given, name)}
-    return Running(jobs, report_file=given.report, by_url=by_url, **own)
+    return Running(jobs, report_file=given.report, **own)
 
 
 @contextmanager

@@ -35,6 +35,14 @@ _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort",
 _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "shading", "averaging",
           "objects", "edit")  # fmt: skip
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
+#: Modules that tasks import.
+_LATE = (
+    "cvtimg.segmentation.files",
+    "cvtimg.segmentation.segments",
+    "skimage.measure._label",
+    "scipy.optimize",
+    "deflate",
+)
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 _UNEVEN = "a smooth surface explains more than a third segment would: --shading takes uneven light out"
 #: Columns where objects are counted: what was measured.
@@ -79,7 +87,7 @@ def segment(given: Given) -> Todo:
     plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
-    return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given)
+    return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given, late=_LATE)
 
 
 def _settings(given: Given) -> list[str]:
@@ -90,10 +98,12 @@ def _settings(given: Given) -> list[str]:
 
 
 def _averaging(given: Given) -> Averaging | None:
+    if given.averaging == "none":
+        return None
     from cvtimg.segmentation.averaging import Averaging
 
     try:
-        return None if given.averaging == "none" else Averaging(given.averaging, given.kernel, given.radius)
+        return Averaging(given.averaging, given.kernel, given.radius)
     except ValueError as error:
         raise WrongUsageError(f"--radius: {error}") from error
 

@@ -204,7 +204,7 @@ BATCH = (
     Option(
         "jobs",
         Whole(1, 1024),
-        "Number of inputs processed at the same time; by default one per core where that is faster.",
+        "Number of inputs processed at the same time, each by a core; by default one per core where that is faster.",
         "--jobs -j",
     ),
     Option(

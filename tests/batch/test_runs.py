@@ -109,7 +109,10 @@ def test_outputs_that_clash_are_told_before_any_work(here: Path, capsys: pytest.
 def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.CaptureFixture[str], jobs: int) -> None:
     tasks = inputs(7)
     assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running(jobs)) == 0
-    assert [row["input"] for row in rows(capsys)] == [str(task.source) for task in tasks]
+    found = rows(capsys)
+    assert [row["input"] for row in found] == [str(task.source) for task in tasks]
+    if sys.platform == "linux":  # where workers begin with what reads pictures, and import it but once
+        assert all(row["reads"] for row in found)
     assert all(Path(f"out/{number}").read_text() == f"content {number}" for number in range(7))
 
 
