@@ -134,3 +134,19 @@ def test_a_command_passes_at_most_15_functions_before_the_search_begins(
     deepest = max(ways, key=len)
     assert deepest.index("cvtimg.engine.search.search") <= 15, deepest
     assert len(deepest) <= 23, deepest
+
+
+def is_number(node: ast.expr | None) -> bool:
+    """Whether an expression is made of numbers alone, as ``1 << 20`` and ``(256, 1024)`` are."""
+    parts = [] if node is None else [part for part in ast.walk(node) if isinstance(part, ast.expr)]
+    constants = [part.value for part in parts if isinstance(part, ast.Constant)]
+    others = [part for part in parts if not isinstance(part, (ast.Constant, ast.Tuple, ast.BinOp, ast.UnaryOp))]
+    return bool(constants) and not others and all(type(value) in (int, float) for value in constants)
+
+
+def test_few_constants_are_numbers_and_few_parameters_are_the_most(trees: dict[str, ast.Module]) -> None:
+    # What only its author could fit, nobody can maintain.
+    constants = [node for tree in trees.values() for node in tree.body if isinstance(node, (ast.Assign, ast.AnnAssign))]
+    assert sum(is_number(node.value) for node in constants) <= 620
+    functions = [node.args for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    assert max(len([*one.posonlyargs, *one.args, *one.kwonlyargs]) for one in functions) <= 17
