@@ -7,6 +7,8 @@ longer counts as found. Mutations of lines that no test reaches in its own proce
 
     python .ci/mutations.py                     # 300 mutations, about an hour on one core
     python .ci/mutations.py --before OLD/tests  # and the same with another suite, to see that none is weaker
+    python .ci/mutations.py --count 100 --jobs 2            # a quarter of an hour on two cores
+    python .ci/mutations.py --only cvtimg/files --suite tests/files tests/batch  # of one package, by these tests alone
 
 The package must be installed; copies of the checkout are made below ``build/mutations``, which keeps what is known from
 coverage between runs (``--again`` forgets it).
@@ -243,11 +245,29 @@ class Recording:
             self.failed.add(report.nodeid)
 
 
-def record(root: Path) -> None:
-    """Run all quick tests once under coverage, and keep what is known in a file."""
+def in_parallel(works: list[Callable[[], object]]) -> None:
+    """Do some works side by side, each in a copy of this process; if one fails, so does this process."""
+    children = []
+    for work in works:
+        sys.stdout.flush()
+        children.append(os.fork())
+        if not children[-1]:
+            status = 1
+            try:
+                work()
+                status = 0
+            finally:
+                sys.stdout.flush()
+                os._exit(status)
+    if sum(os.waitpid(child, 0)[1] != 0 for child in children):
+        sys.exit("a part failed")
+
+
+def record(root: Path, tests: list[str], file: Path) -> None:
+    """Run some quick tests once under coverage, and keep what is known in a file."""
     plugin = Recording()
     plugin.coverage.start()
-    run_tests(root, plugin, ["tests", "--pyargs", "cvtimg"])
+    run_tests(root, plugin, tests)
     plugin.coverage.stop()
     data = plugin.coverage.get_data()
     numbers = {test: number for number, test in enumerate(plugin.seconds) if test not in plugin.failed}
@@ -259,16 +279,38 @@ def record(root: Path) -> None:
         for name in data.measured_files()
     }
     content = {"reaching": reaching, "seconds": plugin.seconds, "failed": sorted(plugin.failed)}
-    (root / "known.json").write_text(json.dumps(content))
+    file.write_text(json.dumps(content))
 
 
-def known(tests: Path, package: Path, root: Path, again: bool) -> Suite:
+def record_all(root: Path, suite: list[str], jobs: int) -> None:
+    """Record all tests, in some processes, and keep what is known of them together."""
+    files = [path for place in suite for path in sorted((root / place).rglob("test_*.py"))]
+    parts = [[str(path.relative_to(root)) for path in files[part::jobs]] for part in range(jobs)]
+    if suite == ["tests"]:
+        parts[0] += ["--pyargs", "cvtimg"]
+    names = [root / f"known{part}.json" for part in range(jobs)]
+    works = [partial(record, root, tests, name) for tests, name in zip(parts, names, strict=True)]
+    in_parallel([partial(in_child, work, 6 * 3600) for work in works])
+    reaching: dict[str, dict[int, list[int]]] = {}
+    seconds: dict[str, float] = {}
+    failed: list[str] = []
+    for name in names:
+        part, shift = json.loads(name.read_text()), len(seconds)
+        for path, lines in part["reaching"].items():
+            for line, tests in lines.items():
+                reaching.setdefault(path, {}).setdefault(line, []).extend(test + shift for test in tests)
+        seconds |= part["seconds"]
+        failed += part["failed"]
+    (root / "known.json").write_text(json.dumps({"reaching": reaching, "seconds": seconds, "failed": failed}))
+
+
+def known(tests: Path, package: Path, root: Path, given: argparse.Namespace) -> Suite:
     """Return a suite and what it reaches."""
-    if again or not (root / "known.json").exists():
-        # In other processes, since this one must not import the package.
-        for work in (lambda: copy(tests, package, root), lambda: record(root)):
-            if in_child(work, 6 * 3600) != 0:
-                sys.exit(f"{root}: the suite cannot be run")
+    if given.again or not (root / "known.json").exists():
+        # In another process, since this one must not import the package.
+        if in_child(lambda: copy(tests, package, root), 6 * 3600) != 0:
+            sys.exit(f"{root}: cannot be copied")
+        record_all(root, given.suite, given.jobs)
     content = json.loads((root / "known.json").read_text())
     print(f"{root.name}: {len(content['seconds'])} tests, {len(content['failed'])} of them do not count", flush=True)
     reaching = {
@@ -362,34 +404,49 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=60, help="seconds of tests for one mutation")
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "mutations")
     parser.add_argument("--again", action="store_true")
-    parser.add_argument("--part", default="0/1", help="I/N: every N-th mutation from the I-th, for N runs side by side")
-    parser.add_argument("--only", default="", help="mutate files whose path contains this")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that work side by side")
+    parser.add_argument("--suite", nargs="+", default=["tests"], help="folders of the tests")
+    parser.add_argument("--only", nargs="+", default=[""], help="mutate files whose path contains one of these")
     given = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
     folder = given.folder.resolve()
     package = given.package.resolve()
-    suites = [known(given.tests.resolve(), package, folder / "tests", given.again)]
+    suites = [known(given.tests.resolve(), package, folder / "tests", given)]
     if given.before:
-        suites.append(known(given.before.resolve(), package, folder / "before", given.again))
+        suites.append(known(given.before.resolve(), package, folder / "before", given))
     sources = {str(path.relative_to(package.parent)): path.read_bytes() for path in sorted(package.rglob("*.py"))}
-    sites = [mutation for path, source in sources.items() if given.only in path for mutation in mutations(path, source)]
+    sites = [
+        mutation
+        for path, source in sources.items()
+        if any(one in path for one in given.only)
+        for mutation in mutations(path, source)
+    ]
     chosen = random.Random(given.seed).sample(sites, min(given.count, len(sites)))
-    chosen = chosen[int(given.part.split("/")[0]) :: int(given.part.split("/")[1])]
     for module in HEAVY:
         importlib.import_module(module)
     os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
     sys.dont_write_bytecode = True
-    n_found = [0] * len(suites)
-    for number, mutation in enumerate(chosen, 1):
-        found: list[str | None] = []
-        for suite in suites:
-            found.append(killer(suite, mutation, given.limit, name_of(found[0]) if found and found[0] else None))
-        n_found = [count + bool(test) for count, test in zip(n_found, found, strict=True)]
-        text = sources[mutation.path][mutation.start : mutation.stop].decode().partition("\n")[0]
-        shares = " ".join(f"{count}/{number}" for count in n_found)
-        print(f"{shares} {mutation.path}:{mutation.line} {text!r} -> {mutation.text!r}: {found}", flush=True)
-    for suite, count in zip(suites, n_found, strict=True):
-        print(f"{suite.root.name}: {count} of {len(chosen)} mutations are found, {count / len(chosen):.1%}")
+    told = [folder / f"found{part}.json" for part in range(given.jobs)]
+
+    def try_some(part: int) -> None:
+        own = [suite._replace(root=suite.root.with_name(f"{suite.root.name}{part}")) for suite in suites]
+        for suite, copied in zip(suites, own, strict=True):
+            shutil.rmtree(copied.root, ignore_errors=True)
+            shutil.copytree(suite.root, copied.root)
+        n_found = [0] * len(suites)
+        for number, mutation in enumerate(chosen[part :: given.jobs], 1):
+            found: list[str | None] = []
+            for suite in own:
+                found.append(killer(suite, mutation, given.limit, name_of(found[0]) if found and found[0] else None))
+            n_found = [count + bool(test) for count, test in zip(n_found, found, strict=True)]
+            text = sources[mutation.path][mutation.start : mutation.stop].decode().partition("\n")[0]
+            shares = " ".join(f"{count}/{number}" for count in n_found)
+            print(f"{shares} {mutation.path}:{mutation.line} {text!r} -> {mutation.text!r}: {found}", flush=True)
+        told[part].write_text(json.dumps(n_found))
+
+    in_parallel([partial(try_some, part) for part in range(given.jobs)])
+    for suite, counts in zip(suites, zip(*(json.loads(one.read_text()) for one in told), strict=True), strict=True):
+        print(f"{suite.root.name}: {sum(counts)} of {len(chosen)} mutations are found, {sum(counts) / len(chosen):.1%}")
 
 
 if __name__ == "__main__":
