@@ -1,7 +1,4 @@
-"""A corpus of files that were damaged, or made to harm, and what cvtimg makes of each.
-
-    python tests/hostile.py            # all of them, some minutes
-    python tests/hostile.py --quick    # fewer damages of each file
+"""Files that were damaged, or made to harm, and what cvtimg makes of each.
 
 Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process, and many also through their standard
 input. It must end in a right result or in an error of one line: no traceback, no warning, no crash, no hang, and no
@@ -10,7 +7,6 @@ file left over.
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import os
@@ -18,13 +14,10 @@ import random
 import re
 import struct
 import sys
-import tempfile
 import time
 import zlib
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
-from itertools import chain
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -33,7 +26,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 from picture_files import chunk
-from PIL import Image, ImageCms, features
+from PIL import Image, ImageCms
 
 from cvtimg.pictures import encode_image
 
@@ -277,17 +270,6 @@ def damaged(files: Iterable[File], n_cuts: int, n_flips: int) -> Iterator[File]:
             yield f"{stem}-flip{n}.{suffix}", head if n % 2 else flipped(content, chance, chance.choice([1, 3, 20]))
 
 
-def corpus(n_cuts: int, n_flips: int) -> Iterator[tuple[str, str, bytes]]:
-    """Yield (kind, name, content) of all files; those of kind "pipe" are to come through standard input."""
-    for kind, files in (("pictures", pictures()), ("measurements", measured())):
-        for name, content in damaged(files, n_cuts, n_flips):
-            yield kind, name, content
-    for name, content in made():
-        yield "lies", name, content
-    for name, content in chain(damaged(seeds(), n_cuts // 3, 0), made()):
-        yield "pipe", f"pipe-{name}", content
-
-
 def judge(path: Path, *, piped: bool = False) -> str:
     """Return what became of a file, given by its name or through a pipe: "right", "error", or what was wrong."""
     # PNG holds neither bands nor pages.
@@ -372,44 +354,3 @@ def outcome(arguments: list[str]) -> tuple[str, list[dict[str, Any]]]:
         rows = [json.loads(line) for line in out.getvalue().splitlines()]
         return ("right", rows) if len(rows) == 1 else (f"{len(rows)} rows", [])
     return f"status {status}, stderr {text[:200]!r}", []
-
-
-def main() -> None:
-    """Print what became of the files."""
-    options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    options.add_argument("--quick", action="store_true", help="fewer damages of each file")
-    options.add_argument("--keep", type=Path, metavar="DIR", help="keep the files that went wrong here")
-    arguments = options.parse_args()
-    n_cuts, n_flips = (1, 1) if arguments.quick else (8, 14)
-    counts: dict[str, Counter[str]] = defaultdict(Counter)
-    slowest = (0.0, "")
-    with tempfile.TemporaryDirectory() as folder:
-        tempfile.tempdir = folder  # files left over are seen
-        for kind, name, content in corpus(n_cuts, n_flips):
-            path = Path(folder, name)
-            path.write_bytes(content)
-            start = time.perf_counter()
-            verdict = judge(path, piped=kind == "pipe")
-            slowest = max(slowest, (time.perf_counter() - start, name))
-            counts[kind][verdict if verdict in ("right", "error") else "wrong"] += 1
-            if verdict not in ("right", "error"):
-                print(f"{name}: {verdict}", flush=True)
-                if arguments.keep:
-                    arguments.keep.mkdir(parents=True, exist_ok=True)
-                    (arguments.keep / name).write_bytes(content)
-            path.unlink()
-    counts["in all"] = sum(counts.values(), Counter())
-    for kind, count in counts.items():
-        print(
-            f"{kind}: {count.total()} files: {count['right']} right results, {count['error']} errors of one line, "
-            f"{count['wrong']} of anything else"
-        )
-    print(
-        f"the slowest took {slowest[0]:.1f} s ({slowest[1]}); "
-        f"Pillow {Image.__version__}, libtiff {features.version('libtiff')}"
-    )
-    sys.exit(1 if counts["in all"]["wrong"] else 0)
-
-
-if __name__ == "__main__":
-    main()
