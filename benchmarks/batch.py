@@ -5,11 +5,12 @@ picture, two at a time, and so is a script with scikit-learn's KMeans, on few pi
 read PNG and write PNG. Rounds take turns; medians are shown. Energies are those of the written files.
 
     python benchmarks/batch.py
-    python benchmarks/batch.py --pictures 24 --rounds 1
+    python benchmarks/batch.py --pictures 24 --rounds 1 --jobs 8  # processor seconds of many jobs, beside those of one
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import statistics
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -130,19 +132,22 @@ def ways(k: int, jobs: int) -> list[Way]:
     return [*found, Way(f"scikit-learn {sklearn.__version__}, {jobs} processes", scikit_learn(k, jobs), 2 * jobs)]
 
 
-def take_turn(way: Way, source: Path, few: Path) -> tuple[float, float]:
-    """Return the pictures a second of a way, and the squared error a pixel of what it wrote."""
-    folder = few if way.n_pictures else source
+def take_turn(way: Way, source: Path, few: Path) -> tuple[float, float, float]:
+    """Return the pictures a second of a way, its processor seconds a picture, and the error a pixel of its files."""
+    folder, before = few if way.n_pictures else source, sum(os.times()[2:4])
     with tempfile.TemporaryDirectory() as target:
         start = time.perf_counter()
         way.run(folder, Path(target))
         seconds = time.perf_counter() - start
+        with suppress(ChildProcessError):  # what it has left to itself, such as a server of workers
+            while os.wait():
+                pass
         paths = sorted(folder.iterdir())
         written = [Path(target, path.name) for path in paths[:8]]
         errors = [
             common.squared_error(common.read_rgb(a), common.read_rgb(b)) for a, b in zip(paths, written, strict=False)
         ]
-    return len(paths) / seconds, float(np.mean(errors))
+    return len(paths) / seconds, (sum(os.times()[2:4]) - before) / len(paths), float(np.mean(errors))
 
 
 def main() -> None:
@@ -156,7 +161,9 @@ def main() -> None:
     n_pictures, rounds = (24, 1) if arguments.quick else (arguments.pictures, arguments.rounds)
     found = ways(arguments.k, arguments.jobs)
     rates: dict[str, list[float]] = {way.name: [] for way in found}
+    work: dict[str, float] = {}
     errors: dict[str, float] = {}
+    ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER: processes whose parent has ended are counted, too
     with tempfile.TemporaryDirectory() as folder:
         source, few = Path(folder, "all"), Path(folder, "few")
         for path, n in ((source, n_pictures), (few, 2 * arguments.jobs)):
@@ -165,13 +172,13 @@ def main() -> None:
         for turn in range(rounds):
             for way in found if turn % 2 == 0 else reversed(found):
                 common.progress(f"round {turn + 1}: {way.name}")
-                rate, errors[way.name] = take_turn(way, source, few)
+                rate, work[way.name], errors[way.name] = take_turn(way, source, few)
                 rates[way.name].append(rate)
     print(f"\n{common.machine()}\n{n_pictures} photographs of {SIZE[0]} x {SIZE[1]} to {arguments.k} colors")
     medians = {name: statistics.median(some) for name, some in rates.items()}
     own = medians[f"cvtimg, {arguments.jobs} processes"]
     shown = [
-        {"": name, "pictures/s": rate, "of cvtimg": rate / own, "error of the first 8": errors[name]}
+        {"": name, "pictures/s": rate, "of cvtimg": rate / own, "cpu s": work[name], "error of 8": errors[name]}
         for name, rate in medians.items()
     ]
     common.show("Pictures a second", shown)

@@ -6,8 +6,8 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 from unicodedata import east_asian_width
 
@@ -189,25 +189,16 @@ def complain(text: str) -> None:
 
 
 @contextmanager
-def progress(n_tasks: int, report: Report) -> Iterator[Callable[[Row | None], None]]:
+def progress(n_tasks: int, report: Report) -> Iterator[Callable[[], None]]:
     """Show a progress bar on stderr, if that is a terminal that does not also show JSON."""
-    # Yields a function to call with the row of each completed input, or None for one that failed.
+    # Yields a function to call for each completed input.
     if n_tasks < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
-        yield lambda row: None
+        yield lambda: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
-    columns: Any = *Progress.get_default_columns()[1:], "{task.completed}/{task.total} {task.fields[speed]}"
-    start, n_pixels = perf_counter(), 0
+    columns: Any = *Progress.get_default_columns()[1:], "{task.completed}/{task.total}"
     # Rich would redirect printed text to its own console, but JSON must go to stdout.
     with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
-        shown = bar.add_task("cvtimg", total=n_tasks, speed="")
-
-        def step(row: Row | None) -> None:
-            nonlocal n_pixels
-            n_pixels += row.get("width", 0) * row.get("height", 0) if row else 0
-            speed = f"{n_pixels / 1e6 / (perf_counter() - start):.1f} MP/s" if n_pixels else ""
-            bar.update(shown, advance=1, speed=speed)
-
-        yield step
+        yield partial(bar.advance, bar.add_task("cvtimg", total=n_tasks))

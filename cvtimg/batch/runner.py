@@ -69,7 +69,7 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
             attempt = partial(_attempt, work=work, running=running)
             with progress(len(todo), report) as step, _performed(attempt, todo, running) as results:
                 for number, outcome in results:
-                    step(outcome.result)
+                    step()
                     told.add(places[number], outcome)
         except KeyboardInterrupt:
             told.end(started)

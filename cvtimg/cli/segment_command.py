@@ -36,13 +36,7 @@ _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", 
           "objects", "edit")  # fmt: skip
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 #: Modules that tasks import.
-_LATE = (
-    "cvtimg.segmentation.files",
-    "cvtimg.segmentation.segments",
-    "skimage.measure._label",
-    "scipy.optimize",
-    "deflate",
-)
+_LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
 _UNEVEN = "a smooth surface explains more than a third segment would: --shading takes uneven light out"
 #: Columns where objects are counted: what was measured.

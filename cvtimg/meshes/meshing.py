@@ -72,8 +72,6 @@ EFFORTS: dict[str, MeshEffort] = {
     "balanced": MeshEffort(15, 1e-3, 2, Mending(10), trials=4),
     "best": MeshEffort(300, 1e-4, 5, Mending(20), trials=24, small=24_000),
 }
-#: Part of the best effort, for the time, until vertices move with the balanced one.
-_BEST = 0.75
 #: Parts of the time until vertices are on borders and placed, and until they have moved.
 _PLANNED, _RELAXED = 0.4, 0.6
 #: A mesh whose least angle is smaller, in degrees, and not at a corner of its border, is warned of.

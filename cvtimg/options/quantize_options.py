@@ -31,7 +31,6 @@ _MACHINES = {
     "5,6,5": "16 bits: small displays",
     "6": "18 bits: VGA",
 }
-_AIMS = ("number", "psnr", "max_bytes")
 
 
 def _images() -> Sequence[str]:

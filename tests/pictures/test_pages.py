@@ -94,6 +94,10 @@ def test_masks_and_reduced_copies_are_no_pages(tmp_path: Path) -> None:
         tiff.write(COLORS[0, ..., 0] > 9, photometric="mask", subfiletype=4, metadata=None)
     assert image_info(tmp_path / "a.tif").frames == 1
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), COLORS[0])
+    with tifffile.TiffWriter(tmp_path / "b.tif") as tiff:
+        tiff.write(COLORS, photometric="rgb", metadata=None)
+        tiff.write(COLORS[0, ::2, ::2], photometric="rgb", subfiletype=1, metadata=None)
+    np.testing.assert_array_equal(read_pages(tmp_path / "b.tif").images, COLORS)
 
 
 @pytest.mark.parametrize("stack", [STACK, COLORS, DEEP[0], DEEP[0] / 7], ids=["gray", "color", "16 bits", "float"])
