@@ -22,7 +22,6 @@ import pytest
 import works
 
 from cvtimg import find_images, write_image
-from cvtimg._shared.threads import n_threads
 from cvtimg.batch import Plan, Report, Running, Task, WrongUsageError, find, run
 from cvtimg.cli import app as cli
 from cvtimg.files.whole import whole_file
@@ -117,9 +116,12 @@ def test_results_come_in_the_order_of_the_inputs(here: Path, capsys: pytest.Capt
 
 
 @pytest.mark.slow
-def test_threads_times_jobs_are_no_more_than_the_cores(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    jobs = n_threads() + 1
-    run(Plan(inputs(jobs * 2), out_dir=Path("out")), works.threads, report(), Running(jobs))
+@pytest.mark.parametrize("cores", [2, 8])
+def test_jobs_take_as_many_cores_and_no_more(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, cores: int
+) -> None:
+    monkeypatch.setattr("cvtimg.batch.runner.n_threads", lambda: cores)
+    run(Plan(inputs(6), out_dir=Path("out")), works.threads, report(), Running(3))
     found = rows(capsys)
     assert {row["threads"] for row in found} == {1}
     assert os.getpid() not in {row["process"] for row in found}
