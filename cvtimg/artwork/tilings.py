@@ -24,7 +24,7 @@ from cvtimg.placement import pixel_labels, place_in_picture
 
 Floats = NDArray[np.float64]
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
-_PARTS = 8
+_PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
 #: Side of an equilateral triangle of area 1.

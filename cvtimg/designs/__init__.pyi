@@ -7,4 +7,3 @@ from .measures import point_measures as point_measures
 from .measures import star_discrepancy as star_discrepancy
 from .points import Design as Design
 from .points import design as design
-from .sequences import CVTDesign as CVTDesign

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from cvtimg import design
-from cvtimg.designs import CVTDesign, Design, Factor, point_measures, split_evenly
+from cvtimg.designs import Design, Factor, point_measures, split_evenly
 
 
 def slices_of(design: Design) -> NDArray[Any]:
@@ -99,15 +99,6 @@ def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
         found.save(tmp_path / "a.npy")
     with pytest.raises(ValueError, match=r"b.npy must end in .csv: .npy has no levels"):
         design(5, [Factor("x"), Factor("y", levels=("A", "B"))], effort="fast").save(tmp_path / "b.npy")
-
-
-def test_an_engine_of_scipy_extends_what_it_gave_and_can_be_reset() -> None:
-    engine = CVTDesign(2, effort="fast", rng=3)
-    first, second = engine.random(10), engine.random(10)
-    nearest = np.sqrt(((first[:, None] - second) ** 2).sum(axis=2)).min()
-    assert nearest > 0.05
-    assert (engine.reset().random(10) == first).all()
-    assert qmc.discrepancy(np.concatenate([first, second])) < qmc.discrepancy(np.random.default_rng(0).random((20, 2)))
 
 
 @pytest.mark.parametrize(
