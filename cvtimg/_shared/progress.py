@@ -82,4 +82,6 @@ def _set(listening: _Listening | None) -> Iterator[None]:
     try:
         yield
     finally:
-        _listening.set(before)
+        # A loop that an exception has left is closed later, when nobody or somebody else may be listening.
+        if listening and (now := _listening.get()) and now.told is listening.told:
+            _listening.set(before)

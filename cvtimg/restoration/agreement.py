@@ -105,12 +105,17 @@ class _Part:
 
     values: Floats
     known: _Bools
+    versions: Versions
 
     @classmethod
     def of(cls, versions: Versions, rows: slice | NDArray[np.intp]) -> _Part:
         """Take some rows."""
         values = np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
-        return cls(values, np.moveaxis(versions.known[rows], 2, 0))
+        return cls(values, np.moveaxis(versions.known[rows], 2, 0), versions)
+
+    def apart(self, version: int, reference: Floats) -> Floats:
+        """(h, W, C) departure of a version from a reference, in units in which noise is even."""
+        return (self.values[version] - reference) / np.sqrt(self.versions.noisiness(reference))[:, :, None]
 
     @property
     def median(self) -> Floats:
@@ -128,7 +133,7 @@ class _Part:
         if moved:  # the range of the pixels within 3 x 3; 0 where one is unknown
             slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
             slack = _EVIDENCE.slack * np.nan_to_num(slack)
-        residuals = (values - reference for values in self.values)
+        residuals = (self.apart(version, reference) for version in range(len(self.values)))
         residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
         return np.stack([self.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
 
@@ -185,9 +190,9 @@ def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> 
     from scipy.ndimage import uniform_filter
 
     scales = np.empty((len(part.values), len(_SIDES), part.values.shape[3]), np.float32)
-    for version, values in enumerate(part.values):
+    for version in range(len(part.values)):
         seen = judged & part.known[version]
-        residual = np.where(seen[..., None], values - reference, np.float32(0))
+        residual = np.where(seen[..., None], part.apart(version, reference), np.float32(0))
         for number, side in enumerate(_SIDES):
             means = uniform_filter(residual, (side, side, 0)) if side > 1 else residual
             usual = np.median(np.abs(means[seen]), axis=0) / (0.6745 * 0.88) if seen.any() else 0.0
@@ -240,7 +245,7 @@ class Suspicion:
         known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
         n_bands = estimate.shape[2]
         for version in np.flatnonzero(self.shares):
-            squares = np.square(versions.bands(int(version)) - estimate).sum(axis=2)
+            squares = np.square(versions.bands(int(version)) - estimate).sum(axis=2) / versions.noisiness(estimate)
             alone, confirmed = self._compared(versions, int(version))
             # Versions that disagree here: one of them holds an addition.
             share = np.where(alone, self.shares[version], 0.5)
@@ -267,7 +272,7 @@ class Suspicion:
         for other in range(versions.n_versions):
             if other != version:
                 both = own & versions.known[:, :, other]
-                apart = np.square(values - versions.bands(other)).sum(axis=2)
+                apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
                 variance = self.noise[version] ** 2 + self.noise[other] ** 2
                 confirmed |= both & (apart <= (_EVIDENCE.never + 2 * values.shape[2]) * variance)
                 others |= both

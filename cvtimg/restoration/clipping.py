@@ -18,16 +18,16 @@ class Clipped:
     variance: Floats  # variance that is left, as a share of that of the noise
 
     @classmethod
-    def of(cls, true: Floats, sigma: float, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
-        """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviation `sigma` > 0."""
+    def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
+        """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
         inside = np.clip(true, 0, white)
         added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
         for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
             if is_clipped:
-                away = apart / np.float32(sigma)
+                away = apart / sigma
                 beyond, density = _beyond(away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
                 more = density - away * beyond
-                added += np.float32(sign * sigma) * more
+                added += sign * sigma * more
                 slope -= beyond
                 variance += (away**2 + 1) * (1 - beyond) + away * density - (away + more) ** 2 - 1
         return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
@@ -40,11 +40,11 @@ def _beyond(away: Floats) -> Floats:
     return np.asarray(ndtr(-away), np.float32)
 
 
-def clipped_ends(values: Floats, true: Floats, sigma: float, white: float) -> tuple[bool, bool]:
+def clipped_ends(values: Floats, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:
     """Tell whether values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
 
     def piles_up(end: float) -> bool:
-        expected = _beyond(np.abs(np.clip(true, 0, white) - end) / np.float32(sigma)).sum(dtype=np.float64)
+        expected = _beyond(np.abs(np.clip(true, 0, white) - end) / sigma).sum(dtype=np.float64)
         return bool(np.count_nonzero(values == end) >= expected / 2)
 
     return piles_up(0.0), piles_up(white)

@@ -5,7 +5,6 @@ Quiet blocks, where noise is measured, do not show it, because their coefficient
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
@@ -16,28 +15,21 @@ from numpy.typing import NDArray
 from PIL import Image
 
 #: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
-_SUBSAMPLINGS: dict[tuple[int, ...], int] = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
+_SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
 #: Side of the blocks of JPEG, and the largest of what is compressed again.
 _SIDE, _LARGEST = 8, 512
 #: What is rounded for the second time loses less: so many times its variance was lost the first time.
 _FIRST_TIME = 1.3
 
 
-class Compressed(np.ndarray[Any, np.dtype[Any]]):
-    """An array that was a JPEG file, with its tables as Pillow has them."""
-
-    quantization: dict[int, list[int]]
-    layer: Sequence[Sequence[int]]
-
-
-def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> NDArray[Any]:
-    """Return an image that was read from a file, with its tables if it is a JPEG file of such bands."""
+def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> Any:
+    """Return an image as read from a file; of a JPEG file of such bands, as a Pillow image that has its tables."""
     try:
         with Image.open(path) as file:
             tables: Any = file
             if Rounding.of(file) is None:
                 return image
-            found = image.view(Compressed)
+            found: Any = Image.fromarray(image)
             found.quantization, found.layer = tables.quantization, tables.layer
             return found
     except (OSError, Image.DecompressionBombError):
@@ -53,13 +45,11 @@ class Rounding:
 
     @classmethod
     def of(cls, image: Any) -> Rounding | None:
-        """Return that of a Pillow image of a JPEG file, or of an array that has `quantization` and `layer` as one."""
-        tables = getattr(image, "quantization", None)
-        layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
+        """Return that of a Pillow image of a JPEG file, which has `quantization` and `layer`; None of others."""
+        tables, layers = getattr(image, "quantization", None), getattr(image, "layer", ())
         if not tables or len(layers) not in (1, 3):
             return None
-        sizes = tuple(layers[0][axis] // layers[-1][axis] for axis in (1, 2))
-        subsampling = _SUBSAMPLINGS.get(sizes)
+        subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
         return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
 
     def lost(self, values: NDArray[Any]) -> NDArray[np.float64] | None:
@@ -69,7 +59,7 @@ class Rounding:
             return None
         # Its blocks begin in the middle of those of the file.
         firsts = [max(side - _LARGEST, _SIDE) // (2 * _SIDE) * _SIDE + _SIDE // 2 for side in values.shape[:2]]
-        part = np.ascontiguousarray(values[tuple(slice(first, first + _LARGEST) for first in firsts)])
+        part = values[tuple(slice(first, first + _LARGEST) for first in firsts)]
         file = BytesIO()
         about: dict[str, Any] = {} if n_bands == 1 else {"subsampling": self.subsampling}
         Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables, **about)

@@ -15,61 +15,10 @@ from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.exposure import equalized, exposures
 from cvtimg.restoration.fitting import fitting
-from cvtimg.restoration.noise import bend_of, mean_noise, noise_of_bands, shared_noise
-from cvtimg.restoration.shared import SharedNoise
+from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
 
 _Doubles = NDArray[np.float64]
-
-#: Part of the noise below which what JPEG has rounded away is not added to it.
-_HEARD = 0.2
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Noise:
-    """The noise of versions."""
-
-    #: (S,): standard deviation of the noise of each version, NaN where too little is known; and by band, (C,) each
-    levels: _Doubles
-    bands: list[_Doubles]
-    shared: SharedNoise | None  # what pixels share of the noise of weight 1; None if it is white
-    unit: float  # noise, in levels, for noise of one where versions are bent
-    is_seen: bool  # whether any version has noise that can be seen, or that was given
-
-    @classmethod
-    def of(
-        cls, versions: Versions, bands: list[_Doubles], *, in_place: bool, level: float | None, white: bool
-    ) -> Noise:
-        """Find what else there is to noise of bands; `white`: nothing; `level` is its standard deviation, if given."""
-        levels, shared = mean_noise(bands), None
-        unit = versions.bend.unit(versions.bands(0)) if versions.bend else 1.0
-        is_seen = bool((levels * unit > versions.unseen).any())
-        if not white:
-            shared = shared_noise(versions, in_place=in_place)
-            if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
-                shared = _with_rounding(shared, versions, levels, unit)
-        if level is not None:
-            levels = np.full_like(levels, level / unit)
-        elif shared:
-            usual = np.sqrt(np.nanmean(levels**2)) if np.isfinite(levels).any() else 1.0
-            levels = np.sqrt(shared.variance) * (levels / usual if usual else np.ones_like(levels))
-        if shared:  # the level of white noise tells little of its bands
-            bands = [np.sqrt(np.diag(shared.bands))] * versions.n_versions
-        return cls(levels, bands, shared, unit, is_seen or shared is not None or level is not None)
-
-
-def _with_rounding(shared: SharedNoise | None, versions: Versions, levels: _Doubles, unit: float) -> SharedNoise | None:
-    """Add to noise what versions have lost as JPEG files, a mean over them, if it is heard."""
-    pairs = zip(versions.roundings, versions.stack, strict=False)
-    found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
-    if not found:
-        return shared
-    total = np.sum([SharedNoise.of(lost / unit).autocovariance for lost in found], axis=0) / versions.n_versions
-    white = float(np.nanmean(levels**2)) if np.isfinite(levels).any() else 0.0
-    before = shared.autocovariance if shared else SharedNoise.white(white, total.shape[2]).autocovariance
-    if SharedNoise(total).variance < _HEARD * SharedNoise(before).variance:
-        return shared
-    return SharedNoise(total + before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +43,14 @@ class Evidence:
         apart = np.nan if self.channels else disagreement(data, self.trust)
         return [*found, apart] if np.isfinite(apart) else found or [0.0]
 
+    @property
+    def noise_lines(self) -> _Doubles | None:
+        """(C, 2) constant and slope of the variance of noise of weight 1 in each band; None where it is even."""
+        if self.noise.lines is None:
+            return None
+        squares = np.mean(np.square(self.noise.bands), axis=0)
+        return self.variances(self.placed)[0] * (squares / squares.mean())[:, None] * self.noise.lines
+
 
 def prepare(
     given: Versions,
@@ -114,14 +71,9 @@ def prepare(
     if align and not channels:
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
-    with part(0.4, 0.7):
-        bands, in_place = noise_of_bands(given, alike=not channels), align is None
-    is_seen = not white and (mean_noise(bands) > given.unseen).all()  # False where it is unknown
-    if is_seen and (bend := bend_of(given, in_place=in_place)):
-        given, placed = (replace(one, bend=bend) for one in (given, placed))
-        bands = noise_of_bands(given, alike=not channels)
-    with part(0.7, 1):
-        noise = Noise.of(given, bands, in_place=in_place, level=level, white=white)
+    with part(0.4, 1):
+        noise = Noise.of(given, level=level, white=white, in_place=align is None, alike=not channels)
+    given, placed = (replace(one, lines=noise.lines) for one in (given, placed))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.progress import each, tell
+from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
@@ -25,27 +25,21 @@ _Doubles = NDArray[np.float64]
 _PRECISE = 1e-7
 
 
-@dataclass(frozen=True, slots=True)
-class _Filtering:
-    """How patches are filtered."""
-
-    gain: float = 1.1  # of covariances of the estimate, which has lost some detail
-    #: Twice, power of so many times that of the noise is halved in the covariance of noisy patches; and more where
-    #: patches are few, because their noise is uneven.
-    bent: float = 1.2
-    unevenly: float = 0.7
-    left: float = 0.02  # added to the variance that a filter leaves, as a share of that of the noise: none is perfect
-    ridge: float = 1e-4  # share of the variance of noise that every covariance has, so that it has an inverse
-    #: Filters are applied twice, to an image whose noisier pixels are drawn to the last; or once where all but this
-    #: share of the pixels are known to within half the usual precision.
-    uneven: float = 0.02
-    kept: int = 4  # blocks, of which filters are kept for another round
-    filled: float = 0.4  # precision of unknown pixels, filled from nearby, as a part of that of those around them
-    near: int = 15  # side, in pixels, of the windows in which the usual precision is found
-    step: float = 1.9  # times that pixels may be known better than the mean of their group; rounds would diverge at 2
-
-
-_FILTERING = _Filtering()
+#: Covariances of the estimate, which has lost some detail, are raised by this factor.
+_GAIN = 1.1
+#: Twice, power of so many times that of the noise is halved in the covariance of noisy patches.
+_BENT = 1.5
+#: Added to the variance that a filter leaves, as a share of that of the noise: none is perfect.
+_LEFT = 0.02
+#: Share of the variance of noise that every covariance has, so that it has an inverse.
+_RIDGE = 1e-4
+#: Precision of unknown pixels, filled from nearby, as a part of the usual one.
+_FILLED = 0.4
+#: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
+#: for that of so many blocks.
+_UNEVEN, _KEPT = 0.02, 4
+#: So many times may pixels be known better than the mean of their group; beyond 2, what they are drawn by would grow.
+_STEP = 1.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,18 +91,14 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
     """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
     # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
-    estimate, usual, inner = noisy.estimate, noisy.usual_variance, slice(REACH, -REACH)
-    rounds = 1 if np.mean(noisy.precision < 0.5 / usual) <= _FILTERING.uneven else 2
+    usual, estimate, inner = noisy.usual_variance, noisy.estimate.copy(), slice(REACH, -REACH)
+    rounds = 2 if np.mean(noisy.precision < 0.5 / usual) > _UNEVEN else 1
 
     def filters_of(block: PatchBlock) -> _Filters:
         return _Filters.of(noisy.part(block), block, from_estimate, usual)
 
     # The filters of a large image are made again for each round: together they would fill the memory.
-    kept: list[_Filters] = []
-    if rounds > 1 and len(blocks) <= _FILTERING.kept:
-        for filters in side_by_side(filters_of, blocks):
-            kept.append(filters)
-            tell(0.0)
+    kept = list(side_by_side(filters_of, blocks)) if rounds > 1 and len(blocks) <= _KEPT else []
     for _ in each(range(rounds)):
         # Noisier pixels are drawn toward the estimate until all are as good as their group: the fixed point is that of
         # a filter that weights each pixel by its own noise.
@@ -121,10 +111,8 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
         for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
             total[block.bordered] += sums
             weight[block.bordered] += weights
-        joined = total[inner, inner] / weight[inner, inner, None]
-        estimate = estimate.copy()
-        estimate[inner, inner] = joined
-    return joined
+        estimate[inner, inner] = total[inner, inner] / weight[inner, inner, None]
+    return estimate[inner, inner]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,11 +151,11 @@ class _Filters:
                 if whiten is not None:
                     covariances[:] = whiten @ covariances @ whiten.T
                 if noise is None:
-                    covariances *= _FILTERING.gain
+                    covariances *= _GAIN
                 else:
-                    _lessen_noise(padded, noise[here], variances[here], groups.sizes[here])
+                    _lessen_noise(padded, noise[here], variances[here])
                 diagonal = np.einsum("gii->gi", covariances)
-                diagonal += np.maximum(_FILTERING.ridge * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
+                diagonal += np.maximum(_RIDGE * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
                 _make_filters(padded, variances[here], matrices[here])
                 if factor is not None and whiten is not None:
                     matrices[here, :, :size] = (whiten.T @ matrices[here, :, :size] @ factor.T).astype(np.float32)
@@ -177,7 +165,7 @@ class _Filters:
         inner = matrices[:, :, :size]
         left = np.einsum("gii->gi", inner) if shared is None else np.einsum("gij,ij->gj", inner, np.float32(shared))
         left = left.reshape(len(left), SIDE**2, -1).mean(axis=2)
-        trust = usual / variances[:, None] / (left + _FILTERING.left)
+        trust = usual / variances[:, None] / (left + _LEFT)
         return cls(block, means, matrices, variances, trust.astype(np.float32))
 
     def sums(self, estimate: Floats, change: Floats) -> tuple[Floats, Floats]:
@@ -212,7 +200,7 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     total = groups.sums(around(uniform_filter(precision, SIDE)))
     best = np.maximum.reduceat(around(maximum_filter(precision, SIDE))[groups.order], groups.bounds[:-1])
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
-    return np.minimum(variances, _FILTERING.step / np.maximum(best.astype(np.float64), 1e-30))
+    return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
 def _make_filters(covariances: Floats, variances: _Doubles, filters: Floats) -> None:
@@ -225,25 +213,20 @@ def _make_filters(covariances: Floats, variances: _Doubles, filters: Floats) -> 
 
 def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:
     """(G, P) variance of the noise at each place of the patches of each group."""
-    from scipy.ndimage import uniform_filter
-
-    usual = uniform_filter((precision > 0).astype(np.float32), _FILTERING.near)
-    near = uniform_filter(precision, _FILTERING.near)
-    anywhere = precision.mean() / max((precision > 0).mean(), 1e-30)
-    least = np.divide(near, usual, out=np.full_like(near, anywhere), where=usual > 1e-3)
-    variance = 1 / np.maximum(precision, _FILTERING.filled * np.maximum(least, 1e-3 * anywhere))
+    usual = precision.mean() / max((precision > 0).mean(), 1e-30)
+    variance = 1 / np.maximum(precision, np.float32(_FILLED * usual))
     patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)
     return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
 
 
-def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles, sizes: NDArray[np.int64]) -> None:
+def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles) -> None:
     """Turn (G, R, R) covariances of noisy patches, 0 from P on, into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
     size = noise.shape[1]
     diagonal = np.einsum("gii->gi", covariances)[:, :size]
     diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
-    bends = _FILTERING.bent * variances * (1 + _FILTERING.unevenly * np.sqrt(size / sizes))
+    bends = _BENT * variances
     filters = np.empty_like(covariances[:, :size])
     for _ in range(2):
         _make_filters(covariances.copy(), bends, filters)

@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg._shared.pixels import white_of
+from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import each
-from cvtimg.colors.spaces import to_space
+from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.masked import MaskedCells, masked_cells, masked_means
 from cvtimg.restoration.renormalization import RENORMALIZATIONS, Levels
-from cvtimg.restoration.result import Found
+from cvtimg.restoration.result import Restoration
 from cvtimg.restoration.versions import Floats, Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 
@@ -38,7 +37,7 @@ class Merging:
     space: SpaceName
 
 
-def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -> Found:
+def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -> Restoration:
     """Find segments of pixels whose stacked values are alike, and one color for each; None picks their number."""
     versions, trust = evidence.versions, evidence.trust
     if evidence.suspicion:
@@ -54,11 +53,9 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
     values, weights = versions.values, versions.weights(trust)
     values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # so that float32 is precise enough
 
-    def settled(labels: _Labels, own: NDArray[np.bool_]) -> EdgeWeighted | MaskedCells:
+    def settled(labels: _Labels, own: NDArray[np.bool_]) -> EdgeWeighted:
         """Lower the energy in some bands from initial labels until they rest."""
         some, loads = values[:, :, own], weights[:, :, own]
-        if not cost:
-            return masked_cells(some, loads, labels, n_generators)
         return descend(some, labels, n_generators, edge_weight=cost * unit, weights=loads)
 
     def started(blur: float) -> _Labels:
@@ -86,7 +83,53 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
         alone=alone,
     )
     colors = RENORMALIZATIONS[how.renormalize](levels)
-    return Found(end.labels, generators, masses, colors, end.energies, end.converged, versions, cost)
+    return _in_order(end, generators, masses, colors, evidence, versions, how.space, cost)
+
+
+def _in_order(
+    end: EdgeWeighted,
+    generators: _Doubles,
+    masses: _Doubles,
+    colors: _Doubles,
+    evidence: Evidence,
+    used: Versions,
+    space: SpaceName,
+    cost: float,
+) -> Restoration:
+    """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
+    versions = evidence.placed
+    white = peak(versions.dtype) if space != "rgb" else 1.0
+    values = from_space(colors, space, np.dtype(np.float64)) * white
+    order = np.lexsort((*values.T[::-1], values.sum(axis=1)))
+    order = order[np.bincount(end.labels.ravel(), minlength=len(values) + 1)[1:][order] > 0]
+    rank = np.zeros(len(values) + 1, np.int32)
+    rank[order + 1] = np.arange(1, len(order) + 1)
+    labels = rank[end.labels]
+    result: Restoration = Restoration.of(
+        colors[order][labels - 1],
+        used,
+        evidence,
+        space,
+        labels=labels,
+        generators=_by_version(np.where(masses > 0, generators, np.nan)[order], versions, space),
+        colors=values[order],
+        edge_weight=cost,
+        energies=end.energies,
+        converged=end.converged,
+    )
+    return result
+
+
+def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _Doubles:
+    """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
+    n_bands = np.bincount(versions.version_of)
+    apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
+    for version, n in enumerate(n_bands):
+        places = generators[:, versions.version_of == version]
+        known = ~np.isnan(places).any(axis=1)
+        white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
+        apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white
+    return apart
 
 
 def level_of(versions: Versions, space: SpaceName) -> float:
@@ -106,7 +149,11 @@ def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
 
 
 def _measured(versions: Versions, trust: _Doubles, labels: _Labels, n_generators: int) -> tuple[_Doubles, _Doubles]:
-    """(K, D) means of segments in versions, and (K, D) the weight behind them."""
-    rows = versions.values.reshape(labels.size, -1)
-    loads = versions.weights(trust).reshape(rows.shape)
-    return masked_means(rows, loads, labels.ravel(), np.zeros((n_generators, rows.shape[1])))
+    """(K, D) means of segments in versions, 0 where nothing is known, and (K, D) the weight behind them."""
+    rows, which = versions.values.reshape(labels.size, -1), labels.ravel() - 1
+    loads = versions.weights(trust).reshape(rows.shape).astype(np.float64)
+    masses, sums = (
+        np.stack([np.bincount(which, band, minlength=n_generators) for band in one.T], axis=1)
+        for one in (loads, loads * rows)
+    )
+    return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0), masses

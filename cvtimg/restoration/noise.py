@@ -17,61 +17,105 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg.restoration.anscombe import Bend
 from cvtimg.restoration.shared import LAGS, SharedNoise
 from cvtimg.restoration.versions import Floats, Versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
 _Doubles = NDArray[np.float64]
+_Bools = NDArray[np.bool_]
+
+#: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
+#: each of their values. About so many are looked at, and of these a share that is quiet: of versions, and of what two
+#: versions differ by.
+_SIDES, _PER_VALUE, _MOST, _QUIET = (8, 4), 10, 1 << 14, (0.1, 0.5)
+#: Share of values at an end of the levels from which on a patch is cut off; and the neighborhood of a single pixel.
+_CUT_OFF = (0.02, 0.1)
+#: Pixels that tell the noise of versions at least.
+_ENOUGH = 64
+#: Relative errors of the variance of a difference; of how much noisier one version is than another, each measured
+#: alone; and of a version alone. The part of what others have, that a version has at least. Versions that differ by
+#: less than the last are copies.
+_ERRORS, _LEAST, _COPIES = (0.02, 0.25, 0.5), 0.1, 0.0025
+#: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
+_CLASSES, _CHANCE = 8, 1e-3
+#: Blocks whose spectra tell what near pixels share: their side, which has room for the lags and a window, and shares of
+#: them, from quiet to loud, that end groups, of which the first has so many at least.
+_BLOCK, _GROUPS, _FEWEST = 16, (0.03, 0.1, 0.25), 12
+#: Texture is so many times what grows from the first group to the third, but for chance; and everything that is not
+#: white, where bands have more than this part of it in common.
+_TEXTURE, _COMMON = (3.0, 0.1), 0.9
+#: Rings of frequencies, per cycle per pixel, in which spectra are compared.
+_RINGS = 12
+#: Noise is shared where it has so many times the power of white noise from this frequency on, below which texture
+#: prevails, and this part of the range of levels, for a picture may have less of its own.
+_POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
+#: Part of the noise below which what JPEG has rounded away is not added to it.
+_HEARD = 0.2
 
 
-@dataclass(frozen=True, slots=True)
-class _Measuring:
-    """In what noise is measured."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """The noise of versions."""
 
-    sides: tuple[int, ...] = (8, 4)  # of patches: the largest of which there are enough
-    per_value: int = 10  # patches for each of their values, so that chance does not make their covariance
-    most: int = 1 << 14  # patches, about
-    quiet: tuple[float, float] = (0.1, 0.5)  # share of them that show noise; and where versions were subtracted
-    cut_off: float = 0.02  # share of values at an end of the levels from which on a patch is cut off
-    margin: float = 1.25  # standard deviations from an end of the levels, on the mean, within which noise is lost
-    enough: int = 64  # pixels that two versions must both know
-    most_pixels: int = 1 << 20  # of two versions that are compared, about
-    copies: float = 0.0025  # part of the variance of noise that two versions differ by at least, or are copies
-    least: float = 0.1  # part of the least variance found that noise has anywhere
-    #: Relative errors of the variance of a difference; of how much noisier one version is than another, each measured
-    #: alone; and of the noise of a version alone, which may be texture for the most part.
-    errors: tuple[float, float, float] = (0.02, 0.25, 0.5)
-    # How noise follows the level
-    classes: int = 8  # of levels, in each of which noise is measured
-    chance: float = 1e-3  # with which even noise is taken to follow the level
-    # What near pixels share of it
-    side: int = 16  # of the blocks whose spectra are compared: room for the lags, with a window
-    blocks: int = 1 << 12  # that are looked at
-    fewest: int = 12  # blocks in the quietest group
-    groups: tuple[float, float, float] = (0.03, 0.1, 0.25)  # shares of the blocks, from quiet to loud, that end groups
-    rings: int = 12  # per cycle per pixel, in each of which spectra are compared
-    texture: tuple[float, float] = (3.0, 0.1)  # times what grows from the first to the third is, but for chance
-    common: float = 0.9  # part of what is not white that bands share, from which on it is texture
-    high: float = 0.2  # cycles per pixel from which on noise is compared with white noise: below, texture prevails
-    power: float = 2.0  # of noise that is shared, as a multiple of that of white noise
-    grain: float = 0.01  # of the range of levels: a picture may have less of its own
+    levels: _Doubles  # (S,): standard deviation in each version, root mean square over bands; NaN where unknown
+    bands: _Doubles  # (S, C): in each band
+    shared: SharedNoise | None = None  # what pixels share of the noise of weight 1; None if it is white
+    lines: _Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
+    is_seen: bool = True  # whether any version has noise that can be seen, or that was given
+
+    @classmethod
+    def of(cls, versions: Versions, *, level: float | None, white: bool, in_place: bool, alike: bool) -> Noise:
+        """Measure the noise of versions, where it is not given; `white`: even and not shared; `alike`: in one look."""
+        bands = noise_of_bands(versions, alike=alike)
+        levels = mean_noise(bands)
+        is_seen, shared, lines = bool((levels > versions.unseen).any()), None, None
+        if not white:
+            if (levels > versions.unseen).all() and (found := lines_of(versions, in_place=in_place)) is not None:
+                lines, squares = found
+                usual = np.sqrt(np.mean(levels**2))
+                bands = np.sqrt(squares) * (levels / usual)[:, None]
+                levels = mean_noise(bands)
+            shared = shared_noise(versions, in_place=in_place)
+            if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
+                shared = _with_rounding(shared, versions, levels)
+        if level is not None:
+            levels = np.full_like(levels, level)
+        elif shared:
+            usual = np.sqrt(np.nanmean(levels**2)) if np.isfinite(levels).any() else 1.0
+            levels = np.sqrt(shared.variance) * (levels / usual if usual else np.ones_like(levels))
+        if shared:  # the level of white noise tells little of its bands
+            bands = np.tile(np.sqrt(np.diag(shared.bands)), (len(levels), 1))
+        return cls(levels, bands, shared, lines, is_seen or shared is not None or level is not None)
 
 
-_MEASURING = _Measuring()
+def _with_rounding(shared: SharedNoise | None, versions: Versions, levels: _Doubles) -> SharedNoise | None:
+    """Add to noise what versions have lost as JPEG files, a mean over them, if it is heard."""
+    pairs = zip(versions.roundings, versions.stack, strict=False)
+    found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
+    if not found:
+        return shared
+    total = np.sum([SharedNoise.of(lost).autocovariance for lost in found], axis=0) / versions.n_versions
+    white = float(np.nanmean(levels**2)) if np.isfinite(levels).any() else 0.0
+    before = shared.autocovariance if shared else SharedNoise.white(white, total.shape[2]).autocovariance
+    heard = SharedNoise(total).variance >= _HEARD * SharedNoise(before).variance
+    return SharedNoise(total + before) if heard else shared
+
+
+def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
+    """(S,) root mean squares of the noise in the bands of each version."""
+    return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
 
 
 # --- what noise shows in
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class _Look:
     """What noise is measured in."""
 
     values: Floats  # (H, W, C): noise and, unless versions were subtracted, the image
@@ -79,7 +123,7 @@ class Look:
     lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
     has_texture: bool = True  # False where versions were subtracted
 
-    def patches(self, side: int, most: int = _MEASURING.most) -> tuple[_Doubles, _Doubles]:
+    def patches(self, side: int, most: int = _MOST) -> tuple[_Doubles, _Doubles]:
         """(N, side, side, C) patches all over, about so many, and their levels, (N, C)."""
         height, width = (size - side + 1 for size in self.lost.shape)
         if min(height, width) < 1:
@@ -89,34 +133,28 @@ class Look:
         def seen(image: Floats) -> Floats:
             return np.lib.stride_tricks.sliding_window_view(image, (side, side), (0, 1))[every]
 
-        inside = seen(self.lost).mean(axis=(2, 3)) <= _MEASURING.cut_off
+        inside = seen(self.lost).mean(axis=(2, 3)) <= _CUT_OFF[0]
         patches = np.moveaxis(seen(self.values)[inside], 1, 3).astype(np.float64)
         return patches, seen(self.image)[inside].mean(axis=(2, 3), dtype=np.float64)
 
     def quiet(self, n: int) -> int:
         """Return how many of so many patches are quiet enough to show noise."""
-        return int(_MEASURING.quiet[0 if self.has_texture else 1] * n)
+        return int(_QUIET[0 if self.has_texture else 1] * n)
 
 
-def looks_at(versions: Versions, *, in_place: bool) -> Iterator[Look]:
+def _looks(versions: Versions, *, in_place: bool) -> Iterator[_Look]:
     """Yield what shows the noise of versions: each of them; or what two differ by, if they are `in_place`."""
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
+    lost = {number: versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers}
+    for number in numbers:
+        lost[number][~versions.known[:, :, number]] = np.inf
     if in_place and len(numbers) > 1:
         for one, other in pairwise(numbers):
             left, right = versions.bands(one), versions.bands(other)
-            lost = np.maximum(_lost(versions, one), _lost(versions, other))
             apart, mean = (left - right) * np.float32(np.sqrt(0.5)), (left + right) * np.float32(0.5)
-            yield Look(apart, mean, lost, has_texture=False)
+            yield _Look(apart, mean, np.maximum(lost[one], lost[other]), has_texture=False)
     else:
-        yield from (Look(versions.bands(one), versions.bands(one), _lost(versions, one)) for one in each(numbers))
-
-
-def _lost(versions: Versions, version: int) -> Floats:
-    """(H, W) share of the bands of a version that are at an end of its levels; infinite where nothing is known."""
-    values, known = versions.stack[version], versions.known[:, :, version]
-    ends = (0, versions.white) if versions.white is not None else (values[known].min(), values[known].max())
-    lost = ((values <= ends[0]) | (values >= ends[1])).mean(axis=2, dtype=np.float32)
-    return np.where(known, lost, np.float32(np.inf))
+        yield from (_Look(versions.bands(number), versions.bands(number), lost[number]) for number in each(numbers))
 
 
 def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
@@ -140,12 +178,12 @@ def _order_of(halves: _Doubles) -> NDArray[np.intp]:
 # --- the level
 
 
-def _levels_of(look: Look) -> _Doubles:
+def _levels_of(look: _Look) -> _Doubles:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
     n_bands = look.values.shape[2]
-    for side in _MEASURING.sides:
+    for side in _SIDES:
         patches, _ = look.patches(side)
-        if len(patches) >= _MEASURING.per_value * side**2 * n_bands:
+        if len(patches) >= _PER_VALUE * side**2 * n_bands:
             return _levels_in(patches, look.quiet(len(patches)))
     return np.full(n_bands, np.nan)
 
@@ -164,7 +202,7 @@ def _levels_in(patches: _Doubles, n_quiet: int) -> _Doubles:
 def _least(patches: _Doubles, n_quiet: int) -> float:
     """Return the standard deviation of patches in the directions in which they vary least, which only noise fills."""
     even, odd = _halves_of(patches)
-    n_quiet = min(max(n_quiet, _MEASURING.per_value * even[0].size), len(patches))
+    n_quiet = min(max(n_quiet, _PER_VALUE * even[0].size), len(patches))
     found = [_powers(even[_order_of(odd)[:n_quiet]]), _powers(odd[_order_of(even)[:n_quiet]])]
     powers, again = np.concatenate(found, axis=1)
     order = np.argsort(powers)
@@ -185,79 +223,77 @@ def _powers(halves: _Doubles) -> _Doubles:
     return np.stack([values, np.square(rows[1::2] @ axes).mean(axis=0)])
 
 
-def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
-    """(S,) root mean squares of the noise in the bands of each version."""
-    return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
-
-
 def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     """(C,) standard deviation of the noise in each band, of each version; NaN where too little is known."""
     # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise. All are
     # measured in one way, so that they compare.
+    seen = [_inside(versions, number) for number in range(versions.n_versions)]
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
-    found = [np.full(np.count_nonzero(versions.version_of == s), np.nan) for s in range(versions.n_versions)]
-    for number, look in zip(numbers, looks_at(versions, in_place=False), strict=True):
+    found = [np.full(one.shape[2], np.nan) for one in seen]
+    for number, look in zip(numbers, _looks(versions, in_place=False), strict=True):
         found[number] = _levels_of(look)
     if any(np.isnan(found[number]).any() for number in numbers):
-        found = [_scattered(versions, number) for number in range(versions.n_versions)]
-    return list(_by_differences(versions, np.stack(found))) if alike and versions.n_versions > 1 else found
+        found = [_scattered(versions.bands(number), inside) for number, inside in enumerate(seen)]
+    return list(_by_differences(versions, np.stack(found), seen)) if alike and versions.n_versions > 1 else found
 
 
-def _scattered(versions: Versions, version: int) -> _Doubles:
-    """(C,) noise in each band, where clipping took none of it away, if there is enough of that."""
+def _inside(versions: Versions, version: int) -> _Bools:
+    """(H, W, C) known values near which clipping has left most of the noise; all that are known, if that is few."""
     from scipy.ndimage import uniform_filter
 
-    values, known = versions.bands(version), versions.known[:, :, version]
-    found: _Doubles = scattered_noise(values, known)
-    share = np.maximum(uniform_filter(known.astype(np.float32), 5), 1e-3)[:, :, None]
-    inside = versions.is_inside(uniform_filter(values, (5, 5, 0)) / share, _MEASURING.margin * found)
-    again = [
-        scattered_noise(values[:, :, [band]], known & one)[0] for band, one in enumerate(np.moveaxis(inside, 2, 0))
-    ]
-    return np.where(np.isnan(again), found, again)
+    known = np.broadcast_to(versions.known[:, :, [version]], versions.stack[version].shape)
+    cut_off = versions.cut_off(version) & known
+    near, share = (uniform_filter(one.astype(np.float32), (9, 9, 0)) for one in (cut_off, known))
+    inside = known & (near <= _CUT_OFF[1] * share)
+    return np.where(np.count_nonzero(inside, axis=(0, 1)) < _ENOUGH, known, inside)
 
 
-def _by_differences(versions: Versions, alone: _Doubles) -> _Doubles:
+def _scattered(values: Floats, inside: _Bools) -> _Doubles:
+    bands = np.moveaxis(inside, 2, 0)
+    return np.concatenate([scattered_noise(values[:, :, [band]], seen) for band, seen in enumerate(bands)])
+
+
+def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> _Doubles:
     """(S, C) noise: variances that explain what versions differ by, and are no larger than those of each `alone`."""
-    n, squares = versions.n_versions, np.maximum(alone**2, 1e-30)
+    from scipy.optimize import lsq_linear
+
+    n, noise = versions.n_versions, alone.copy()
+    steps = np.eye(n) - np.roll(np.eye(n), 1, axis=1)
     pairs = sorted({(min(a, b), max(a, b)) for a in range(n) for b in ((a + 1) % n, (a + 2) % n) if a != b})
-    told = np.array([_variance_between(versions, *pair, alone) for pair in pairs])
+    told = np.array([_variances_between(versions, *pair, seen) for pair in pairs])
     known = np.isfinite(told).all(axis=1)
     sums = np.array([[number in pair for number in range(n)] for pair in pairs], np.float64)[known]
-    steps, noise, errors = np.eye(n) - np.roll(np.eye(n), 1, axis=1), alone.copy(), _MEASURING.errors
-    for band, (own, apart) in enumerate(zip(squares.T, told[known].T, strict=True)):
-        if np.isfinite(own).all() and apart.min(initial=np.inf) > _MEASURING.copies * own.min() and len(apart):
-            after = np.roll(own, -1)  # versions that are compared when each is measured alone
+    for band, apart in enumerate(told[known].T):
+        own = np.maximum(alone[:, band] ** 2, 1e-30)
+        if np.isfinite(own).all() and apart.min(initial=np.inf) > _COPIES * own.min() and len(apart):
+            # Texture makes versions that are measured alone noisier alike, so that their difference is nearer to true.
+            after = np.roll(own, -1)
             rows, values = np.concatenate([sums, steps, np.eye(n)]), np.concatenate([apart, own - after, own])
-            scales = [error * size for error, size in zip(errors, (apart, np.maximum(own, after), own), strict=True)]
-            weights = 1 / np.maximum(np.concatenate(scales), 1e-4 * own.max())
-            found = np.linalg.lstsq(rows * weights[:, None], values * weights)[0]
-            noise[:, band] = np.sqrt(np.clip(found, np.minimum(_MEASURING.least * apart.min(), own), own))
+            scales = [error * size for error, size in zip(_ERRORS, (apart, np.maximum(own, after), own), strict=True)]
+            errors = np.maximum(np.concatenate(scales), 1e-4 * own.max())
+            least = np.minimum(_LEAST * apart.min(), own / 2)
+            found = lsq_linear(rows / errors[:, None], values / errors, (least, own), method="bvls")
+            noise[:, band] = np.sqrt(found.x)
     return noise
 
 
-def _variance_between(versions: Versions, one: int, other: int, alone: _Doubles) -> _Doubles:
-    """(C,) variance of the difference of two versions where both know a pixel; NaN if there are few."""
-    both = np.flatnonzero(versions.known[:, :, one] & versions.known[:, :, other])
-    if len(both) < _MEASURING.enough:
-        return np.full(alone.shape[1], np.nan)
-    both = both[:: -(-len(both) // _MEASURING.most_pixels)]
-    left, right = (versions.bands(number).reshape(-1, alone.shape[1])[both] for number in (one, other))
-    inside = versions.is_inside((left + right) / 2, _MEASURING.margin * alone[[one, other]].max(axis=0))
-    found = [(apart, apart[seen]) for apart, seen in zip((left - right).T, inside.T, strict=True)]
-    return np.array([lower_variance(some if len(some) >= _MEASURING.enough else every) for every, some in found])
+def _variances_between(versions: Versions, one: int, other: int, seen: list[_Bools]) -> _Doubles:
+    """(C,) variance of the difference of two versions where both are known; NaN if that is seldom."""
+    apart, both = versions.bands(one) - versions.bands(other), seen[one] & seen[other]
+    bands = [apart[:, :, band][inside] for band, inside in enumerate(np.moveaxis(both, 2, 0))]
+    return np.array([lower_variance(some) if len(some) >= _ENOUGH else np.nan for some in bands])
 
 
 # --- noise whose variance follows the level, as that of light does
 # A. Foi et al., IEEE Trans. Image Processing 17 (2008) 1737-1754, doi 10.1109/TIP.2008.2001399, for the model.
 
 
-def bend_of(versions: Versions, *, in_place: bool) -> Bend | None:
-    """Find how noise follows the level, in all versions together; None if it is even or too little is known."""
+def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles] | None:
+    """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if noise is even."""
     levels, variances, usual = [], [], []
-    for look in looks_at(versions, in_place=in_place):
-        patches, means = look.patches(_MEASURING.sides[0])
-        parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _MEASURING.classes)
+    for look in _looks(versions, in_place=in_place):
+        patches, means = look.patches(_SIDES[0])
+        parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
         if not len(patches) or len(parts[-1]) < 3 * patches[:1].size:
             continue
         squares = np.array([np.square(_levels_in(patches[part], look.quiet(len(part)))) for part in each(parts)])
@@ -268,12 +304,7 @@ def bend_of(versions: Versions, *, in_place: bool) -> Bend | None:
     if not usual or np.min(usual) <= 0:
         return None
     lines = _lines(np.array(levels), np.concatenate(variances))
-    if lines is None:
-        return None
-    low, high = (float(np.min(levels)), float(np.max(levels))) if versions.white is None else (0.0, versions.white)
-    least = _MEASURING.least * np.min(np.concatenate(variances))
-    first, last = (np.maximum(lines @ [1, end], least) for end in (low, high))
-    return Bend.between(first * (mean := np.mean(usual, axis=0)), last * mean, low, high)
+    return None if lines is None else (lines, np.mean(usual, axis=0))
 
 
 def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
@@ -289,7 +320,7 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
         lines.append(line)
     freedom = len(lines) * (len(levels) - 2)
     by_chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
-    return np.array(lines) if by_chance < _MEASURING.chance else None
+    return np.array(lines) if by_chance < _CHANCE else None
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
@@ -299,25 +330,24 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
-    grain = _MEASURING.grain * 256 * versions.rounding
-    found = [one for look in looks_at(versions, in_place=in_place) if (one := _shared_in(look, grain)) is not None]
+    grain = _GRAIN * 256 * versions.rounding
+    found = [one for look in _looks(versions, in_place=in_place) if (one := _shared_in(look, grain)) is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(look: Look, grain: float) -> _Doubles | None:
+def _shared_in(look: _Look, grain: float) -> _Doubles | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
-    how = _MEASURING
-    blocks, _ = look.patches(how.side, how.blocks)
+    blocks, _ = look.patches(_BLOCK, _MOST // 4)
     level = _levels_of(look).min()
-    first, second, third = (int(share * len(blocks)) for share in how.groups)
-    if first < how.fewest or not level > 0:
+    first, second, third = (int(share * len(blocks)) for share in _GROUPS)
+    if first < _FEWEST or not level > 0:
         return None
     blocks = _without_slopes(blocks / level)
     turned = blocks[:, ::-1, ::-1]
     even, odd = _halves_of(blocks)
     halves = ((blocks + turned) / 2, _order_of(odd)), ((blocks - turned) / 2, _order_of(even))
-    side = np.hanning(how.side + 2)[1:-1]
-    window, sides = np.outer(side, side), (2 * how.side,) * 2
+    side = np.hanning(_BLOCK + 2)[1:-1]
+    window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
     def spectrum(group: slice) -> _Doubles:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
@@ -331,8 +361,8 @@ def _shared_in(look: Look, grain: float) -> _Doubles | None:
         quiet = quiet - _texture_in(quiet, spectrum(slice(second, third)), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
-    power = squares[frequencies >= how.high].mean() / white  # texture that all bands share leaves none
-    if power < how.power or (look.has_texture and power * level**2 < grain**2):
+    power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
+    if power < _POWER or (look.has_texture and power * level**2 < grain**2):
         return None
     powers = np.einsum("xyij,xyj,xykj->xyik", axes, squares, axes.conj()) * level**2
     lags = np.ix_(*(np.arange(-LAGS, LAGS + 1),) * 2)
@@ -342,25 +372,24 @@ def _shared_in(look: Look, grain: float) -> _Doubles | None:
 
 def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _Doubles) -> _Doubles:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
-    how, n_bands = _MEASURING, quiet.shape[2]
-    rings = (frequencies * how.rings).astype(np.intp)
+    rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
-    def by_ring(values: NDArray[Any]) -> _Doubles:
+    def by_ring(values: NDArray[np.complex128]) -> _Doubles:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
     together = quiet.sum(axis=(2, 3)).real / n_bands
     common = by_ring(together)
     apart = (first - common) / max(n_bands - 1, 1)
-    times, chance = how.texture
+    times, chance = _TEXTURE
     noise = np.clip(1 - times * np.maximum(next_ / first - 1 - chance, 0), 0, 1) * np.maximum(common - apart, 0)
     noise += np.minimum(common, apart)
     if n_bands > 1:
         beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
-        if beyond[1] > how.common * n_bands * beyond[0]:
+        if beyond[1] > _COMMON * n_bands * beyond[0]:
             noise[:] = 0.0
         # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
-        ratios, middle = noise / np.maximum(apart, 1e-30), how.rings // 3
+        ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
         ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
         noise = np.minimum(noise, ratios * apart)
     return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]

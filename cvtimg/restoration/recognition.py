@@ -126,7 +126,7 @@ def measure_noise(
     """
     given = stack_versions(images, masks, nodata, alpha=alpha)
     evidence = prepare(given, None, align=None, hidden="none", level=None, white=False)
-    noise, bend, unit = evidence.noise, evidence.placed.bend, level_of(given, "rgb")
-    slope = float(bend.lines(evidence.variances(given)[0])[:, 1].mean() / unit) if bend else 0.0
-    levels = tuple((noise.levels * noise.unit / unit).tolist())
+    noise, lines, unit = evidence.noise, evidence.noise_lines, level_of(given, "rgb")
+    slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)
+    levels = tuple((noise.levels / unit).tolist())
     return MeasuredNoise(levels, slope, noise.shared.neighbors if noise.shared else 0.0)

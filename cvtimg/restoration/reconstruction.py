@@ -19,7 +19,7 @@ from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import Evidence, prepare, without_copies
 from cvtimg.restoration.merging import Merging, level_of, merge_versions
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
-from cvtimg.restoration.result import Denoised, Restoration, in_order
+from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import Versions, stack_versions
 
 #: What noise may be like.
@@ -158,8 +158,7 @@ def restore(
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     evidence, rest = _prepared(given, weights, {**about, "channels": channels})
     with part(rest, 1):
-        found = merge_versions(evidence, number, Merging(cost, rule, effort, space))
-    return in_order(found, evidence, space)
+        return merge_versions(evidence, number, Merging(cost, rule, effort, space))
 
 
 @one_blas_thread

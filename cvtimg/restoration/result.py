@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
@@ -77,17 +76,15 @@ class Denoised(ReadOnly):
     def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Any:
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
         versions, noise = evidence.placed, evidence.noise
-        bend = versions.bend
-        straight = bend.straight(places) if bend else places
-        rows = from_space(straight.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtype)
+        rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtype)
         shape = places.shape[:2]
         return cls(
             image=rows.reshape(shape if versions.grey else places.shape),
             coverage=versions.coverage,
             left_out=versions.coverage - used.coverage,
-            noise=noise.levels * noise.unit,
-            noise_shared=noise.shared.autocovariance * noise.unit**2 if noise.shared else None,
-            noise_lines=bend.lines(evidence.variances(versions)[0]) if bend else None,
+            noise=noise.levels,
+            noise_shared=noise.shared.autocovariance if noise.shared else None,
+            noise_lines=evidence.noise_lines,
             noisy=noise.is_seen,
             weights=evidence.trust,
             shifts=evidence.alignment.shifts(shape),
@@ -154,54 +151,3 @@ class Restoration(Denoised):
     def energy(self) -> float:
         """Energy at the end."""
         return self.energies[-1]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Segments in the stacked space, in any order, and the versions used at each pixel."""
-
-    labels: NDArray[np.int32]
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    colors: NDArray[np.float64]
-    energies: tuple[float, ...]
-    converged: bool
-    used: Versions
-    edge_weight: float
-
-
-def in_order(found: Found, evidence: Evidence, space: SpaceName) -> Restoration:
-    """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
-    white = peak(evidence.placed.dtype) if space != "rgb" else 1.0
-    colors = from_space(found.colors, space, np.dtype(np.float64)) * white
-    order = np.lexsort((*colors.T[::-1], colors.sum(axis=1)))
-    order = order[np.bincount(found.labels.ravel(), minlength=len(colors) + 1)[1:][order] > 0]
-    rank = np.zeros(len(colors) + 1, np.int32)
-    rank[order + 1] = np.arange(1, len(order) + 1)
-    labels = rank[found.labels]
-    generators = np.where(found.masses > 0, found.generators, np.nan)[order]
-    result: Restoration = Restoration.of(
-        found.colors[order][labels - 1],
-        found.used,
-        evidence,
-        space,
-        labels=labels,
-        generators=_by_version(generators, evidence.placed, space),
-        colors=colors[order],
-        edge_weight=found.edge_weight,
-        energies=found.energies,
-        converged=found.converged,
-    )
-    return result
-
-
-def _by_version(generators: NDArray[np.float64], versions: Versions, space: SpaceName) -> NDArray[np.float64]:
-    """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
-    n_bands = np.bincount(versions.version_of)
-    apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
-    for version, n in enumerate(n_bands):
-        places = generators[:, versions.version_of == version]
-        known = ~np.isnan(places).any(axis=1)
-        white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
-        apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white
-    return apart

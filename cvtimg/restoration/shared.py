@@ -57,16 +57,6 @@ class SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
         return self if matrix is None else SharedNoise(matrix.T @ self.autocovariance @ matrix)
 
-    def halved(self) -> SharedNoise:
-        """Noise of means of 2 x 2 pixels."""
-        from scipy.ndimage import convolve1d
-
-        smooth = self.autocovariance
-        for axis in (0, 1):
-            smooth = convolve1d(smooth, np.array([0.25, 0.5, 0.25]), axis, mode="constant")
-        lags = len(smooth) // 2
-        return SharedNoise(smooth[lags % 2 :: 2, lags % 2 :: 2])
-
     def of_patches(self, side: int) -> _Doubles:
         """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
         lags = len(self.autocovariance) // 2

@@ -14,7 +14,6 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
-from cvtimg.restoration.anscombe import Bend
 from cvtimg.restoration.compression import Rounding
 
 Floats = NDArray[np.float32]
@@ -34,7 +33,7 @@ class Versions:
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
     tones: NDArray[np.float64] | None = None  # (S, C, 2): gain and offset to the exposure of the first
-    bend: Bend | None = None  # what makes noise even, if it is not
+    lines: NDArray[np.float64] | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
 
     @property
     def n_versions(self) -> int:
@@ -62,7 +61,6 @@ class Versions:
         if self.tones is not None:
             gains, offsets = self.tones[version].T.astype(np.float32)
             values = values * gains + offsets
-        values = self.bend.bent(values) if self.bend else values
         values[~self.known[rows, :, version]] = 0
         return values
 
@@ -70,10 +68,19 @@ class Versions:
         """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
         return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
 
-    def is_inside(self, levels: NDArray[Any], margin: Any) -> NDArray[np.bool_]:
-        """Tell which levels are farther from black and white, if they have such ends, than a margin."""
-        white = np.inf if self.white is None else self.white
-        return (levels >= (margin if self.white else -np.inf)) & (levels <= white - margin)
+    def cut_off(self, version: int) -> NDArray[np.bool_]:
+        """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
+        values, white = self.stack[version], self.white
+        seen = values[self.known[:, :, version]] if white is None else np.array([0, white])
+        low, high = seen.min(initial=np.inf), seen.max(initial=-np.inf)
+        return np.asarray((values <= low) | (values >= high))
+
+    def noisiness(self, levels: Floats) -> Floats:
+        """(H, W) variance of noise at levels, (H, W, C), as a multiple of the usual one."""
+        if self.lines is None:
+            return np.ones(levels.shape[:2], np.float32)
+        constant, slope = self.lines.T.astype(np.float32)
+        return np.maximum((constant + slope * levels).mean(axis=2), np.float32(0.1))
 
     def only(self, version: int) -> Versions:
         """Return one version by itself."""

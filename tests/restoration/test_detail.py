@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -116,7 +115,7 @@ def test_what_clipping_does_to_noise_is_what_it_does_to_many_draws() -> None:
     true = np.array([0.0, 3, 10, 128, 250, 255], np.float32)
     noise = 8 * np.random.default_rng(0).standard_normal((200_000, 6))
     draws = np.clip(true + noise, 0, 255)
-    clipped = Clipped.of(true, 8, 255)
+    clipped = Clipped.of(true, np.float32(8), 255)
     np.testing.assert_allclose(clipped.added, draws.mean(axis=0) - true, atol=0.05)
     np.testing.assert_allclose(clipped.variance, draws.var(axis=0) / 64, atol=0.01)
     slope = (np.clip(true + 0.5 + noise, 0, 255) - np.clip(true - 0.5 + noise, 0, 255)).mean(axis=0)
@@ -136,7 +135,7 @@ def test_blocks_in_which_patches_are_grouped_leave_no_seams(
 ) -> None:
     image = noisy(clean, 0.1)
     whole = restored([image])
-    monkeypatch.setattr(detail, "EFFORT", replace(detail.EFFORT, block=48))
+    monkeypatch.setattr(detail, "_BLOCK", 48)
     in_blocks = restored([image])
     assert (in_blocks != whole).any()
     assert psnr(in_blocks, clean) > psnr(whole, clean) - 1.5  # these blocks are tiny
@@ -153,12 +152,9 @@ def test_the_automatic_effort_is_less_for_larger_images(
 ) -> None:
     image = noisy(clean[:48, :64], 0.1)
     n_pixels = image[:, :, 0].size
-    for limits, effort in (
-        (((n_pixels, "best"), (n_pixels + 1, "balanced")), "best"),
-        (((n_pixels - 1, "best"), (n_pixels, "balanced")), "balanced"),
-        (((n_pixels - 2, "best"), (n_pixels - 1, "balanced")), "fast"),
-    ):
-        monkeypatch.setattr(detail, "EFFORT", replace(detail.EFFORT, affordable=limits))
+    for best, balanced, effort in ((0, 1, "best"), (-1, 0, "balanced"), (-2, -1, "fast")):
+        limits = {"best": n_pixels + best, "balanced": n_pixels + balanced}
+        monkeypatch.setattr(detail, "_AFFORDABLE", limits)
         np.testing.assert_array_equal(restored([image], effort="auto"), restored([image], effort=effort))
 
 
