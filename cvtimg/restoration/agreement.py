@@ -23,21 +23,15 @@ _Doubles = NDArray[np.float64]
 _SIDES = (1, 3, 5)
 
 
-@dataclass(frozen=True, slots=True)
-class _Evidence:
-    """What is evidence of more than noise."""
-
-    rare: float = 4.3  # standard deviations of a Gaussian that one of 100,000 pixels exceeds
-    full: float = 0.3  # share of known pixels from which on a window is judged
-    most: float = 0.6  # share of the known pixels of the 3 x 3 about a pixel that depart, with which it departs too
-    moved: tuple[int, float] = (7, 0.2)  # side of windows of which no larger share departs but where something moved
-    slack: float = 0.5  # part of the range of the pixels about by which versions that were moved may differ
-    never: float = 20.0  # square of what differs from noise of one standard deviation in so many bands: never chance
-    share: float = 1e-3  # of additions, below which they are chance
-    judged: int = 256  # pixels that enough versions know, to measure the share
-
-
-_EVIDENCE = _Evidence()
+#: Standard deviations of a Gaussian that one of 100,000 pixels exceeds.
+_RARE = 4.3
+#: Share of known pixels from which on a window is judged; and of those about a pixel that depart, with which it does.
+_FULL, _MANY = 0.3, 0.6
+#: Side of windows of which a larger share departs where something moved; and the part of the range of the pixels about
+#: by which versions that were moved may differ.
+_MOVED, _SLACK = (7, 0.2), 0.5
+#: Share of additions below which they are chance, and pixels that enough versions know, to measure it.
+_SHARE, _JUDGED = 1e-3, 256
 
 
 def without_outliers(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
@@ -63,7 +57,7 @@ def without_motion(versions: Versions, noise: _Doubles, *, moved: bool = False) 
     """Leave out each version where it departs from the first, as it does where something moved by itself."""
     from scipy.ndimage import uniform_filter
 
-    sample, (side, some) = _sample(versions), _EVIDENCE.moved
+    sample, (side, some) = _sample(versions), _MOVED
     scales = _scales(sample, sample.values[0], sample.known[0], np.hypot(noise, noise[0]))
 
     def kept(part: _Part) -> _Bools:
@@ -132,7 +126,7 @@ class _Part:
         slack = np.zeros(1, np.float32)
         if moved:  # the range of the pixels within 3 x 3; 0 where one is unknown
             slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
-            slack = _EVIDENCE.slack * np.nan_to_num(slack)
+            slack = _SLACK * np.nan_to_num(slack)
         residuals = (self.apart(version, reference) for version in range(len(self.values)))
         residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
         return np.stack([self.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
@@ -153,17 +147,17 @@ class _Part:
             mean = np.divide(sums, share[..., None], out=sums, where=share[..., None] > 0)
             # Beside what was added the mean departs too: the pixel itself must be likelier with it than without.
             likelier = np.square((residual - mean) / scales[0]).sum(axis=2) < alone
-            found |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _EVIDENCE.full)
+            found |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _FULL)
         # A pixel among those that depart is taken to depart too: noise alone has brought it back.
         around = uniform_filter(found.astype(np.float32), 3, mode="constant")
-        found |= around > _EVIDENCE.most * uniform_filter(known.astype(np.float32), 3, mode="constant")
+        found |= around > _MANY * uniform_filter(known.astype(np.float32), 3, mode="constant")
         return found & known
 
 
 def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1 << 18) -> Versions:
     """Judge bands of rows, of about so many values, each with the rows around it that windows reach."""
     height, width = versions.known.shape[:2]
-    halo, step = max(_SIDES) // 2 + 1 + _EVIDENCE.moved[0] // 2, max(1, most // (width * versions.n_versions))
+    halo, step = max(_SIDES) // 2 + 1 + _MOVED[0] // 2, max(1, most // (width * versions.n_versions))
     known = versions.known.copy()
     for first in range(0, height, step):
         last = min(first + step, height)
@@ -204,7 +198,7 @@ def _largest_by_chance(n_dims: int) -> float:
     """Return the square of white noise in `n_dims` dimensions that is exceeded as rarely as is rare in one."""
     from scipy.stats import chi2, norm
 
-    return float(chi2.isf(norm.sf(_EVIDENCE.rare), n_dims))
+    return float(chi2.isf(norm.sf(_RARE), n_dims))
 
 
 def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
@@ -237,7 +231,7 @@ class Suspicion:
         judged = (versions.coverage >= 3)[:, :, None] & versions.known
         n_judged = np.count_nonzero(judged, axis=(0, 1))
         shares = np.count_nonzero(judged & ~kept.known, axis=(0, 1)) / np.maximum(n_judged, 1)
-        evident = (shares > _EVIDENCE.share) & (n_judged >= _EVIDENCE.judged)
+        evident = (shares > _SHARE) & (n_judged >= _JUDGED)
         return cls(np.where(evident, np.minimum(shares, 0.5), 0.0), noise) if evident.any() else None
 
     def kept(self, versions: Versions, estimate: Floats) -> Versions:
@@ -260,7 +254,7 @@ class Suspicion:
         from scipy.ndimage import uniform_filter
 
         least = np.float32(self.noise[version] ** 2)
-        usual = np.where(seen, np.minimum(squares, _EVIDENCE.never * least * n_bands), 0) / n_bands
+        usual = np.where(seen, np.minimum(squares, _RARE**2 * least * n_bands), 0) / n_bands
         share = uniform_filter(seen.astype(np.float32), around, mode="constant")
         mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
         return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
@@ -269,13 +263,12 @@ class Suspicion:
         """(H, W) where a version alone knows a pixel, and where another confirms what it shows."""
         own, values = versions.known[:, :, version], versions.bands(version)
         confirmed, others = np.zeros_like(own), np.zeros_like(own)
-        for other in range(versions.n_versions):
-            if other != version:
-                both = own & versions.known[:, :, other]
-                apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
-                variance = self.noise[version] ** 2 + self.noise[other] ** 2
-                confirmed |= both & (apart <= (_EVIDENCE.never + 2 * values.shape[2]) * variance)
-                others |= both
+        for other in (number for number in range(versions.n_versions) if number != version):
+            both = own & versions.known[:, :, other]
+            apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
+            variance = self.noise[version] ** 2 + self.noise[other] ** 2
+            confirmed |= both & (apart <= (_RARE**2 + 2 * values.shape[2]) * variance)
+            others |= both
         return own & ~others, confirmed
 
 

@@ -25,33 +25,25 @@ _Bools = NDArray[np.bool_]
 MODELS = {"translation": 2, "euclidean": 3, "affine": 6, "homography": 8}
 #: Generators of motions: translations, rotation, scale, stretch, shear, perspectives. Each model is a group.
 _GENERATORS = np.zeros((8, 3, 3))
-_GENERATORS[0, 0, 2] = _GENERATORS[1, 1, 2] = 1
-_GENERATORS[2, :2, :2] = [[0, -1], [1, 0]]
-_GENERATORS[3, :2, :2] = [[1, 0], [0, 1]]
-_GENERATORS[4, :2, :2] = [[1, 0], [0, -1]]
-_GENERATORS[5, :2, :2] = [[0, 1], [1, 0]]
-_GENERATORS[6, 2, 0] = _GENERATORS[7, 2, 1] = -1
+_GENERATORS[[0, 1], [0, 1], 2] = 1
+_GENERATORS[2:6, :2, :2] = [[[0, -1], [1, 0]], [[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]]]
+_GENERATORS[[6, 7], 2, [0, 1]] = -1
 
-
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """How motions are found."""
-
-    top: int = 192  # longest side, in pixels, of the top of the pyramid
-    blur: float = 1.0  # pixels of each level, which removes noise that would outvote the image
-    coarse: float = 8.0  # blur below which, down to one, the structure lies that phase correlation compares
-    steps: int = 12  # of least squares at each level
-    short: float = 0.003  # length of a step, in pixels, at which they end
-    sampled: int = 1 << 16  # pixels that they look at
-    outlying: float = 3.0  # standard deviations of differences that count half
-    flat: float = 1e-5  # contrast, as a share of the values, up to which there is nothing to align
-    fewest: int = 64  # pixels that can be aligned
-    compared: float = 0.3  # share of what a pixel is made from that must be known for it to be compared
-    caution: float = 1.5  # times what the Bayesian information criterion asks for, that a richer model must explain
-    zoom: float = 1.5  # factor by which no motion between versions changes areas
-
-
-_SEARCH = _Search()
+#: Longest side, in pixels, of the top of the pyramid; blur of each level, which removes noise that would outvote the
+#: image; and that below which, down to one, the structure lies that phase correlation compares.
+_TOP, _BLUR, _COARSE = 192, 1.0, 8.0
+#: Steps of least squares at each level, the pixels that they look at, and the length of a step at which they end.
+_STEPS, _SAMPLED, _SHORT = 12, 1 << 16, 0.003
+#: Standard deviations of differences that count half.
+_OUTLYING = 3.0
+#: Pixels that can be aligned, and the contrast, as a share of the values, up to which there is nothing to align.
+_FEWEST, _FLAT = 64, 1e-5
+#: Share of what a pixel is made from that must be known for it to be compared.
+_COMPARED = 0.3
+#: Times what the Bayesian information criterion asks for, that a richer model must explain.
+_CAUTION = 1.5
+#: Factor by which no motion between versions changes areas.
+_ZOOM = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +76,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     for version in each(range(1, versions.n_versions)):
         moving = _pyramid(versions, version)
         both = versions.known[:, :, 0] & versions.known[:, :, version]
-        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _SEARCH.fewest:
+        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _FEWEST:
             stuck += [f"images[{version}]"] if known[:, :, version].any() else []
             continue
         found.transforms[version], models[version] = _transform(fixed, moving, model)
@@ -111,15 +103,15 @@ class _Level:
         """Blur an image by normalized convolution."""
         from scipy.ndimage import gaussian_filter
 
-        share = gaussian_filter(weight, _SEARCH.blur)
-        blurred = fill(gaussian_filter(values * weight, _SEARCH.blur)[:, :, None], np.where(share > 1e-3, share, 0))
+        share = gaussian_filter(weight, _BLUR)
+        blurred = fill(gaussian_filter(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
         return cls(blurred[:, :, 0], share)
 
     @property
     def is_flat(self) -> bool:
         """Whether there is nothing to align."""
-        seen = self.values[self.weight > _SEARCH.compared]
-        return len(seen) < _SEARCH.fewest or float(np.ptp(seen)) <= _SEARCH.flat * float(np.abs(seen).max())
+        seen = self.values[self.weight > _COMPARED]
+        return len(seen) < _FEWEST or float(np.ptp(seen)) <= _FLAT * float(np.abs(seen).max())
 
 
 def _pyramid(versions: Versions, version: int) -> list[_Level]:
@@ -127,7 +119,7 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
     values: Floats = versions.bands(version).mean(axis=2)
     weight = versions.known[:, :, version].astype(np.float32)
     levels = [_Level.of(values, weight)]
-    while max(values.shape) > _SEARCH.top:
+    while max(values.shape) > _TOP:
         height, width = (side // 2 * 2 for side in values.shape)
         parts = [(slice(down, height, 2), slice(right, width, 2)) for down in (0, 1) for right in (0, 1)]
         sums = np.sum([weight[part] for part in parts], axis=0)
@@ -148,7 +140,7 @@ def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_
         coarsest = number == len(fixed) - 1
         for name in dict.fromkeys(("translation", "euclidean", wanted) if coarsest else (wanted,)):
             if MODELS[name] <= MODELS[wanted]:
-                transform = pair.improved(transform, MODELS[name])
+                transform, _, _ = pair.improved(transform, MODELS[name])
         if number:
             transform = doubled @ transform @ np.linalg.inv(doubled)
     return _simplest(pair, transform) if model == "auto" else (transform, model)
@@ -161,13 +153,13 @@ def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
 
     correlate: Any = phase_cross_correlation
     one, other = (
-        gaussian_filter(level.values, 1) - gaussian_filter(level.values, _SEARCH.coarse) for level in (fixed, moving)
+        gaussian_filter(level.values, 1) - gaussian_filter(level.values, _COARSE) for level in (fixed, moving)
     )
     if min(fixed.weight.min(), moving.weight.min()) > 1 - 1e-3:
         window = np.outer(*(np.hanning(side + 2)[1:-1] for side in one.shape))
         shift, _, _ = correlate(one * window, other * window, normalization=None)
     else:
-        masks = (level.weight > _SEARCH.compared for level in (fixed, moving))
+        masks = (level.weight > _COMPARED for level in (fixed, moving))
         shift, _, _ = correlate(one, other, reference_mask=next(masks), moving_mask=next(masks))
     transform = np.eye(3)
     transform[:2, 2] = -np.asarray(shift, np.float64)[::-1]
@@ -181,11 +173,11 @@ def _simplest(pair: _Pair, transform: _Doubles) -> tuple[_Doubles, str]:
     shift[:2, 2] = np.array(_mapped(transform, *center)) - center
     used, best = "translation", pair.improved(shift, MODELS["translation"])
     for name in list(MODELS)[1:]:
-        richer = pair.improved(transform if used == "translation" else best, MODELS[name])
-        asked = _SEARCH.caution * (MODELS[name] - MODELS[used]) * np.log(pair.n_independent)
+        richer = pair.improved(transform if used == "translation" else best[0], MODELS[name])
+        asked = _CAUTION * (MODELS[name] - MODELS[used]) * np.log(pair.n_independent)
         if pair.evidence(best, richer) > asked:
             used, best = name, richer
-    return best, used
+    return best[0], used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,11 +200,11 @@ class _Pair:
         from scipy.ndimage import spline_filter
 
         inner = np.zeros(fixed.values.shape, np.bool_)
-        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _SEARCH.compared
+        inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _COMPARED
         chosen = np.flatnonzero(inner)
-        n_independent = max(min(len(chosen) / (4 * np.pi * _SEARCH.blur**2), _SEARCH.sampled), 2)
-        if len(chosen) > _SEARCH.sampled:
-            chosen = np.sort(np.random.default_rng(0).choice(chosen, _SEARCH.sampled, replace=False))
+        n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
+        if len(chosen) > _SAMPLED:
+            chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
         (down, right), (other_down, other_right) = _slopes(fixed.values), _slopes(moving.values)
         y, x = np.divmod(chosen, fixed.values.shape[1])
         return cls(
@@ -239,10 +231,13 @@ class _Pair:
         weights = inside * self.weights
         if self.other_weight is not None:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
-        return at, values, np.where(weights > _SEARCH.compared**2, weights, 0)
+        return at, values, np.where(weights > _COMPARED**2, weights, 0)
 
-    def improved(self, transform: _Doubles, n_generators: int) -> _Doubles:
-        """Take steps of least squares along some generators; the transform as it was if they lead nowhere."""
+    def improved(self, transform: _Doubles, n_generators: int) -> tuple[_Doubles, float, float]:
+        """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
+
+        Return also the gain and the offset of the other image.
+        """
         from scipy.linalg import expm
         from scipy.ndimage import map_coordinates
 
@@ -252,10 +247,10 @@ class _Pair:
         from_unit = np.linalg.inv(to_unit)
         x, y = _mapped(to_unit, *self.places)
         current, gain, offset = transform, 1.0, 0.0
-        for _ in range(_SEARCH.steps):
+        for _ in range(_STEPS):
             at, seen, weights = self.seen(current)
-            if np.count_nonzero(weights) < _SEARCH.fewest:
-                return transform
+            if np.count_nonzero(weights) < _FEWEST:
+                return transform, 1.0, 0.0
             slopes = np.stack([map_coordinates(slope, at, order=1, mode="nearest") for slope in self.other_slopes])
             along_x, along_y = half * (self.slopes + gain * (current[:2, :2].T @ slopes)) / 2
             apart = gain * seen + offset - self.values
@@ -271,33 +266,22 @@ class _Pair:
             current = current @ from_unit @ motion @ to_unit
             current /= current[2, 2]
             zoom = np.linalg.det(current[:2, :2])
-            if not 1 / _SEARCH.zoom < zoom < _SEARCH.zoom:
-                return transform
-            if np.abs(step[:n_generators]).max() * half < _SEARCH.short:
+            if not 1 / _ZOOM < zoom < _ZOOM:
+                return transform, 1.0, 0.0
+            if np.abs(step[:n_generators]).max() * half < _SHORT:
                 break
-        return current
+        return current, gain, offset
 
-    def evidence(self, simple: _Doubles, rich: _Doubles) -> float:
-        """Twice the logarithm of the likelihood ratio of a richer transform and a simpler one."""
-        (_, one, seen), (_, other, also_seen) = self.seen(simple), self.seen(rich)
-        both = np.minimum(seen, also_seen)
-        left, right = (self._apart(values, both) for values in (one, other))
-        scale = _scale(left)
-        costs = [
-            _SEARCH.outlying**2 * np.log1p((apart / (_SEARCH.outlying * scale)) ** 2).mean() for apart in (left, right)
+    def evidence(self, simple: tuple[_Doubles, float, float], rich: tuple[_Doubles, float, float]) -> float:
+        """Twice the logarithm of the likelihood ratio of a richer motion and a simpler one, as `improved` has them."""
+        seen = [self.seen(transform)[1:] for transform, _, _ in (simple, rich)]
+        both = np.minimum(seen[0][1], seen[1][1]) > 0
+        aparts = [
+            (m * values + n - self.values)[both] for (_, m, n), (values, _) in zip((simple, rich), seen, strict=True)
         ]
+        unit = _OUTLYING * _scale(aparts[0])
+        costs = [_OUTLYING**2 * np.log1p((apart / unit) ** 2).mean() for apart in aparts]
         return float(self.n_independent * (costs[0] - costs[1]))
-
-    def _apart(self, values: Floats, weights: Floats) -> Floats:
-        """Differences to values of the other image where there is weight, at the gain and offset that fit best."""
-        seen, own = values[weights > 0].astype(np.float64), self.values[weights > 0]
-        rows = np.stack([seen, np.ones_like(seen)], axis=1)
-        likely, apart = np.ones_like(own), own
-        for _ in range(4):
-            fit, *_ = np.linalg.lstsq(rows.T @ (likely[:, None] * rows), rows.T @ (likely * own))
-            apart = (rows @ fit - own).astype(np.float32)
-            likely = _robust(apart, _scale(apart))
-        return apart
 
 
 def _slopes(values: Floats) -> tuple[Floats, Floats]:
@@ -314,7 +298,7 @@ def _scale(apart: Floats) -> float:
 
 def _robust(apart: Floats, scale: float) -> Floats:
     """Weight of differences: half at some standard deviations."""
-    return np.reciprocal(1 + np.square(apart / (_SEARCH.outlying * scale))).astype(np.float32, copy=False)
+    return np.reciprocal(1 + np.square(apart / (_OUTLYING * scale))).astype(np.float32, copy=False)
 
 
 def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:

@@ -8,7 +8,6 @@ to nothing where they show the same, as much where one is some pixels off, and t
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -24,19 +23,13 @@ _Doubles = NDArray[np.float64]
 MOST_MISFIT = 0.25
 
 
-@dataclass(frozen=True, slots=True)
-class _Windows:
-    """Which windows tell something."""
-
-    side: int = 16  # pixels
-    known: float = 0.3  # share of their pixels at least
-    power: float = 0.25  # part of the upper quartile of power that they have at least, and twice that of noise
-    alike: float = 0.5  # logarithm by which the power of both may differ: where one is painted over, it does by more
-    enough: int = 100  # of them; or
-    few: int = 20  # of them, which tell another image from a misfit of 1 on
-
-
-_WINDOWS = _Windows()
+#: Side, in pixels, of windows that tell something, and the share of these that is known at least.
+_SIDE, _KNOWN = 16, 0.3
+#: Part of the upper quartile of power that they have at least, and the logarithm by which the power of both may differ:
+#: where one is painted over, it does by more.
+_POWER, _ALIKE = 0.25, 0.5
+#: Windows that are enough; or fewer, which tell another image from a misfit of 1 on.
+_ENOUGH, _FEW = 100, 20
 
 
 def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = None) -> _Doubles:
@@ -53,19 +46,19 @@ def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = No
         tells = np.isfinite(_means(structure[one][0], both))
         for power, rest in ((powers[one], noisy[one]), (powers[other], noisy[other])):
             seen = power[np.isfinite(power)]
-            least = _WINDOWS.power * max(np.quantile(seen, 0.75) - rest, 0) if len(seen) else 0.0
+            least = _POWER * max(np.quantile(seen, 0.75) - rest, 0) if len(seen) else 0.0
             tells &= (power - rest > least) & (power > 2 * rest)
         if not tells.any():
             continue
         ours, theirs = (powers[s] - noisy[s] for s in (one, other))
         gain = np.median((theirs / ours)[tells])  # of a longer exposure
         with np.errstate(invalid="ignore"):
-            tells &= np.abs(np.log(gain * ours / theirs)) < _WINDOWS.alike
-        if (n_windows := np.count_nonzero(tells)) >= _WINDOWS.few:
+            tells &= np.abs(np.log(gain * ours / theirs)) < _ALIKE
+        if (n_windows := np.count_nonzero(tells)) >= _FEW:
             apart = _means(np.square(structure[one][0] * np.float32(np.sqrt(gain)) - structure[other][0]), both)
             parts = 2 * (apart - gain * noisy[one] - noisy[other]) / (gain * ours + theirs)
             part = max(np.median(parts[tells]), 0)
-            if n_windows >= _WINDOWS.enough or part > 1:
+            if n_windows >= _ENOUGH or part > 1:
                 found[one, other] = found[other, one] = part
     return found
 
@@ -92,11 +85,11 @@ def _means(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
     """(T,) mean of known values in each window; NaN where too few are known."""
     from scipy.ndimage import uniform_filter
 
-    side = _WINDOWS.side
+    side = _SIDE
     windows = (slice(side // 4, None, side // 2),) * 2
     share = uniform_filter(known.astype(np.float64), side)[windows].ravel()
     sums = uniform_filter(np.where(known, values, 0).astype(np.float64), side)[windows].ravel()
-    return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _WINDOWS.known)
+    return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _KNOWN)
 
 
 def _left_of_noise(shared: SharedNoise | None, side: int = 256) -> float:

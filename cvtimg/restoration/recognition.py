@@ -16,16 +16,11 @@ from cvtimg.restoration.merging import level_of
 from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
-
-@dataclass(frozen=True, slots=True)
-class _Flat:
-    """What a drawing is."""
-
-    blur: float = 2.0  # pixels, which removes most of the noise
-    colors: int = 12  # at most, that
-    away: float = 0.5  # of the pixels, those farthest from edges, have, but for
-    left: float = 1.0  # times the variance of noise: drawings up to 0.6, photographs from 3 on or hidden by the noise
-    sampled: int = 1 << 13  # pixels
+#: Blur, in pixels, which removes most of the noise.
+_BLUR = 2.0
+#: A drawing has so many colors at most in this part of the pixels, those farthest from edges, some of which are looked
+#: at. What they leave is below the variance of noise: drawings up to 0.6, photographs from 3 times that on.
+_COLORS, _AWAY, _SAMPLED = 12, 0.5, 1 << 13
 
 
 @one_blas_thread
@@ -35,7 +30,6 @@ def is_drawing(
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
-    flat: _Flat = _Flat(),
 ) -> bool:
     """Tell whether versions show a drawing in a few flat colors, for `restore`, and not a photograph, for `denoise`.
 
@@ -61,16 +55,16 @@ def is_drawing(
     versions = stack_versions(images, masks, nodata, alpha=alpha)
     noise = mean_noise(noise_of_bands(versions))
     trust = trust_in(versions, None, noise)
-    picture, weight = fuse(versions, trust, flat.blur)
+    picture, weight = fuse(versions, trust, _BLUR)
     slopes = sum(np.square(gaussian_gradient_magnitude(band, 1.0)) for band in np.moveaxis(picture, 2, 0))
     slope = np.asarray(slopes).ravel()
-    rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, flat.away)]
-    rows = rows[:: -(-len(rows) // flat.sampled)].astype(np.float64)
-    cells = tessellate(rows, min(flat.colors, len(np.unique(rows, axis=0))), effort="fast")
+    rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, _AWAY)]
+    rows = rows[:: -(-len(rows) // _SAMPLED)].astype(np.float64)
+    cells = tessellate(rows, min(_COLORS, len(np.unique(rows, axis=0))), effort="fast")
     left = np.square(rows - cells.generators[cells.labels]).mean()
     noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
-    noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * flat.blur**2
-    return bool(left <= flat.left * (noisy + (versions.rounding / 2) ** 2))  # a level of 8 bits is lost by rounding
+    noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * _BLUR**2
+    return bool(left <= noisy + (versions.rounding / 2) ** 2)  # a level of 8 bits is lost by rounding
 
 
 @dataclass(frozen=True, slots=True)
