@@ -91,7 +91,8 @@ def segment(
         split at their necks, and the background gets label 0. See `Objects` for other backgrounds and necks.
     spacing : (float, float, float), optional
         Distances of voxels along Z, H and W in any unit, for a volume of square pixels: the last two are the same. Near
-        pixels are then those in a ball, and details are balls. All else is done in each plane.
+        pixels are then those in a ball, and details are balls. Not with `shading`, `averaging`, `components`,
+        `min_size` and `objects`, which know planes alone; `count_objects` finds objects in volumes.
     mask : array of the size of the image, optional
         Pixels to segment: those where the mask is not 0. The others have label 0 and no influence.
     effort, rng
@@ -118,6 +119,8 @@ def segment(
     >>> np.unique(result.labels, return_counts=True)[1].tolist(), segment(image, 2, edge_weight=0).labels[5, 5].item()
     ([240, 360], 2)
     """
+    of_planes = {"shading": shading, "averaging": averaging, "components": components, "min_size": min_size}
+    check_excluded("spacing", spacing is not None, **of_planes, objects=objects)
     shape, planes = np.shape(image)[:3], None
     if spacing is not None:
         image, mask, planes = below_each_other(image, spacing, mask, edge_radius)

@@ -292,6 +292,8 @@ def test_after_averaging_each_pixel_is_nearest_to_its_averaged_generator() -> No
         ({"mask": np.zeros((6, 5))}, "at least one pixel"),
         ({"min_size": -1}, "min_size=-1 must be"),
         ({"space": "xyz"}, "space='xyz' must be one of"),
+        ({"spacing": (2, 1, 1)}, r"\(Z, H, W\)"),
+        ({"spacing": (2, 1, 1), "averaging": "before"}, "spacing takes no averaging"),
     ],
 )
 def test_wrong_arguments_are_refused(options: dict[str, Any], message: str) -> None:
