@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from cvtimg.pictures.frames import is_animated, read_frames, write_frames
 from cvtimg.pictures.pages import read_pages, write_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
 
-T = TypeVar("T")
 Known: TypeAlias = NDArray[np.bool_]
 #: What a file holds, or that it is read in tiles: some rows at a time.
 Kind: TypeAlias = Literal["image", "frames", "pages", "tiles"]
@@ -64,11 +63,6 @@ class Stack:
         return found
 
     @property
-    def axes(self) -> str:
-        """Letters of the axes along which there are several images; T for those of an animation."""
-        return {"pages": getattr(self.content, "axes", ""), "frames": "T"}.get(self.kind, "")
-
-    @property
     def masks(self) -> list[Known] | None:
         """The pixels that count, or None if all do."""
         return None if all(one.all() for one in self.known) else [*self.known]
@@ -85,10 +79,6 @@ class Stack:
             if rows is not None:
                 known &= np.stack(list(islice(rows, len(band))))
             yield band, known
-
-    def map(self, function: Callable[[NDArray[Any], Known | None], T]) -> Iterator[T]:
-        """Yield what a function makes of each image, or band of rows, and of its mask, None if all pixels count."""
-        return (function(image, None if known.all() else known) for image, known in self)
 
     def write(
         self,
