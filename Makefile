@@ -105,7 +105,7 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/engine.py
 	$(BIN)/python benchmarks/segmentation.py
 	$(BIN)/python benchmarks/restoration.py
-	$(BIN)/python benchmarks/plane.py --parts passes descents exact draws
+	$(BIN)/python benchmarks/plane.py --parts passes descents exact
 
 clean:
 	rm -rf .venv build dist out docs/generated

@@ -1,22 +1,18 @@
-"""Placement in the plane: passes over pictures, descents, exact polygons, draws in processes.
+"""Placement in the plane: passes over pictures, descents, and exact polygons.
 
 Prints milliseconds of a pass over a picture and its ratio to `scipy.spatial.cKDTree.query` over the same pixels;
 processor seconds and energy of each effort against the best of some long runs; seconds and memory of a million
-generators; how far centroids are from those of exact polygons; and seconds of draws in one and two processes.
+generators; and how far centroids are from those of exact polygons.
 
-    python benchmarks/plane.py [--quick] [--parts passes descents exact draws million]
+    python benchmarks/plane.py [--quick] [--parts passes descents exact million]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import resource
-import statistics
 import time
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -130,70 +126,5 @@ def _centroid(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return centroid
 
 
-def draws(given: argparse.Namespace) -> Rows:
-    """Draws in this process, in one and two others, and on two of Dask, in turns.
-
-    What else runs on the machine changes the wall time, so that several rounds are run, and the load is printed.
-    """
-    from cvtimg.engine import Probabilistic
-    from cvtimg.placement import Box, place_by_draws
-
-    box, n, rule = Box([0] * 3, [1] * 3), 2000, Probabilistic(draws=1 << (17 if given.quick else 20))
-    places: dict[str, Any] = {"this process": _alone, "1 process": partial(_in_pool, 1)}
-    places |= {"2 processes": partial(_in_pool, 2), "2 of Dask": _on_dask}
-    runs: dict[str, list[Row]] = {where: [] for where in places}
-
-    def place(executor: Any, n_moves: int = 2 if given.quick else 5) -> float:
-        return place_by_draws(box, n, rule=rule, n_moves=n_moves, executor=executor).energy
-
-    for _ in range(2 if given.quick else 5):
-        for where, measure in places.items():
-            runs[where] += measure(place)
-    rows = []
-    for where, found in runs.items():
-        if found:
-            wall, cpu = ([row[key] for row in found] for key in ("wall", "cpu"))
-            row = {"where": where, "wall": min(wall), "median_wall": statistics.median(wall), "cpu": min(cpu)}
-            rows.append({**row, "energy": found[0]["energy"]})
-    return rows
-
-
-def _alone(run: Any) -> list[Row]:
-    (energy, wall), seconds = timed(lambda: timed(lambda: run(None)), time.process_time)
-    return [{"wall": wall, "cpu": seconds, "energy": energy}]
-
-
-def _in_pool(n_processes: int, run: Any) -> list[Row]:
-    with ProcessPoolExecutor(n_processes, get_context("spawn")) as pool:
-        run(pool, 1)  # all processes are started, and have imported what they need
-        before = _seconds_of(list(pool._processes))
-        energy, seconds = timed(lambda: run(pool))
-        return [{"wall": seconds, "cpu": _seconds_of(list(pool._processes)) - before, "energy": energy}]
-
-
-def _on_dask(run: Any) -> list[Row]:
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError:
-        return []
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster, Client(cluster) as client:
-        run(client.get_executor(), 1)
-        workers = list(client.run(os.getpid).values())
-        before = _seconds_of(workers)
-        energy, seconds = timed(lambda: run(client.get_executor()))
-        return [{"wall": seconds, "cpu": _seconds_of(workers) - before, "energy": energy}]
-
-
-def _seconds_of(pids: list[int]) -> float:
-    """Processor seconds of other processes so far."""
-    ticks = os.sysconf("SC_CLK_TCK")
-    total = 0.0
-    for pid in pids:
-        with open(f"/proc/{pid}/stat") as file:  # noqa: PTH123
-            fields = file.read().rpartition(")")[2].split()
-        total += (int(fields[11]) + int(fields[12])) / ticks
-    return total
-
-
 if __name__ == "__main__":
-    run(parser(__doc__), passes, descents, exact, draws, million)
+    run(parser(__doc__), passes, descents, exact, million)

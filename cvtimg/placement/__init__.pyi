@@ -8,8 +8,6 @@ from .densities import as_density as as_density
 from .descent import DESCENTS as DESCENTS
 from .descent import Descent as Descent
 from .descent import Terms as Terms
-from .draws import MACQUEEN as MACQUEEN
-from .draws import place_by_draws as place_by_draws
 from .implicit import ImplicitRegion as ImplicitRegion
 from .metrics import GAUGES as GAUGES
 from .metrics import Gauge as Gauge

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,7 @@ import pytest
 import shapely
 
 from cvtimg import place_generators
-from cvtimg.engine.methods import Probabilistic
 from cvtimg.placement import (
-    MACQUEEN,
     Box,
     ConstantDensity,
     ImplicitRegion,
@@ -23,7 +20,6 @@ from cvtimg.placement import (
     as_density,
     as_gauge,
     measure_cells,
-    place_by_draws,
     voronoi_cells,
 )
 
@@ -230,26 +226,6 @@ def test_cells_beyond_the_plane_are_refused_by_name(region: Any) -> None:
     corners = np.stack(np.meshgrid(*[[0, 3 if isinstance(region, np.ndarray) else 1]] * 3), -1).reshape(-1, 3)
     from_corners = np.linalg.norm(corners[:, None] - placement.points, axis=2).min(axis=1).max()
     assert placement.measures().h == pytest.approx(from_corners, rel=0.05)
-
-
-def test_draws_in_any_number_of_threads_end_alike() -> None:
-    alone = place_by_draws(SQUARE, 30, n_moves=5)
-    with ThreadPoolExecutor(3) as executor:
-        together = place_by_draws(SQUARE, 30, n_moves=5, executor=executor)
-    assert (alone.points == together.points).all()
-    assert alone.energies == together.energies
-
-
-def test_draws_come_near_to_a_descent() -> None:
-    drawn = place_by_draws(SQUARE, 30, n_moves=50, rule=Probabilistic(draws=30 * 64))
-    assert drawn.energy < 1.1 * place_generators(SQUARE, 30).energy
-    assert drawn.energy < drawn.energies[0]
-
-
-def test_macqueen_moves_one_generator_at_a_time() -> None:
-    before = place_by_draws(SQUARE, 10, n_moves=1, rule=MACQUEEN).points
-    after = place_by_draws(SQUARE, 10, n_moves=2, rule=MACQUEEN).points
-    assert (before != after).any(axis=1).sum() == 1
 
 
 @pytest.mark.parametrize(
