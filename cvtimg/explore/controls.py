@@ -106,7 +106,6 @@ class Number(Control):
         return int(value) if self.step == 1 else float(value)
 
     def text(self, value: Any) -> str:
-        """Write a number with its unit."""
         return value if value == "auto" else f"{shortest(value)}{self.suffix}"
 
 
@@ -117,13 +116,11 @@ class Choice(Control):
     choices: Mapping[str, str]
 
     def parse(self, value: Any) -> Any:
-        """Check that a value is one of the choices."""
         if not isinstance(value, str) or value not in self.choices:
             raise self.refuse(value, f"one of {', '.join(self.choices)}")
         return value
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs, choices in their order."""
         return {**Control.described(self), "choices": list(self.choices.items())}
 
 
@@ -134,13 +131,11 @@ class Switch(Control):
     default: bool = False
 
     def parse(self, value: Any) -> bool:
-        """Check that a value is true or false."""
         if not isinstance(value, bool):
             raise self.refuse(value, "true or false")
         return value
 
     def words(self, value: Any) -> list[str]:
-        """Return the option if it is not as by default."""
         return [self.flag] if self.flag and value != self.default else []
 
 
@@ -152,7 +147,6 @@ class Several(Control):
     most: int = 64
 
     def parse(self, value: Any) -> tuple[Any, ...]:
-        """Check a list of values."""
         if not isinstance(value, list) or len(value) > self.most:
             raise self.refuse(value, f"a list of at most {self.most} {self.label.lower()}")
         return tuple(map(self.parse_one, value))
@@ -169,7 +163,6 @@ class Swatches(Several):
     most: int = 256
 
     def parse_one(self, value: Any) -> str:
-        """Check a color."""
         if not isinstance(value, str) or not re.fullmatch("#[0-9a-fA-F]{6}", value):
             raise self.refuse(value, "a color as #rrggbb")
         return value.lower()
@@ -182,7 +175,6 @@ class Colors(Swatches):
     most: int = 64
 
     def parse(self, value: Any) -> tuple[Any, ...]:
-        """Check a list of colors."""
         return tuple(dict.fromkeys(Swatches.parse(self, value)))
 
 
@@ -193,7 +185,6 @@ class Entry(Control):
     most: int = 80
 
     def parse(self, value: Any) -> str:
-        """Check a text."""
         if not isinstance(value, str) or not value.strip() or len(value) > self.most or not value.isprintable():
             raise self.refuse(value, f"a text of 1..{self.most} letters")
         return value.strip()
@@ -208,20 +199,17 @@ class Table(Several):
     adds: str = "Add"  # What the button that adds a row says
 
     def parse_one(self, value: Any) -> tuple[Any, ...]:
-        """Check a row."""
         if not isinstance(value, list) or len(value) != len(self.columns):
             raise self.refuse("rows", f"lists of {len(self.columns)} values each")
         return tuple(column.parse(one) for column, one in zip(self.columns, value, strict=True))
 
     def text(self, value: Any) -> str:
-        """Write a row, with commas between its values."""
         return ",".join(
             column.text(one) if isinstance(column, Number) else re.sub(r"\s*([,|])\s*", r"\1", one)
             for column, one in zip(self.columns, value, strict=True)
         )
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs, of columns, too."""
         return {**Control.described(self), "columns": [column.described() for column in self.columns]}
 
 
@@ -234,7 +222,6 @@ class Edits(Several):
     most: int = 1000
 
     def parse_one(self, value: Any) -> str:
-        """Check a change."""
         try:
             self.check(value)
         except (ValueError, TypeError, AttributeError) as error:
@@ -242,7 +229,6 @@ class Edits(Several):
         return str(value)
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs, modes in their order."""
         return {**Control.described(self), "modes": list(self.modes.items())}
 
 
@@ -290,7 +276,6 @@ class Switches(Choice):
     none: str  # The choice that is no switch
 
     def words(self, value: Any) -> list[str]:
-        """Return the switch that is on."""
         return [] if value == self.none else [f"--{value}"]
 
 

@@ -142,13 +142,11 @@ class ColorsTab(Tab):
         return [*images, *_palettes(N_PIXELS), *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
         has_pages = request.source.frames and not isinstance(request.source.frames, Frames)
         always = "{}-quantized.tif" if has_pages else ""
         return Recipe(self.words(request), self.lines(request), always=always)
 
     def words(self, request: Request, *more: str) -> list[str]:
-        """Return the words of the command."""
         request = _fitting(request)
         settings = request.settings
         if settings["aim"] == "auto":
@@ -168,7 +166,6 @@ class ColorsTab(Tab):
         return keywords
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         request = _fitting(request)
         settings, picture, frames = request.settings, request.picture, request.source.frames
         keywords, maps = self.keywords(settings), self.maps(request)
@@ -257,14 +254,12 @@ class ColorsTab(Tab):
         return find_palette(samples, number, **how).colors
 
     def exact(self, request: Request) -> Outcome:
-        """Quantize the picture."""
         outcome = Tab.exact(self, request)
         if isinstance(result := outcome.values["result"], QuantizedSeries):
             outcome.frames = [self.seen(request, {"result": one}) for one in result.results]
         return outcome
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the picture in its palette."""
         result: Quantized = values["result"]
         if isinstance(result, QuantizedSeries):
             result = result.results[0]

@@ -60,23 +60,19 @@ class DesignTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the tables."""
         ends = (".csv",) if any(factor.levels for factor in _factors(request.settings)) else (".csv", ".npy")
         return [Output(f"Points, {end[1:].upper()}", "-o", f"design{end}") for end in ends]
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the line of Python."""
         settings = request.settings
         box = _factors(settings) or settings["dimensions"]
         return [Line("result", Call("design", (settings["n"], box), self.keywords(settings)))]
 
     def draft(self, request: Request) -> Outcome | None:
-        """Place the points quickly."""
         settings = {**request.settings, "effort": "fast"}
         return self.quick(replace(request, settings=settings)) if settings["n"] <= self.most_drafted else None
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the drawing of the points."""
         result: Design = values["result"]
         n_points, n_axes = result.points.shape
         shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""

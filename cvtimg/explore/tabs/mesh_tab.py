@@ -58,7 +58,6 @@ class MeshTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the formats of meshes."""
         return [Output(label, "-o", f"{{}}-mesh{suffix}") for suffix, label in _FILES.items()]
 
     def recipe(self, request: Request) -> Recipe:
@@ -73,7 +72,6 @@ class MeshTab(Tab):
         return Recipe(words, lines, shlex.join(divide), False)
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         settings, picture, keywords = request.settings, request.picture, self.keywords(request.settings)
         if settings["of"] == "picture":
             labels = _stored_labels(picture)
@@ -88,7 +86,6 @@ class MeshTab(Tab):
         return [reading(request), Line("segments", segments), Line("result", mesh)]
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the drawing of the mesh."""
         result: Mesh = values["result"]
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())

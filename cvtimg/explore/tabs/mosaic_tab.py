@@ -34,7 +34,6 @@ class MosaicTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the drawing, pixels, and polygons."""
         outline = request.settings["outline"]
         drawn = Call("save", (), {"outline": outline} if outline else {}, "result")
         return [
@@ -44,20 +43,17 @@ class MosaicTab(Tab):
         ]
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         keywords = self.keywords(request.settings)
         call = Call("mosaic", (IMAGE, request.settings["n_cells"]), keywords)
         return [reading(request), Line("result", call)]
 
     def draft(self, request: Request) -> Outcome | None:
-        """Compose the picture in a small size."""
         step = request.picture.whole(self.most_drafted).step
         settings = {**request.settings, "effort": "fast", "outline": request.settings["outline"] / step}
         settings["n_cells"] = min(settings["n_cells"], self.most_drafted // 64)
         return self.quick(replace(request, settings=settings, step=step))
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the drawing."""
         result: Mosaic = values["result"]
         svg = written_as("drawing.svg", lambda path: result.save(path, outline=request.settings["outline"]))
         return Drawing(svg), {"k": len(result.colors), "noun": "tiles"}

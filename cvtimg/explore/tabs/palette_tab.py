@@ -95,7 +95,6 @@ class PaletteTab(Tab):
         return [Output(label, "--save-palette", f"{{}}-palette{end}", write) for end, label in _FORMATS.items()]
 
     def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
         settings, lines = request.settings, self.lines(request)
         if _is_found(settings):
             main = ["--main"] if settings["start"] == "main" else []
@@ -137,7 +136,6 @@ class PaletteTab(Tab):
         return Outcome(*self.seen(request, run(_order_lines(settings), values)), drawn=request.window)
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the picture in the palette, in its order."""
         result: Quantized = values["result"]
         counts = n_pixels(values)
         order = values.get("order", np.arange(len(counts)))

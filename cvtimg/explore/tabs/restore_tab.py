@@ -70,7 +70,6 @@ class RestoreTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the restored picture and its segments."""
         files = [
             Output(f"Restored image, {suffix[1:].upper()}", "-o", f"{{}}-restored{suffix}")
             for suffix in _SUFFIXES[: None if request.picture.array.dtype == np.uint8 else 1]
@@ -80,7 +79,6 @@ class RestoreTab(Tab):
         return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", Call("write_image", (_LABELS,)))]
 
     def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python."""
         versions = _versions(request)
         files = dict.fromkeys(safe_name(picture.name) for picture in versions)
         page = versions[0].words[1:] if len(versions) == 1 else []
@@ -89,7 +87,6 @@ class RestoreTab(Tab):
         return Recipe(words, self.lines(request), for_many=False, always=_RESTORED)
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         versions = _versions(request)
         names = ", ".join(literal(name) for name in dict.fromkeys(picture.name for picture in versions))
         if len(versions) == 1:
@@ -142,7 +139,6 @@ class RestoreTab(Tab):
         return replace(Tab.exact(self, request), stem=_versions(request)[0].stem)
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the restored picture."""
         result: Denoised = values["result"]
         facts = {**_kinds(result), "about": _found(result)}
         return _layer(request, result, len(values["images"])), facts

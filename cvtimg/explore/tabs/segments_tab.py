@@ -84,12 +84,10 @@ class SegmentsTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the labels, drawings of them, and a table."""
         ignore, name = None if _has_objects(request.settings) else 0, Path(request.picture.name).name
         return [*_outputs(ignore, name), *self.map_outputs(request)]
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         settings, picture = request.settings, request.picture
         image, known = picture.plain[..., :3] if picture.has_alpha else picture.plain, _known(picture)
         lines = [Line("image", Named(picture.python, request.every(image)))]
@@ -155,7 +153,6 @@ class SegmentsTab(Tab):
         return values
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the segments in their mean colors."""
         labels, image = values["labels"], values["image"]
         means = np.nan_to_num(region_means(labels, image))
         rounded = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)

@@ -80,11 +80,9 @@ class SphereTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the formats of grids."""
         return [Output(label, "-o", f"globe{suffix}") for suffix, label in _FILES.items()]
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the line of Python."""
         settings = request.settings
         keywords = self.keywords(settings)
         if density := _density(settings):
@@ -93,19 +91,16 @@ class SphereTab(Tab):
         return [Line("result", Call("sphere_grid", number, keywords))]
 
     def draft(self, request: Request) -> Outcome | None:
-        """Place fewer points, quickly."""
         settings = {**request.settings, "effort": "fast"}
         number = min(_n_points(settings), self.most_drafted)
         call = Call("sphere_grid", (number,), self.lines(replace(request, settings=settings))[0].value.keywords)
         return Outcome(*self.seen(request, {"result": call.run({})}))
 
     def exact(self, request: Request) -> Outcome:
-        """Place the points."""
         _n_points(request.settings)  # are they too many?
         return Tab.exact(self, request)
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the edges of the cells."""
         result: SphereGrid = values["result"]
         cells, measures, widths = result.cells(), result.measures(), result.widths()
         obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"

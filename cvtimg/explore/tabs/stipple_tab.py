@@ -66,20 +66,17 @@ class StippleTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        """Return the drawing for plotters, pixels, and tables."""
         drawing = Call("save", (), _drawing(self, request.settings), "result")
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
         return [Output(label, "-o", f"{{}}-stippled{suffix}", drawing) for suffix, label in kinds.items()]
 
     def words(self, request: Request, *more: str) -> list[str]:
-        """Return the words of the command."""
         settings = request.settings
         if "least" in self.in_effect(settings):
             more += ("--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}")
         return Tab.words(self, request, *more)
 
     def lines(self, request: Request) -> list[Line]:
-        """Return the lines of Python."""
         settings = request.settings
         keywords = self.keywords(settings)
         if settings["by"] == "pen":
@@ -92,7 +89,6 @@ class StippleTab(Tab):
         return [reading(request), Line("result", Call("stipple", (IMAGE, *number), keywords))]
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
-        """Return the drawing."""
         result: Stipples = values["result"]
         svg = written_as("drawing.svg", lambda path: self.outputs(request)[0].writing(path).run(values))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
