@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from collections.abc import Callable
 from io import BytesIO
@@ -111,13 +110,6 @@ def test_fits_is_read_with_its_zero_point_its_sign_and_upright(tmp_path: Path, d
     np.testing.assert_array_equal(image, values[::-1])  # the first row of FITS is the lowest
     info = image_info(tmp_path / "a.fits")
     assert (info.width, info.height, info.format) == (7, 5, "TIFF")
-
-
-def test_fits_without_astropy_says_what_it_needs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.fits").write_bytes(b"SIMPLE  =                    T".ljust(2880))
-    monkeypatch.setitem(sys.modules, "astropy.io.fits", None)
-    with pytest.raises(OSError, match=r"a\.fits: is a FITS file, which needs astropy: pip install 'cvtimg\[fits\]'$"):
-        read_image(tmp_path / "a.fits")
 
 
 def test_a_fits_cube_is_not_taken_for_one_image(tmp_path: Path) -> None:
