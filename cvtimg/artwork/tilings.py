@@ -126,19 +126,26 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
 
     Return the gains (K,), the centers (K, 2) of cells, and the offsets (K, 2) from there to the centers of both halves.
     """
-    n_cells, areas = len(painted.areas), np.maximum(painted.areas, 1)
-    labels = painted.labels.ravel()
-    height, width = painted.labels.shape
+    labels, areas = painted.labels, np.maximum(painted.areas, 1)
 
-    def sums(values: NDArray[np.floating]) -> Floats:
-        return sum_by_label(labels, values, n_cells)
+    def sums(values: Callable[[Floats, Floats, Floats], tuple[Floats, ...]], n_values: int, origins: Floats) -> Floats:
+        """Sum values of places x and y from the origins (K, 2) of their cells, and pixels: (n, K)."""
 
-    places = np.stack([np.tile(np.arange(width) + 0.5, height), np.repeat(np.arange(height) + 0.5, width)])
-    middles = sums(places.T) / areas[:, np.newaxis]
-    x, y = places - middles.T[:, labels]
-    slopes = np.stack([[sums(axis * band) for band in image.reshape(len(labels), -1).T] for axis in (x, y)])
+        def add(start: int, stop: int, to: Floats) -> None:
+            own = labels[start:stop]
+            places = np.mgrid[start:stop, : labels.shape[1]][::-1] + 0.5 - origins[own].transpose(2, 0, 1)
+            x, y = places[..., np.newaxis]
+            found = np.concatenate(values(x, y, image[start:stop]), axis=2, dtype=np.float32)
+            _artwork.add_colors(found, own, 0, stop - start, to)
+
+        return by_rows(add, labels.shape, (len(areas), n_values + 2)).T[:n_values]
+
+    middles = (sums(lambda x, y, _: (x, y), 2, np.zeros((len(areas), 2))) / areas).T
+    n = image.shape[2]
+    found = sums(lambda x, y, pixels: (x * pixels, y * pixels, x * x, y * y, x * y), 2 * n + 3, middles)
+    slopes = found[: 2 * n].reshape(2, n, -1)
     # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
-    across, down, mixed = sums(x * x) + areas / 12, sums(y * y) + areas / 12, sums(x * y)
+    across, down, mixed = found[2 * n] + areas / 12, found[2 * n + 1] + areas / 12, found[2 * n + 2]
     moments = np.stack([[across, mixed], [mixed, down]]).transpose(2, 0, 1)
     # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.
     roots = np.linalg.cholesky(moments)
