@@ -101,7 +101,7 @@ bench: $(VENV)/extra-bench
 	$(BIN)/python benchmarks/quantization.py
 	$(BIN)/python benchmarks/whole_process.py
 	$(BIN)/python benchmarks/dithering.py
-	$(BIN)/python benchmarks/kernels.py
+	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/engine.py
 	$(BIN)/python benchmarks/segmentation.py
 	$(BIN)/python benchmarks/restoration.py

@@ -18,7 +18,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from math import log, sqrt
@@ -81,8 +80,8 @@ VERBS: dict[str, tuple[Callable[[float], Any], Callable[[Any, float], Any]]] = {
     "superpixels": (scene, lambda image, share: verb("superpixels", image, int(2000 * share) + 9)),
     "segment, auto": (scene, lambda image, share: verb("segment", image, 5, edge_weight="auto")),
     "segment_hierarchy": (lambda share: scene(share, 1), lambda image, share: verb("segment_hierarchy", image)),
-    "restore, detail": (noisy, lambda images, share: verb("restore", images, detail=True)),
-    "restore, align": (noisy, lambda images, share: verb("restore", images, detail=True, align=True)),
+    "denoise": (noisy, lambda images, share: verb("denoise", images)),
+    "denoise, align": (noisy, lambda images, share: verb("denoise", images, align=True)),
     "sphere_grid": (lambda share: int(100_000 * share), lambda n, share: verb("sphere_grid", n)),
     "stipple": (
         lambda share: scene(share, 1),
@@ -103,9 +102,8 @@ RIVALS = {
 NEEDS = {"KMeans of scikit-learn": "sklearn", "SLIC of scikit-image": "skimage", "BM3D": "bm3d"}
 
 
-@contextmanager
-def parts_watched() -> Iterator[list[float]]:
-    """Count the processor seconds of this thread in parts of passes, in a list of one number."""
+def watch_parts() -> list[float]:
+    """Count the processor seconds of this thread in parts of passes, in a list of one number, from now on."""
     from cvtimg._shared import threads
 
     caller, spent, within = threading.get_ident(), [0.0], [False]
@@ -132,18 +130,18 @@ def parts_watched() -> Iterator[list[float]]:
         return side_by_side(watched(work) if len(items) > 1 else work, items)
 
     threads.in_parts, threads.side_by_side = parts, several  # before other modules import them
-    yield spent
+    return spent
 
 
 def measured(name: str, share: float) -> dict[str, float]:
     """Measure one call in this process: seconds, processor seconds, and those of this thread outside of parts."""
-    with parts_watched() as spent:
-        make, work = {**VERBS, **RIVALS}[name]
-        work(make(share * WARM), share * WARM)
-        given, spent[0] = make(share), 0.0
-        before = time.perf_counter(), time.process_time(), time.thread_time()
-        work(given, share)
-        clock, all_, alone = time.perf_counter(), time.process_time(), time.thread_time()
+    spent = watch_parts()
+    make, work = {**VERBS, **RIVALS}[name]
+    work(make(share * WARM), share * WARM)
+    given, spent[0] = make(share), 0.0
+    before = time.perf_counter(), time.process_time(), time.thread_time()
+    work(given, share)
+    clock, all_, alone = time.perf_counter(), time.process_time(), time.thread_time()
     return {"seconds": clock - before[0], "processor s": all_ - before[1], "alone": alone - before[2] - spent[0]}
 
 

@@ -86,17 +86,6 @@ def count_sorted(
             counts[pages[keys[p] // PAGE], keys[p] % PAGE] += 1
 
 
-def count_distinct(const uint16_t[::1] pages, const uint32_t[:, ::1] counts):
-    """Return how many keys in some pages were counted."""
-    cdef Py_ssize_t page, entry, found = 0
-    with nogil:
-        for page in range(pages.shape[0]):
-            if pages[page]:
-                for entry in range(PAGE):
-                    found += counts[pages[page], entry] != 0
-    return found
-
-
 def number_keys(
     const uint16_t[::1] pages,  # IN
     uint32_t[:, ::1] counts,    # INOUT: counts; then, for each key that was counted, its rank

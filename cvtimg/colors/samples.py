@@ -84,12 +84,13 @@ class CountTable:
 
     def close(self) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the (M, B) distinct pixels and their (M,) counts; from then on the table only looks up pixels."""
-        firsts = range(0, len(self._pages), _OF_16_BITS if n_threads() > 1 else len(self._pages))
+        firsts = range(0, len(self._pages), _OF_16_BITS)
         groups = [self._pages[first : first + firsts.step] for first in firsts]
         found = np.zeros(len(groups) + 1, np.int64)
 
         def measure(start: int, stop: int) -> None:
-            found[start + 1 : stop + 1] = [_counting.count_distinct(own, self._counts) for own in groups[start:stop]]
+            for n, own in enumerate(groups[start:stop], start + 1):
+                found[n] = np.count_nonzero(self._counts[own[own > 0]])
 
         def number(start: int, stop: int) -> None:
             for n in range(start, stop):
