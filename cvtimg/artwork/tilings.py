@@ -128,7 +128,7 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
     """
     labels, areas = painted.labels, np.maximum(painted.areas, 1)
 
-    def sums(values: Callable[[Floats, Floats, Floats], tuple[Floats, ...]], n_values: int, origins: Floats) -> Floats:
+    def sums(values: Callable[..., tuple[Floats, ...]], n_values: int, origins: Floats) -> Floats:
         """Sum values of places x and y from the origins (K, 2) of their cells, and pixels: (n, K)."""
 
         def add(start: int, stop: int, to: Floats) -> None:
