@@ -38,7 +38,10 @@ COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
-_UNEVEN = "a smooth surface explains more than a third segment would: --shading takes uneven light out"
+_UNEVEN = (
+    "a smooth surface explains more than a third segment would: --shading takes uneven light out; of text, "
+    "--smallest-detail 0.25 keeps all strokes"
+)
 #: Columns where objects are counted: what was measured.
 COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 

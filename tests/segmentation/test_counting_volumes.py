@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from numpy.typing import NDArray
 
+from cvtimg import segment
 from cvtimg.labels import volume_table
-from cvtimg.pictures import PixelSize
+from cvtimg.pictures import PixelSize, open_stack
 from cvtimg.segmentation import count_objects, counting
+from cvtimg.segmentation.files import divide_stack
 
 RNG = np.random.default_rng(8)
 #: Centers (z, y, x) and radii of balls, in pixels of a plane; the first two touch.
@@ -109,3 +114,13 @@ def test_the_table_of_a_ball_is_what_geometry_says() -> None:
     assert center == pytest.approx([(at + 0.5) / 2 for at in ball[:3]], abs=0.05)
     assert (table["mean_A"].tolist(), table["mean_B"].tolist(), table["std_A"].tolist()) == ([7.0], [9.0], [0.0])
     assert [table[side][0] for side in ("front", "back", "left", "right")] == [13, 28, 43, 58]
+
+
+def test_planes_of_a_file_are_segmented_as_a_volume_if_their_distance_is_known(tmp_path: Path) -> None:
+    volume, _ = balls(2.0, noise=40)
+    for spacing, depth in (({"spacing": 1.0}, 2), ({}, 99)):
+        metadata = {"axes": "ZYX", "unit": "um", **spacing}
+        tifffile.imwrite(tmp_path / "a.tif", volume, imagej=True, resolution=(2, 2), metadata=metadata)
+        stack = open_stack(tmp_path / "a.tif", frames=False)
+        found = divide_stack(stack, partial(segment, n_segments=2), together=True, apart=3)
+        np.testing.assert_array_equal(found.labels, segment(volume, 2, spacing=(depth, 1, 1)).labels)
