@@ -13,7 +13,7 @@ MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
     enum: BLUR_RADIUS
-    void to_xyb(const float *linear, Py_ssize_t n, float *xyb)
+    void to_xyb(const float *linear, Py_ssize_t n, Py_ssize_t start, Py_ssize_t stop, float *xyb)
     void blur_plane(
         const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width, float *line, float *out
     )
@@ -72,14 +72,11 @@ cdef extern from "lzw.h" nogil:
     void lzw_map(const rate_band *band, lzw_scratch *scratch, Py_ssize_t n_rows)
 
 
-def xyb(const float[:, :, ::1] linear):
-    """Convert linear RGB (3, H, W) to the color space of SSIMULACRA2."""
-    planes = np.empty_like(linear)
-    cdef float[:, :, ::1] out = planes
+def xyb(const float[:, :, ::1] linear, float[:, :, ::1] out, Py_ssize_t start, Py_ssize_t stop):
+    """Convert some pixels of linear RGB (3, H, W) to the color space of SSIMULACRA2, into `out`."""
     cdef Py_ssize_t n = linear.shape[1] * linear.shape[2]
     with nogil:
-        to_xyb(&linear[0, 0, 0], n, &out[0, 0, 0])
-    return planes
+        to_xyb(&linear[0, 0, 0], n, start, stop, &out[0, 0, 0])
 
 
 def blur(const float[:, ::1] plane, const float[::1] weights):

@@ -98,7 +98,7 @@ static int lzw_choose(const rate_band *band, lzw_scratch *scratch, Py_ssize_t at
 }
 
 // The visible squared error of a choice on each path.
-RATE_CLONES static void lzw_errors(const lzw_paths *paths, const float *base, const float *given, float weight,
+LOOKS_CLONES static void lzw_errors(const lzw_paths *paths, const float *base, const float *given, float weight,
                                    float *squares) {
   const float p0 = base[0] - given[0], p1 = base[1] - given[1], p2 = base[2] - given[2], p3 = base[3] - given[3];
   for (int i = 0; i < paths->n; i++) {

@@ -13,13 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Loops over entries and over matches take half the time with AVX2, which the loader then chooses; without multiply-add,
-// which would round differently.
-#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
-#define RATE_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define RATE_CLONES
-#endif
+#include "similarity.h"  // LOOKS_CLONES
 
 // Coordinates; the longest and the farthest match of deflate in bytes; the most matches followed from a pixel; how many of
 // the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
@@ -157,7 +151,7 @@ static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *c
 }
 
 // Find the entries nearest to a place, among those near the middle of its cell.
-RATE_CLONES static void rate_look(const rate_band *band, rate_cell *cells, const float *place, float weight,
+LOOKS_CLONES static void rate_look(const rate_band *band, rate_cell *cells, const float *place, float weight,
                                   rate_near *near) {
   static const uint32_t mix[RATE_WIDTH] = {0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D, 0x27D4EB2F};
   int32_t corner[RATE_WIDTH];
@@ -172,13 +166,13 @@ RATE_CLONES static void rate_look(const rate_band *band, rate_cell *cells, const
 }
 
 // Put entries that are near in their order for a place not far from theirs.
-RATE_CLONES static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
+LOOKS_CLONES static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
                                         rate_near *near) {
   rate_rank(band, place, weight, before->entry, RATE_NEAR, near);
 }
 
 // Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
-RATE_CLONES static float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
+LOOKS_CLONES static float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
                                   float weight, float *least) {
   const float longest = band->longest, part = band->strength * longest * RATE_RIGHT;
   const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
@@ -250,8 +244,9 @@ static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_match
     }
     floor += scratch->floor[i];
     float bound = floor + worse < first + behind ? floor + worse : first + behind;
-    // Beyond this it is cheaper to begin the match here.
-    if (end->cost + band->lengths[3] < bound) bound = end->cost + band->lengths[3];
+    // Half a literal less than where it is cheaper to begin the match here: what costs more is rarely the best in the end.
+    const float most = end->cost + band->lengths[3] - band->literal / 2;
+    if (most < bound) bound = most;
     rate_drop(matches, bound);
   }
 }

@@ -150,7 +150,8 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _scale(linear: NDArray[np.float32]) -> _Scale:
-    planes = _looks.xyb(linear)
+    planes, n_pixels = np.empty_like(linear), linear[0].size
+    in_parts(lambda start, stop: _looks.xyb(linear, planes, start, stop), n_pixels, 40 * n_pixels)
     blurred = _each([*planes, *(plane * plane for plane in planes)])
     return _Scale(planes, blurred[:3], blurred[3:])
 

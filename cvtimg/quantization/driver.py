@@ -23,7 +23,7 @@ from cvtimg._shared.checks import (
     check_that,
     refuse,
 )
-from cvtimg._shared.choices import DitherName, EffortName, GoalName, SpaceName
+from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.progress import first_few, part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
@@ -54,7 +54,9 @@ class _Aiming:
     points: float = 4.5  # of visual quality for twice the colors,
     points_by_price: float = 5.0  # and lost to the price of a bit, to this power:
     power: float = 1.5
-    price: float = 0.8  # at which most photographs have a quality of 80
+    power_by_bits: float = 3.0  # of few colors a price takes less
+    usual: float = 83.5  # of most photographs, where bits cost nothing
+    trial_matches: int = 4  # enough to tell a quality within half a point
     # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
     # and lose gentle texture, which the measure does not see.
     prices: Sequence[float] = tuple(np.linspace(1.2, 0.02, 237).tolist())
@@ -62,7 +64,9 @@ class _Aiming:
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
-    n_trials: tuple[int, int] = (5, 8)
+    near: float = 0.5  # to the quality with few matches is near enough to go on with all
+    n_trials: int = 4
+    n_results: int = 4
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -102,7 +106,8 @@ class QuantizeOptions:
     per_frame: bool = False
     engine: EngineOptions = field(default_factory=EngineOptions)
     suffix: str = ".png"
-    price: float = USUAL.price  # that of a bit, which searches set
+    price: float = USUAL.price  # that of a bit, and the matches that are followed, which searches set
+    n_matches: int | None = None
 
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""
@@ -161,9 +166,8 @@ class QuantizeOptions:
     @property
     def rate(self) -> Rate:
         """What small files are worth to `dither="compact"`."""
-        return Rate(
-            self.price, MATCHES[self.engine.get("effort", "balanced")], "lzw" if self.suffix == ".gif" else "deflate"
-        )
+        n_matches = self.n_matches or MATCHES[self.engine.get("effort", "balanced")]
+        return Rate(self.price, n_matches, "lzw" if self.suffix == ".gif" else "deflate")
 
     @property
     def strength(self) -> float:
@@ -192,6 +196,10 @@ class MeasuredSource(Source, Protocol):
     """Pixels in memory, whose looks and bytes can be measured."""
 
     n_pixels: int
+
+    def sample(self) -> MeasuredSource:
+        """Return fewer pixels of the same looks, or itself."""
+        ...
 
     def quality(self, result: Any) -> float:
         """Return the visual quality of a result."""
@@ -274,8 +282,7 @@ def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) 
         if source.size(result) <= max_bytes:
             return result
     if how.dither == "compact":
-        prices, effort, mapped = _AIMING.all_prices, how.engine.get("effort", "balanced"), _by_price(source, how)
-        at_price = partial(mapped, how.n_colors, effort=effort)
+        prices, at_price = _AIMING.all_prices, partial(_by_price(how, source), source, how.n_colors)
         ladder = Ladder(prices, at_price, source.size, growth, lambda price: -math.log2(price))
         fitting, _ = ladder.climb(max_bytes + 1, first=prices[0])
         if fitting is not None:
@@ -308,53 +315,59 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    aiming, mapped = _AIMING, _by_price(source, how)
-    dearest, cheapest = aiming.prices[0], aiming.prices[-1]
-    n_colors, wanted, effort = how.n_colors, how.quality_range[1], how.engine.get("effort", "balanced")
+    aiming, mapped, sample = _AIMING, _by_price(how, source), source.sample()
+    most: Any = how.n_colors or len(np.asarray(how.palette))
+    if how.palette is None and all(one.n_colors <= most for one in source.counted):
+        exact = mapped(source, how.n_colors, aiming.prices[-1])
+        if not exact.energy:
+            return _seen(source, exact)
+    found: dict[tuple[Any, float], Any] = {}
 
     @cache
-    def seen(n_colors: Any, price: float, effort: EffortName) -> Any:
-        return _seen(source, mapped(n_colors, price, effort))
+    def trial(rung: tuple[Any, float]) -> Any:
+        return _seen(sample, mapped(sample, *rung, n_matches=aiming.trial_matches)).quality
 
-    def climbed(rungs: Sequence[float], result: Any, wanted: float, first: float, *line: Any) -> Any:
-        ladder = Ladder(rungs, result, lambda result: result.quality, *line)
-        below, reached = ladder.climb(wanted, first, aiming.close, aiming.n_trials[rungs is not aiming.prices])
-        return reached or below
+    def result(rung: tuple[Any, float]) -> Any:
+        found[rung] = _seen(source, mapped(source, *rung))
+        return found[rung].quality
 
-    def at_price(effort: EffortName, wanted: float, first: float) -> Any:
-        line = (aiming.points_by_price, lambda price: -(price**aiming.power))
-        return climbed(aiming.prices, lambda price: seen(n_colors, price, effort), wanted, first, *line)
-
-    # Fewer matches take less time and change a quality by a tenth of a point, so the last trial alone has all.
-    with part(0, 0.6):
-        first = aiming.price * ((100 - wanted) / 20) ** (1 / aiming.power)
+    numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), most)
+    fewer = [(number, aiming.prices[0]) for number in numbers if how.palette is None]
+    rungs = [*fewer, *((how.n_colors, price) for price in aiming.prices)]
+    line = Ladder(rungs, trial, float, 1.0, lambda rung: _expected(rung, most))
+    least = how.quality_range[1]
+    with part(0, 0.5):
         if how.quality is None:
-            first, best = cheapest, seen(n_colors, cheapest, "fast").quality
-            wanted = min(aiming.same, best - aiming.below_best)
-        aim = wanted + aiming.close / 4
-        price, result = at_price("fast", aim, first)
-        few, many = max(fixed_colors(one, how.locked)[2] for one in source.counted), _most_colors(result)
-        much = result.energy > 0 and result.quality >= aim + aiming.close  # images of few colors stay exact
-        if price == dearest and much and how.palette is None and few < many:
-            # Nearer to the known end: with few colors a quality falls faster.
-            first = many / 2 ** min((result.quality - aim) / aiming.points, 2)
-            numbers = range(few, many)
-            n_colors, fewer = climbed(numbers, lambda n: seen(n, dearest, "fast"), aim, first, aiming.points)
-            n_colors = n_colors if fewer.quality >= wanted else how.n_colors
-    with part(0.6, 1):
-        return seen(n_colors, price, effort) if how.quality is None else at_price(effort, wanted, price)[1]
+            least = min(aiming.same, trial(line.rungs[-1]) - aiming.below_best)
+        wanted = least + aiming.close / 2
+        first = line.at(0 if how.quality is None else wanted - aiming.usual)
+        rung, line = line.seek(wanted, first, aiming.near, aiming.n_trials)
+    with part(0.5, 1):
+        n_results, step = 1 if how.quality is None else aiming.n_results, 1
+        rung, line = replace(line, result=result).seek(wanted, rung, aiming.close / 2, n_results)
+        reaching = [one for one in found.values() if one.quality >= least]
+        while how.quality is not None and not reaching and line.rungs[-1] not in found:
+            rung, step = line.at(line.place(rung) + step), 2 * step
+            reaching = [found[rung]] if line.result(rung) >= least else []
+    return min(reaching or found.values(), key=lambda one: one.quality if reaching else -one.quality)
 
 
-def _by_price(source: Source, how: QuantizeOptions) -> Callable[..., Any]:
-    """Return what maps the pixels to a number of colors, at a price of bits and with an effort."""
+def _expected(rung: tuple[Any, float], most: int) -> float:
+    """Return what a quality is expected to be, less that of most colors where bits cost nothing."""
+    fewer = math.log2((rung[0] or most) / most)
+    lost = rung[1] ** _AIMING.power * (math.log2(most) / 8) ** _AIMING.power_by_bits
+    return _AIMING.points * fewer - _AIMING.points_by_price * lost
+
+
+def _by_price(how: QuantizeOptions, source: Source) -> Callable[..., Any]:
+    """Return what maps pixels to a number of colors that are found for a source, at a price of bits."""
 
     @cache
     def palettes(n_colors: Any) -> list[Palette]:
         return [*map(finder(replace(how, n_colors=n_colors)), source.counted)]
 
-    def mapped(n_colors: Any, price: float, effort: EffortName) -> Any:
-        engine = EngineOptions(**{**how.engine, "effort": effort})
-        return source.mapped(palettes(n_colors), replace(how, price=price, engine=engine))
+    def mapped(pixels: Source, n_colors: Any, price: float, n_matches: int | None = None) -> Any:
+        return pixels.mapped(palettes(n_colors), replace(how, price=price, n_matches=n_matches))
 
     return mapped
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,6 +24,9 @@ from cvtimg.quantization.driver import QuantizeOptions, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
+
+#: Height and width of the pieces by which a large image is judged, and how many of them are beside each other.
+_PIECE, _N_PIECES = (64, 128), 8
 
 
 def quantize(
@@ -178,6 +182,15 @@ class PictureSource:
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
 
+    def sample(self) -> PictureSource:
+        """Return pieces from all over a large image, one beside the other, or itself."""
+        if self.n_pixels <= 2 * _N_PIECES**2 * math.prod(_PIECE) or min(self._shape[:2]) < max(_PIECE):
+            return self
+        inside = self._samples.inside
+        return PictureSource(
+            _pieces(self.image), self._samples.alpha, None if inside is None else _pieces(inside), None
+        )
+
     def quality(self, result: Quantized) -> float:
         """Return the visual quality of a result."""
         self._measure = self._measure or VisualQuality(self.image)
@@ -244,3 +257,12 @@ class PictureSource:
         shape = self._shape if as_before else (*self._shape[:2], n_channels)
         result = replace(result, palette=colors, alpha=alpha, shape=shape, tessellation=found.tessellation)
         return keep_outside(result, self._image)
+
+
+def _pieces(image: NDArray[Any]) -> NDArray[Any]:
+    """Return pieces that are spread evenly, by M. Roberts' R2 sequence."""
+    height, width = _PIECE
+    shares = np.outer(np.arange(1, _N_PIECES**2 + 1), [0.7548776662466927, 0.5698402909980532]) % 1
+    corners = (shares * (np.array(image.shape[:2]) - _PIECE)).astype(int)
+    pieces = [image[y : y + height, x : x + width] for y, x in corners]
+    return np.concatenate([np.concatenate(pieces[i::_N_PIECES], axis=1) for i in range(_N_PIECES)])

@@ -16,7 +16,7 @@ from cvtimg.looks.rate import Rate, map_by_rate, visibility
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
-MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 64, "best": 256}
+MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 32, "best": 256}
 
 
 class Below(NamedTuple):

@@ -258,6 +258,10 @@ class SeriesSource:
         self.counted = self._samples if how.per_frame else [merge_samples(self._samples)]
         self.n_pixels = sum(samples.inverse.size for samples in self._samples)
 
+    def sample(self) -> SeriesSource:
+        """Return itself: frames are small."""
+        return self
+
     def quality(self, result: QuantizedSeries) -> float:
         """Return the mean visual quality of the frames of a result."""
         pairs = zip(self._frames.images, result.results, strict=True)

@@ -5,50 +5,48 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 from cvtimg._shared.progress import first_few, tell
 
 R = TypeVar("R")
 
+#: Places between which a secant is taken, so that noise does not matter, and the farthest step along it.
+_APART, _FARTHEST = 1.0, 16.0
+
 
 @dataclass(frozen=True, slots=True)
 class Ladder(Generic[R]):
-    """Numbers of colors, or prices of a bit, along which a figure of results grows, more or less in a line."""
+    """Numbers of colors, prices of a bit or both, by which a figure of results grows, more or less in a line."""
 
-    rungs: Sequence[float]
-    result: Callable[[float], R]  # at a rung; expensive
+    rungs: Sequence[Any]
+    result: Callable[[Any], R]  # at a rung; expensive
     figure: Callable[[R], float]
     growth: float  # of the figure where the place grows by 1, roughly; two trials replace it
-    place: Callable[[float], float] = math.log2  # of a rung on the line
+    place: Callable[[Any], float] = math.log2  # of a rung on the line
 
-    def climb(
-        self, target: float, first: float, close: float = 0.0, most: int = 1000
-    ) -> tuple[tuple[float, R] | None, tuple[float, R] | None]:
+    def climb(self, target: float, first: Any) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
         """Return the highest rung below a target and the lowest that reaches it, with their results.
 
-        They are neighbors, and one of them is missing at the ends; but the search ends at once where the figure is less
-        than `close` above the target, and after so many trials, the last at the upper end if nothing else reached it.
+        They are neighbors, and one of them is missing at the ends.
         """
         below, reaching, at = -1, len(self.rungs), min(self._at(first), len(self.rungs) - 1)
         trials: list[tuple[float, float]] = []
-        found: dict[bool, tuple[float, R]] = {}
-        for n in first_few(range(1, most + 1)):
+        found: dict[bool, tuple[Any, R]] = {}
+        for _ in first_few(range(1000)):
             result = self.result(self.rungs[at])
             figure = self.figure(result)
             trials.append((self.place(self.rungs[at]), figure))
             found[figure >= target] = self.rungs[at], result
             below, reaching = (below, at) if figure >= target else (at, reaching)
-            if reaching - below == 1 or 0 <= figure - target < close:
+            if reaching - below == 1:
                 break
-            at = min(max(self._next(trials, target + close / 2, below, reaching), below + 1), reaching - 1)
-            if n == most - 1 and True not in found:
-                at = len(self.rungs) - 1
+            at = min(max(self._next(trials, target, below, reaching), below + 1), reaching - 1)
         tell(1)
         return found.get(False), found.get(True)
 
-    def _at(self, rung: float) -> int:
+    def _at(self, rung: Any) -> int:
         return bisect_left(self.rungs, self.place(rung), key=self.place)
 
     def _next(self, trials: list[tuple[float, float]], target: float, below: int, reaching: int) -> int:
@@ -64,3 +62,25 @@ class Ladder(Generic[R]):
         if figure < target:
             return bisect_left(self.rungs, guess, key=self.place)
         return bisect_right(self.rungs, guess, key=self.place) - 1
+
+    def seek(self, target: float, first: Any, within: float, most: int) -> tuple[Any, Ladder[R]]:
+        """Follow the secant until a figure is so near to a target, and return the rung to go on to, with a better line.
+
+        The figures of neighbors need not grow. It ends, too, at rungs where it was before, and after so many trials.
+        """
+        rung, growth, seen = first, self.growth, dict[float, float]()
+        for _ in first_few(range(most)):
+            place = self.place(rung)
+            seen[place] = figure = self.figure(self.result(rung))
+            for other in [other for other in seen if abs(other - place) > _APART][-1:]:
+                secant = (figure - seen[other]) / (place - other)
+                growth = min(max(secant, self.growth / 2), self.growth * 4)
+            rung = self.at(place + min(max((target - figure) / growth, -_FARTHEST), _FARTHEST))
+            if abs(target - figure) <= within or self.place(rung) in seen:
+                break
+        tell(1)
+        return rung, replace(self, growth=growth)
+
+    def at(self, place: float) -> Any:
+        """Return the first rung from a place on, or the last one."""
+        return self.rungs[min(bisect_left(self.rungs, place, key=self.place), len(self.rungs) - 1)]

@@ -11,7 +11,8 @@ import pytest
 import cvtimg
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.frames import Frames
-from cvtimg.quantization import Quantized, QuantizeOptions, quantize_file, quantize_frames
+from cvtimg.quantization import Quantized, QuantizeOptions, images, quantize_file, quantize_frames
+from cvtimg.quantization.remapping import map_samples
 
 COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:292, 180:436]
 CHELSEA = cvtimg.read_image("sample_images/chelsea.png")[:192, 100:356]
@@ -42,6 +43,23 @@ def test_a_quality_is_reached_and_not_much_more_and_less_gives_a_smaller_file() 
         assert result.quality == cvtimg.visual_quality(PART, result.image)
         sizes.append(n_bytes(result))
     assert sizes[0] < sizes[1] < 0.9 * sizes[2]
+
+
+def test_a_large_image_is_searched_in_pieces_and_reaches_its_quality_as_a_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cat, sizes = cvtimg.read_image("sample_images/chelsea.png"), list[int]()
+
+    def counted(samples: Any, *others: Any) -> Any:
+        sizes.append(samples.inverse.size)
+        return map_samples(samples, *others)
+
+    monkeypatch.setattr(images, "_N_PIECES", 2)
+    monkeypatch.setattr(images, "map_samples", counted)
+    result = cvtimg.quantize(cat, quality=83, **FAST)
+    assert 83 <= cvtimg.visual_quality(cat, result.image) < 84
+    assert 32768 in sizes
+    assert sizes.count(cat[..., 0].size) <= 3  # in pieces so small the quality is a little different
 
 
 def test_a_quality_out_of_reach_gives_the_best_and_tells_what_can_be_had() -> None:
