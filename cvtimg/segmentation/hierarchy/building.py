@@ -21,9 +21,8 @@ from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
-from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
-from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
+from cvtimg.segmentation.hierarchy.tree import RegionHierarchy, altitudes_between
 from cvtimg.segmentation.values import PictureValues, picture_values
 
 _MOST_LEAVES = 1 << 16

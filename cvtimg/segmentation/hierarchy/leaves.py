@@ -15,7 +15,6 @@ from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
-from cvtimg.segmentation.hierarchy.merging import Merges
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
 from cvtimg.segmentation.noise import noise_covariance
@@ -25,6 +24,14 @@ from cvtimg.segmentation.values import PictureValues
 
 #: Part of the time that superpixels take.
 _DIVIDED = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Merges:
+    """Merges of N regions in their order."""
+
+    pairs: NDArray[np.int32]  # (M, 2): numbers of the regions that merge, the lower first. Merge m makes region N + m.
+    altitudes: NDArray[np.float64]  # (M,): how much they differ; the running maximum, so that it never falls
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,6 @@ from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import find_borders
 from cvtimg.pictures.files import encode_image
-from cvtimg.segmentation.hierarchy.merging import altitudes_between
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.values import dark_to_bright
 
@@ -239,7 +238,7 @@ class RegionHierarchy(ReadOnly):
     def _cut(self, n_regions: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
         n_merges = self.n_leaves - n_regions
-        roots = self._parents(n_merges)
+        roots = parents_of(self.merges[:n_merges], self.n_leaves)
         own = np.arange(len(roots))
         nodes = np.flatnonzero(roots == own)
         while len(nodes) < len(roots) and (roots != (above := roots[roots])).any():
@@ -248,9 +247,22 @@ class RegionHierarchy(ReadOnly):
         label_of[nodes] = np.arange(1, len(nodes) + 1)
         return nodes, label_of[roots[: self.n_leaves]]
 
-    def _parents(self, n_merges: int | None = None) -> NDArray[np.intp]:
-        """Return the node that each node becomes part of in the first merges, or its own number."""
-        merges = self.merges[:n_merges]
-        parents = np.arange(self.n_leaves + len(merges))
-        parents[merges.ravel()] = np.repeat(np.arange(self.n_leaves, len(parents)), 2)
-        return parents
+
+def parents_of(merges: NDArray[np.int32], n_leaves: int) -> NDArray[np.intp]:
+    """Return the node that each node becomes part of by these merges, or its own number."""
+    parents = np.arange(n_leaves + len(merges))
+    parents[merges.ravel()] = np.repeat(np.arange(n_leaves, len(parents)), 2)
+    return parents
+
+
+def altitudes_between(
+    pairs: NDArray[np.int32], merges: NDArray[np.int32], altitudes: NDArray[np.float64], n_leaves: int
+) -> NDArray[np.float64]:
+    """(B,) altitudes at which pairs of leaves come to be in one region."""
+    parents = parents_of(merges, n_leaves)
+    low, high = pairs.min(axis=1), pairs.max(axis=1)
+    while (apart := low != high).any():
+        # The lower of two nodes is not above the other.
+        above = np.where(apart, parents[low], low)
+        low, high = np.minimum(above, high), np.maximum(above, high)
+    return altitudes[low - n_leaves]
