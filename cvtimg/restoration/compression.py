@@ -5,6 +5,7 @@ Quiet blocks, where noise is measured, do not show it, because their coefficient
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
@@ -46,7 +47,8 @@ class Rounding:
     @classmethod
     def of(cls, image: Any) -> Rounding | None:
         """Return that of a Pillow image of a JPEG file, which has `quantization` and `layer`; None of others."""
-        tables, layers = getattr(image, "quantization", None), getattr(image, "layer", ())
+        tables = getattr(image, "quantization", None)
+        layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
         if not tables or len(layers) not in (1, 3):
             return None
         subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))

@@ -15,7 +15,7 @@ differences across the diagonals of four adjacent pixels have to do.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -76,7 +76,11 @@ class Noise:
         is_seen, shared, lines = bool((levels > versions.unseen).any()), None, None
         if not white:
             if (levels > versions.unseen).all() and (found := lines_of(versions, in_place=in_place)) is not None:
-                lines, squares = found
+                seen = int(versions.known.any(axis=(0, 1)).argmax())
+                relative = replace(versions, lines=found[0]).noisiness(versions.bands(seen))
+                mean = float(relative[versions.known[:, :, seen]].mean())
+                lines, squares = found[0] / mean, found[1] * mean
+                versions = replace(versions, lines=lines)
                 usual = np.sqrt(np.mean(levels**2))
                 bands = np.sqrt(squares) * (levels / usual)[:, None]
                 levels = mean_noise(bands)
@@ -137,6 +141,13 @@ class _Look:
         patches = np.moveaxis(seen(self.values)[inside], 1, 3).astype(np.float64)
         return patches, seen(self.image)[inside].mean(axis=(2, 3), dtype=np.float64)
 
+    def evened(self, versions: Versions) -> _Look:
+        """Return the same with noise that is as large at all levels."""
+        from scipy.ndimage import uniform_filter
+
+        spread = np.sqrt(versions.noisiness(uniform_filter(self.image, (5, 5, 0))))
+        return replace(self, values=self.values / spread[:, :, None]) if versions.lines is not None else self
+
     def quiet(self, n: int) -> int:
         """Return how many of so many patches are quiet enough to show noise."""
         return int(_QUIET[0 if self.has_texture else 1] * n)
@@ -166,8 +177,13 @@ def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
 
 
 def _order_of(halves: _Doubles) -> NDArray[np.intp]:
-    """(N,) patches from quiet to loud."""
-    return np.argsort(np.square(halves - halves.mean(axis=0)).sum(axis=(1, 2)), kind="stable")
+    """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
+    rows = halves.reshape(len(halves), -1)
+    rows = rows - rows.mean(axis=0)
+    squares = np.square(rows @ np.linalg.eigh(rows.T @ rows)[1])
+    usual = np.median(squares, axis=0)
+    tells = usual > 1e-9 * usual.max(initial=0)
+    return np.argsort((squares[:, tells] / usual[tells]).sum(axis=1), kind="stable")
 
 
 # --- the level
@@ -326,7 +342,8 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
     grain = _GRAIN * 256 * versions.rounding
-    found = [one for look in _looks(versions, in_place=in_place) if (one := _shared_in(look, grain)) is not None]
+    looks = (look.evened(versions) for look in _looks(versions, in_place=in_place))
+    found = [one for look in looks if (one := _shared_in(look, grain)) is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
