@@ -244,7 +244,7 @@ static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_match
     }
     floor += scratch->floor[i];
     float bound = floor + worse < first + behind ? floor + worse : first + behind;
-    // Half a literal less than where it is cheaper to begin the match here: what costs more is rarely the best in the end.
+    // Half a literal less than where it is cheaper to begin the match here: what is dearer is rarely the best in the end.
     const float most = end->cost + band->lengths[3] - band->literal / 2;
     if (most < bound) bound = most;
     rate_drop(matches, bound);

@@ -7,8 +7,8 @@
 #include <stdint.h>
 #include <string.h>
 
-// Loops over pixels, entries and matches take half the time with AVX2, which the loader then chooses; without multiply-add,
-// which would round differently.
+// Loops over pixels, entries and matches take half the time with AVX2, which the loader then chooses; without
+// multiply-add, which would round differently.
 #if defined(__x86_64__) && defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__clang__)
 #define LOOKS_CLONES __attribute__((target_clones("avx2", "default")))
 #else
@@ -72,8 +72,9 @@ static void blur_plane(const float *plane, const float *weights, Py_ssize_t heig
 
 // The maps of errors of a plane a against b, given blurred planes, squares and products: sums of d and d^4 of structure,
 // artifacts and lost detail.
-LOOKS_CLONES static void sum_errors(const float *a, const float *b, const float *mean_a, const float *mean_b, const float *square_a,
-                       const float *square_b, const float *product, Py_ssize_t n_rows, Py_ssize_t width, double *sums) {
+LOOKS_CLONES static void sum_errors(const float *a, const float *b, const float *mean_a, const float *mean_b,
+                                    const float *square_a, const float *square_b, const float *product,
+                                    Py_ssize_t n_rows, Py_ssize_t width, double *sums) {
   for (Py_ssize_t y = 0; y < n_rows; y++) {
     float of_row[6] = {0};
     for (Py_ssize_t i = y * width; i < (y + 1) * width; i++) {
