@@ -35,7 +35,7 @@ _MODULES = {
 PANELS = {
     "What to get": "",
     "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
-    "background neck_depth object_border threshold compactness edit merge weights motion channels noise "
+    "background neck_depth object_border threshold compactness edit merge weights motion channels "
     "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "
     "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette palette_per_frame",

@@ -621,7 +621,8 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
             drawn += part
     os.close(terminal)
     assert b"100%" in drawn
-    assert [list(json.loads(line)) for line in done.stdout.splitlines()] == [KEYS] * 5
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [[name for name in row if name != "warning"] for row in rows] == [KEYS] * 5
 
 
 # Tables
