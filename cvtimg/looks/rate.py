@@ -52,8 +52,8 @@ class Rate(NamedTuple):
     price: float = 0.4
     #: Most matches that are followed from a pixel, in 1..256: four times as many make files 1 to 4 % smaller, and take
     #: two to three times as long.
-    n_matches: int = 64
-    #: Whose bits count. With "lzw" a fourth as many paths are followed as there are matches.
+    n_matches: int = 32
+    #: Whose bits count. With "lzw" half as many paths are followed as there are matches, at most 64.
     coder: CoderName = "deflate"
 
 
@@ -117,7 +117,7 @@ def map_by_rate(
     indices, longest = np.empty((height, width), np.uint8), max(usual_step(entries), _LEAST_STEP)
     if rate.coder == "lzw":
         below = None if kept is None else _wide(kept)
-        n_paths = max(rate.n_matches * _looks.MOST_PATHS // _looks.MOST_MATCHES, 1)
+        n_paths = min(max(rate.n_matches // 2, 1), _looks.MOST_PATHS)
         _looks.map_phrases(
             targets, weights, palette, below, n_paths, rate.price, strength, longest, indices
         )  # fmt: skip
