@@ -31,7 +31,6 @@ from cvtimg.cli.overview import version as version_text
 from cvtimg.cli.running import Todo
 from cvtimg.options import PANELS, options_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
-from cvtimg.options.settings import read_settings
 
 _NAMES = {"help_option_names": ["-h", "--help"]}
 
@@ -49,9 +48,6 @@ class _Command(TyperCommand):
         same = {"-n": "-k", "-k": "-n"}  # either letter stands for the number, where a command has but one of them
         args = [same[word] if word in same and word not in known else word for word in args]
         given, rest, _ = self.make_parser(ctx).parse_args(args=list(args))
-        if (path := given.get("settings")) and not ctx.resilient_parsing:
-            args = [*read_settings(path, str(self.name)), *args]  # of words that are repeated, the last counts
-            given, rest, _ = self.make_parser(ctx).parse_args(args=args)
         for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
             option, value = self.options.get(param.name or ""), given.get(param.name)
             if option is None or (option.required and not value):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 import tempfile
@@ -14,7 +13,6 @@ from typing import Any
 
 from cvtimg.explore.calls import Call, Line, as_python
 from cvtimg.explore.layers import Layer, Window
-from cvtimg.options.settings import settings_of
 
 #: Temporary files and folders begin so, and go on with the number of the process.
 FOLDERS = "cvtimg-explore-"
@@ -65,7 +63,6 @@ class Recipe:
         command = shlex.join([*self.words, *also, output.option, safe_name(name)])
         python = as_python(self.lines, output.writing(name))
         shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
-        shown["settings"] = json.dumps(settings_of(self.words[1], self.words[2:]), ensure_ascii=False, indent=2)
         if self.for_many and output.option == "-o":
             shown["folder"] = shlex.join([*self.words[:2], "FOLDER", *self.words[3:], "--out-dir", "OUT"])
         return shown

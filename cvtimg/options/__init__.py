@@ -45,7 +45,7 @@ PANELS = {
     "optimize overwrite as_json quiet report",
     "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
-    "Expert": "settings volume_power passes seed method init",
+    "Expert": "volume_power passes seed method init",
 }
 
 

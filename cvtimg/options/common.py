@@ -193,10 +193,6 @@ RUN = (
     switch("as_json", "Print one JSON object per line and input, not a table.", flags="--json", excludes=("quiet",)),
     switch("quiet", "Print nothing but errors."),
     file("report", "Write a row for each input, .csv or .jsonl.", (".csv", ".jsonl")),
-    file(
-        "settings",
-        'Read options from a file, as cvtimg explore saves it: {"quiet": true}; those of the command line override it.',
-    ),
 )
 #: Of verbs that process each input separately.
 BATCH = (

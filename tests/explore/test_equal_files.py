@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from PIL import Image
 from visits import without_history
 
-from cvtimg.cli import commands
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS
 from cvtimg.explore.channel import _recipes
@@ -198,25 +197,6 @@ def check_equal(
 @pytest.mark.parametrize(("tab", "settings"), [*cases()])
 def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), settings, 1)
-
-
-@pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])
-def test_saved_settings_stand_for_the_options_of_the_command(tab: str, store: Store, scene: NDArray[Any]) -> None:
-    picture = opened(store, scene)
-    for settings in (case.values[1] for case in cases() if case.values[0] == tab):
-        request = request_for(store, tab, picture, settings)
-        recipe, output = TABS[tab].recipe(request), TABS[tab].outputs(request)[0]
-        _, verb, *words = recipe.words
-        Path("settings.json").write_text(recipe.shown(output, "")["settings"])
-        inputs = [] if TABS[tab].sheet else [picture.name]
-        written = [output.option, output.pattern]
-        assert given(verb, [*inputs, "--settings", "settings.json", *written]) == given(verb, [*words, *written])
-
-
-def given(verb: str, words: list[str]) -> dict[str, Any]:
-    """Return the values of the options that words of a command give, but for the inputs."""
-    params: dict[str, Any] = commands._made(verb).make_context(verb, words).params
-    return {name: value for name, value in params.items() if name not in ("settings", "inputs")}
 
 
 @pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])

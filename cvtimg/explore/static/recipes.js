@@ -1,4 +1,4 @@
-// What can be had of a result: its files, and the command, the lines of Python and the settings that make them.
+// What can be had of a result: its files, and the command and the lines of Python that make them.
 
 import {element} from "/controls.js";
 import {get} from "/link.js";
@@ -12,7 +12,6 @@ export class Recipes {
 		$("output").onchange = () => this.showChosen();
 		$("download").onclick = event => { event.preventDefault(); this.download(); };
 		$("copyimage").onclick = () => this.copyImage();
-		$("savesettings").onclick = () => this.saveSettings();
 	}
 
 	get chosen() { return this.list.find(one => one.key === $("output").value); }
@@ -30,12 +29,11 @@ export class Recipes {
 	}
 
 	showChosen() {
-		const {chosen} = this, {command} = JSON.parse(chosen.settings);
+		const {chosen} = this;
 		for (const name of ["command", "folder"]) write($(name), chosen[name] ?? "");
 		$("python").textContent = chosen.python;
 		$("many").hidden = !chosen.folder;
 		$("copylink").textContent = "Copy link";
-		write($("settingsnote"), `The link is for an open page, the file for cvtimg ${command} --settings ${command}.json`);
 		if (this.result) this.offer(this.result);
 	}
 
@@ -71,11 +69,6 @@ export class Recipes {
 		const {chosen} = this;
 		if (!this.result) return;
 		try { save(chosen.file, await (await this.file(chosen)).blob()); } catch (error) { this.report(`${chosen.file}: ${error.message}`); }
-	}
-
-	saveSettings() {
-		const {settings} = this.chosen;
-		save(`${JSON.parse(settings).command}.json`, new Blob([`${settings}\n`], {type: "application/json"}));
 	}
 }
 
