@@ -1,8 +1,10 @@
 """One noisy photograph: white noise, noise that pixels share, that grows with the level of light, of JPEG, or none.
 
-Prints PSNR in dB for the 128 x 128 pixels in the middle of each photograph of a folder, means and the least gain, and
-the standard deviation of the noise that was found. cvtimg finds the noise itself; that of scikit-image's non-local
-means follows its `estimate_sigma`. BM3D, where its package is installed, which is not free software, is told the noise.
+Prints PSNR in dB for the 192 x 192 pixels in the middle of each photograph of a folder, and the standard deviation of
+the noise that was found. cvtimg finds the noise itself or is told that it is white; the strength of OpenCV's non-local
+means is the best of several, chosen by the truth; that of scikit-image's follows its `estimate_sigma`. Where its
+package, which is not free software, is installed, BM3D is told the noise, and denoises light between generalized
+Anscombe transforms, too.
 
     python benchmarks/shared_noise.py [--quick] [--case white] FOLDER
 """
@@ -16,11 +18,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from common import machine, parser, pin_threads, print_means, write_results
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import convolve, gaussian_filter
+from scipy.stats import poisson
 from skimage.restoration import denoise_nl_means, estimate_sigma
 
 from cvtimg import denoise
@@ -28,7 +32,8 @@ from cvtimg import denoise
 Floats = NDArray[np.float64]
 Random = np.random.Generator
 
-SIDE, SIGMA = 128, 15
+SIDE, SIGMA = 192, 15
+STRENGTHS = (2, 4, 8, 12, 16, 20, 25, 30)
 NL_MEANS: dict[str, Any] = {"fast_mode": True, "preserve_range": True, "channel_axis": -1}
 
 
@@ -93,14 +98,13 @@ def white(sigma: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]:
     return lambda clean, rng: (clean, clean + sigma * rng.standard_normal(clean.shape))
 
 
+LIGHT = {"light, weak": (0.5, 3.0), "light": (2.0, 5.0), "light, strong": (8.0, 5.0)}
 CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats | Image.Image]]] = {
     **{f"blurred by {blur} px": as_blurred(blur) for blur in (0.6, 0.8, 1.2)},
     "blurred by 0.8 px, JPEG": lambda clean, rng: (clean, as_jpeg(blurred(clean, 0.8, rng)[1])),
     "scaled by 1.5": scaled,
     "mosaic, JPEG": demosaiced,
-    "light, weak": as_light(0.5, 3.0),
-    "light": as_light(2.0, 5.0),
-    "light, strong": as_light(8.0, 5.0),
+    **{name: as_light(*strength) for name, strength in LIGHT.items()},
     **{f"JPEG {quality}": compressed(quality, 0) for quality in (50, 75, 90)},
     "noise of 5 levels, JPEG 75": compressed(75, 5),
     "clean": lambda clean, rng: (clean, clean),
@@ -114,22 +118,48 @@ def psnr(image: NDArray[np.generic], clean: Floats) -> float:
     return float(10 * np.log10(255**2 / max(np.mean((np.clip(image, 0, 255) - clean) ** 2), 1e-4)))  # 88 dB if none
 
 
-def measured(clean: Floats, noisy: NDArray[np.uint8] | Image.Image) -> dict[str, float]:
+def measured(
+    clean: Floats, noisy: NDArray[np.uint8] | Image.Image, light: tuple[float, float] | None
+) -> dict[str, float]:
     """PSNR of what each makes of an image, and the noise that there is and that is found."""
     pixels, result = np.asarray(noisy), denoise([noisy])
     estimate: Any = estimate_sigma
-    guess, sigma = float(np.mean(estimate(pixels, channel_axis=-1))), float(np.sqrt(np.mean((pixels - clean) ** 2)))
+    sigmas = estimate(pixels, channel_axis=-1)
+    sigma = float(np.sqrt(np.mean(np.square(pixels - clean))))
+    by_sigma = denoise_nl_means(pixels, 5, 6, 0.8 * float(np.mean(sigmas)), sigma=float(np.mean(sigmas)), **NL_MEANS)
+    tries = [cv2.fastNlMeansDenoisingColored(pixels, None, h, h, 5, 15) for h in STRENGTHS]
     found = {
         "noisy": psnr(pixels, clean),
         "cvtimg": psnr(result.image, clean),
-        "scikit-image": psnr(denoise_nl_means(pixels, 5, 6, 0.8 * guess, sigma=guess, **NL_MEANS), clean),
+        "cvtimg, as white": psnr(denoise([noisy], noise_like="white").image, clean),
+        "OpenCV": max(psnr(image, clean) for image in tries),
+        "scikit-image": psnr(by_sigma, clean),
         "noise": sigma,
         "found": float(result.noise[0]),
-        "estimate_sigma": guess,
+        "estimate_sigma": float(np.mean(sigmas)),
     }
     if find_spec("bm3d"):
         found["BM3D"] = psnr(255 * import_module("bm3d").bm3d_rgb(pixels / 255, max(sigma, 0.5) / 255), clean)
+        if light:
+            found["Anscombe, BM3D"] = psnr(by_anscombe(pixels, *light), clean)
     return found
+
+
+def by_anscombe(pixels: NDArray[np.uint8], gain: float, sigma: float) -> Floats:
+    """Denoise by BM3D what the generalized Anscombe transform makes even, and take the unbiased inverse."""
+
+    def even(levels: Floats) -> Floats:
+        return np.asarray(2 / gain * np.sqrt(np.maximum(gain * levels + 0.375 * gain**2 + sigma**2, 0)))
+
+    values = even(pixels.astype(np.float64))
+    low, span = values.min(), np.ptp(values)
+    done = low + span * import_module("bm3d").bm3d_rgb((values - low) / span, 1 / span)
+    # The mean of the transform over photons and, at nodes of Gauss and Hermite, over noise.
+    nodes, weights = np.polynomial.hermite_e.hermegauss(21)
+    levels = np.concatenate([[0], np.geomspace(0.01, 300, 300)])
+    photons = np.arange(int(300 / gain + 12 * np.sqrt(300 / gain) + 12))
+    means = even(gain * photons[:, None] + sigma * nodes) @ weights / weights.sum()
+    return np.interp(done, poisson.pmf(photons, levels[:, None] / gain) @ means, levels)
 
 
 def middle(path: Path) -> Floats:
@@ -146,6 +176,7 @@ def main() -> None:
     arguments.add_argument("--case", default="", help="part of the names of cases")
     wanted = arguments.parse_args()
     pin_threads(wanted.threads)
+    cv2.setNumThreads(1)
     print(machine())
     paths, rows = sorted(wanted.folder.glob("*.png"))[: 3 if wanted.quick else None], []
     for name, spoil in CASES.items():
@@ -155,7 +186,7 @@ def main() -> None:
         for path in paths:
             clean, noisy = spoil(middle(path), np.random.default_rng(0))
             given = noisy if isinstance(noisy, Image.Image) else as_bytes(noisy)
-            found.append(measured(clean, given))
+            found.append(measured(clean, given, LIGHT.get(name)))
         print_means(f"{name}: PSNR, dB", [path.stem for path in paths], found, ".2f")
         print(f"least gain: {min(one['cvtimg'] - one['noisy'] for one in found):.2f} dB")
         rows += [{"damage": name, "case": path.stem, **one} for path, one in zip(paths, found, strict=True)]
