@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +53,11 @@ def _blocks(versions: Versions, version: int) -> tuple[_Doubles, NDArray[np.bool
     """(B, C) means of the known pixels of blocks, and (B,) whether most are known and few clipped."""
     from skimage.measure import block_reduce
 
+    reduced: Any = block_reduce
+
     def mean(image: NDArray[np.generic]) -> _Doubles:
         whole = image[tuple(slice(size // _SIDE * _SIDE) for size in image.shape[:2])].astype(np.float64)
-        return np.asarray(block_reduce(whole, (_SIDE, _SIDE, 1), np.mean)).reshape(-1, image.shape[2])
+        return np.asarray(reduced(whole, (_SIDE, _SIDE, 1), np.mean)).reshape(-1, image.shape[2])
 
     values, seen = versions.bands(version), versions.known[:, :, [version]]
     share, white = mean(seen), versions.white

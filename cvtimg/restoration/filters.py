@@ -215,7 +215,7 @@ def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles
     """(G, P) variance of the noise at each place of the patches of each group."""
     usual = precision.mean() / max((precision > 0).mean(), 1e-30)
     variance = 1 / np.maximum(precision, np.float32(_FILLED * usual))
-    patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)
+    patches = windows(variance[:, :, None].astype(np.float32)).reshape(len(groups.order), -1)
     return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
 
 

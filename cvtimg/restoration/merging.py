@@ -152,8 +152,11 @@ def _measured(versions: Versions, trust: _Doubles, labels: _Labels, n_generators
     """(K, D) means of segments in versions, 0 where nothing is known, and (K, D) the weight behind them."""
     rows, which = versions.values.reshape(labels.size, -1), labels.ravel() - 1
     loads = versions.weights(trust).reshape(rows.shape).astype(np.float64)
-    masses, sums = (
-        np.stack([np.bincount(which, band, minlength=n_generators) for band in one.T], axis=1)
-        for one in (loads, loads * rows)
-    )
+
+    def totals(values: _Doubles) -> _Doubles:
+        return np.stack(
+            [np.bincount(which, band, minlength=n_generators) for band in values.T], axis=1, dtype=np.float64
+        )
+
+    masses, sums = totals(loads), totals(loads * rows)
     return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0), masses

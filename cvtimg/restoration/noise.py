@@ -63,7 +63,7 @@ class Noise:
     """The noise of versions."""
 
     levels: _Doubles  # (S,): standard deviation in each version, root mean square over bands; NaN where unknown
-    bands: _Doubles  # (S, C): in each band
+    bands: list[_Doubles]  # (C,) each: in each band
     shared: SharedNoise | None = None  # what pixels share of the noise of weight 1; None if it is white
     lines: _Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
     is_seen: bool = True  # whether any version has noise that can be seen, or that was given
@@ -82,7 +82,7 @@ class Noise:
                 lines, squares = found[0] / mean, found[1] * mean
                 versions = replace(versions, lines=lines)
                 usual = np.sqrt(np.mean(levels**2))
-                bands = np.sqrt(squares) * (levels / usual)[:, None]
+                bands = [np.sqrt(squares) * ratio for ratio in levels / usual]
                 levels = mean_noise(bands)
             shared = shared_noise(versions, in_place=in_place)
             if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
@@ -93,7 +93,7 @@ class Noise:
             usual = np.sqrt(np.nanmean(levels**2)) if np.isfinite(levels).any() else 1.0
             levels = np.sqrt(shared.variance) * (levels / usual if usual else np.ones_like(levels))
         if shared:  # the level of white noise tells little of its bands
-            bands = np.tile(np.sqrt(np.diag(shared.bands)), (len(levels), 1))
+            bands = [np.sqrt(np.diag(shared.bands))] * len(levels)
         return cls(levels, bands, shared, lines, is_seen or shared is not None or level is not None)
 
 
@@ -146,7 +146,11 @@ class _Look:
         from scipy.ndimage import uniform_filter
 
         spread = np.sqrt(versions.noisiness(uniform_filter(self.image, (5, 5, 0))))
-        return replace(self, values=self.values / spread[:, :, None]) if versions.lines is not None else self
+        return (
+            replace(self, values=(self.values / spread[:, :, None]).astype(np.float32))
+            if versions.lines is not None
+            else self
+        )
 
     def quiet(self, n: int) -> int:
         """Return how many of so many patches are quiet enough to show noise."""
