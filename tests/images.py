@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 _RNG = np.random.default_rng(5)
 GREY = _RNG.integers(0, 256, (5, 7), np.uint8)
@@ -12,3 +14,9 @@ BITS = _RNG.integers(0, 2, (5, 7)).astype(bool)
 DEEP = _RNG.integers(0, 65536, (5, 7), np.uint16)
 DEEP_RGB = _RNG.integers(0, 65536, (5, 7, 3), np.uint16)
 DEEP_RGBA = _RNG.integers(0, 65536, (5, 7, 4), np.uint16)
+
+
+def blobs(seed: int, shape: tuple[int, int] = (160, 160), n_labels: int = 3, spread: float = 6.0) -> NDArray[np.int64]:
+    """Draw labels of smoothed noise, from 1: any number of pieces each, which meet in threes."""
+    fields = np.random.default_rng(seed).normal(size=(n_labels, *shape))
+    return 1 + gaussian_filter(fields, (0, spread, spread)).argmax(axis=0)

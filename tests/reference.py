@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+from cvtimg._shared.threads import limit_threads, n_threads
 
 
 def squared_distances(samples: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
@@ -99,6 +102,33 @@ def edge_weighted_energy(
                 other = padded[radius + down : radius + down + height, radius + right : radius + right + width]
                 n_pairs += int(((labels != other) & (labels > 0) & (other > 0)).sum())
     return energy + edge_weight * n_pairs
+
+
+def at_threads(make: Callable[[], Any]) -> list[Any]:
+    """Make something with one thread, and again with three."""
+    before, found = n_threads(), []
+    for number in (1, 3):
+        limit_threads(number)
+        found.append(make())
+    limit_threads(before)
+    return found
+
+
+def shoelace(corners: NDArray[Any]) -> float:
+    """Signed area of a polygon (M, 2), by the formula of surveyors."""
+    x, y = corners.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def ring(n: int, radius: float = 1.0) -> NDArray[np.float64]:
+    """Return the corners (n, 2) of a regular polygon around the origin, counterclockwise."""
+    turns = 2 * np.pi * np.arange(n) / n
+    return radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+
+
+def sets_of(triangles: NDArray[Any]) -> set[tuple[int, ...]]:
+    """Return triangles as sets of corners, whichever comes first and however they turn."""
+    return set(map(tuple, np.sort(triangles, axis=1).tolist()))
 
 
 def cube() -> tuple[NDArray[np.float64], NDArray[np.intp]]:

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
+from reference import shoelace
 
 from cvtimg import read_image, stipple
 from cvtimg.artwork.stipples import MARKS
@@ -82,6 +83,7 @@ def test_pixels_and_cells(tmp_path: Path) -> None:
     STIPPLES.save_cells(tmp_path / "a.geojson")
     features = json.loads((tmp_path / "a.geojson").read_text())["features"]
     assert len(features) == 150
+    assert sum(shoelace(cell) for cell in STIPPLES.cells()) == pytest.approx(RAMP.size)
     STIPPLES.save_cells(tmp_path / "a.svg")
     assert len(list(ElementTree.parse(tmp_path / "a.svg").getroot().iter(f"{SVG}path"))) == 150
 

@@ -140,12 +140,6 @@ def test_a_drawing_in_process_colors_has_the_light_of_the_image() -> None:
     assert light == pytest.approx(1 - 0.6 * (1 - wanted), abs=0.015)
 
 
-def test_cells_fill_the_image() -> None:
-    cells = stipple(PHOTO, 500).cells()
-    areas = [float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2 for x, y in (cell.T for cell in cells if len(cell))]
-    assert sum(areas) == pytest.approx(PHOTO.size)
-
-
 def test_the_drawing_has_the_light_of_the_image() -> None:
     result = stipple(RAMP, 1500, dots="sized", max_ink=0.6, tones="true")
     drawn = 1 - ink_coverage(result.draw(scale=4))

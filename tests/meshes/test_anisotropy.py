@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg import mesh_region
+from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.meshes import HuangMetric, Mesh, RecoveredHessian
 from cvtimg.placement import Box
 
@@ -32,8 +33,7 @@ def test_edges_have_length_1_in_the_metric() -> None:
     mesh = mesh_region(SQUARE, metric=stretched)
     assert mesh.area == pytest.approx(1)
     assert len(mesh.boundary) == pytest.approx(2 / 0.2 + 2 / 0.025, rel=0.02)
-    edges = np.unique(np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    steps = mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]]
+    steps = np.subtract(*mesh.points[unique_edges(edges_around(mesh.triangles))[0].T])
     lengths = np.hypot(steps[:, 0] / 0.2, steps[:, 1] / 0.025)
     assert np.median(lengths) == pytest.approx(1, rel=0.1)
     assert ((lengths > 0.7) & (lengths < 1.4)).mean() > 0.9

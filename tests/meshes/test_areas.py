@@ -3,23 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from images import blobs
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cvtimg import find_contours, mesh_labels, mesh_region
+from cvtimg.labels.components import connected_pieces
 from cvtimg.meshes import Mesh, measure_triangles
-
-
-def blobs(seed: int, side: int = 64, n_labels: int = 4, spread: float = 3.0) -> NDArray[np.int32]:
-    """Draw labels of connected pieces of smoothed noise."""
-    values = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal((side, side)), spread)
-    levels = np.searchsorted(np.quantile(values, np.arange(1, n_labels) / n_labels), values)
-    pieces, n_pieces = np.zeros((side, side), np.int32), 0
-    for level in range(n_labels):
-        found, n_found = ndimage.label(levels == level)
-        pieces[found > 0] = found[found > 0] + n_pieces
-        n_pieces += n_found
-    return pieces
 
 
 def areas_of(mesh: Mesh, n_tags: int) -> NDArray[np.float64]:
@@ -30,7 +19,7 @@ def areas_of(mesh: Mesh, n_tags: int) -> NDArray[np.float64]:
     ("seed", "left_out"), [(0, None), *(pytest.param(7, part, marks=pytest.mark.slow) for part in (0, 1, 2))]
 )
 def test_each_segment_keeps_its_area_beside_unmeshed_pixels_too(seed: int, left_out: int | None) -> None:
-    labels = blobs(seed)
+    labels = connected_pieces(blobs(seed, (64, 64), 4, 3).astype(np.int32))
     labels[labels % 3 == left_out] = 0
     mesh = mesh_labels(labels, n=1000, effort="fast")
     pixels = np.bincount(labels.ravel())

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from cvtimg import mesh_region
 from cvtimg.meshes import measure_mesh, measure_triangles
 
 
@@ -51,9 +50,3 @@ def test_wrong_triangles_are_named() -> None:
         measure_mesh(np.eye(3)[:, :2], [[0, 1, 3]])
     with pytest.raises(ValueError, match="must have an area"):
         measure_mesh([[0, 0], [1, 1], [2, 2]], [[0, 1, 2]])
-
-
-def test_cells_that_meet_in_many_corners_are_measured() -> None:
-    turns = 2 * np.pi * np.arange(720) / 720
-    mesh = mesh_region(np.stack([np.cos(turns), np.sin(turns)], axis=1), n=19)
-    assert 0.15 < mesh.measures().h < 0.6

@@ -5,8 +5,9 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 import shapely
+from images import blobs
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import gaussian_filter
+from reference import ring
 from scipy.spatial import cKDTree
 
 from cvtimg import mesh_labels, mesh_region
@@ -21,14 +22,8 @@ from cvtimg.placement import Box, ImplicitRegion, PolygonRegion
 
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
 
-DISK = np.stack([np.cos(np.arange(100) * np.pi / 50), np.sin(np.arange(100) * np.pi / 50)], axis=1)
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]
-
-
-def ring(radius: float, n: int = 200) -> NDArray[np.float64]:
-    turns = 2 * np.pi * np.arange(n) / n
-    return radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
 
 
 def edges_of(mesh: Mesh) -> NDArray[np.float64]:
@@ -78,8 +73,7 @@ def test_corners_and_fixed_points_are_vertices() -> None:
 
 
 def test_corners_between_long_sides_are_kept_though_they_turn_little() -> None:
-    turns = 2 * np.pi * np.arange(20) / 20
-    polygon = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    polygon = ring(20)
     mesh = mesh_region(polygon, edge_length=0.5)
     assert has_vertices(mesh, polygon)
     assert mesh.area == pytest.approx(shapely.Polygon(polygon).area)
@@ -87,7 +81,7 @@ def test_corners_between_long_sides_are_kept_though_they_turn_little() -> None:
 
 def test_vertices_slide_along_borders_but_for_corners() -> None:
     square = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-    region = shapely.Polygon(square, [ring(0.4, 400)])
+    region = shapely.Polygon(square, [ring(400, 0.4)])
     mesh = mesh_region(region, n=138)
     assert mesh.area == pytest.approx(region.area, rel=1e-8)
     assert has_vertices(mesh, square)
@@ -97,7 +91,7 @@ def test_vertices_slide_along_borders_but_for_corners() -> None:
 
 
 def test_of_small_meshes_the_best_effort_keeps_the_most_regular_one() -> None:
-    circle = ring(1.0, 720)
+    circle = ring(720)
     best, one = (product_of_measures(mesh_region(circle, n=19, effort=effort)) for effort in ("best", "fast"))
     assert best < 0.7 * one
 
@@ -134,7 +128,7 @@ def test_parts_with_names_share_the_vertices_on_their_borders() -> None:
         mesh_region({"a": shapely.box(0, 0, 2, 1), "b": right.buffer(0.1)}, n=100)
 
 
-def test_edges_have_the_wanted_length_and_angles_are_good() -> None:
+def test_edges_have_the_wanted_length_angles_are_good_and_energy_falls() -> None:
     mesh = mesh_region(L_SHAPE, edge_length=0.06)
     lengths = edge_lengths(mesh)
     assert np.median(lengths) == pytest.approx(0.06, rel=0.05)
@@ -142,6 +136,8 @@ def test_edges_have_the_wanted_length_and_angles_are_good() -> None:
     angles = measure_triangles(mesh.points, mesh.triangles).least_angles
     assert angles.min() > 30
     assert mesh.qualities.mean() > 0.97
+    assert mesh.energies[-1] < 0.9 * mesh.energies[0]
+    assert np.diff(mesh.energies[:10]).max() < 0
 
 
 def test_vertices_are_as_dense_as_a_function_asks() -> None:
@@ -290,33 +286,6 @@ def test_sizes_live_on_a_mesh() -> None:
     assert near.sum() / (np.pi / 4 * 0.04) > 4 * (~near).sum() / (1 - np.pi / 4 * 0.04)
 
 
-def test_segments_share_the_vertices_on_their_borders() -> None:
-    y, x = np.mgrid[:60, :80]
-    labels = 1 + (np.hypot(x - 30, y - 30) < 18) + 2 * (x > 55)
-    mesh = mesh_labels(labels, n=800, effort="fast")
-    assert len(mesh.points) == 800
-    assert mesh.area == pytest.approx(4800)
-    assert_is_a_triangulation(mesh)
-    areas = measure_triangles(mesh.points, mesh.triangles).areas
-    assert np.bincount(mesh.tags, areas) == pytest.approx(np.bincount(labels.ravel()), rel=1e-5)
-
-
-def test_pixels_of_label_0_are_not_meshed() -> None:
-    labels = np.zeros((30, 30), int)
-    labels[5:25, 5:15], labels[5:25, 15:25] = 7, 9
-    mesh = mesh_labels(labels, edge_length=2)
-    assert sorted(set(mesh.tags.tolist())) == [7, 9]
-    assert mesh.area == pytest.approx(400, rel=0.01)
-
-
-@pytest.mark.slow
-def test_without_tolerance_borders_are_the_sides_of_pixels() -> None:
-    labels = 1 + (np.hypot(*(np.mgrid[:16, :16] - 7.5)) < 5)
-    mesh = mesh_labels(labels, n=600, tolerance=0)
-    areas = measure_triangles(mesh.points, mesh.triangles).areas
-    assert areas[mesh.tags == 2].sum() == pytest.approx((labels == 2).sum(), rel=1e-9)
-
-
 def test_corners_of_labels_are_kept_and_disks_stay_round() -> None:
     labels = np.ones((80, 80), int)
     labels[10:30, 10:40] = 2
@@ -338,12 +307,6 @@ def test_a_seed_gives_the_same_bits() -> None:
     assert (first.triangles == second.triangles).all()
 
 
-def test_energy_falls() -> None:
-    mesh = mesh_region(L_SHAPE, n=200)
-    assert mesh.energies[-1] < 0.9 * mesh.energies[0]
-    assert np.diff(mesh.energies[:10]).max() < 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -361,7 +324,7 @@ def test_energy_falls() -> None:
         ({"region": [[0, 0], [1, 1]], "n": 9}, r"\(N, 2\) coordinates, N >= 3"),
         ({"region": np.zeros((4, 4), bool), "n": 9}, "region is empty"),
         ({"region": L_SHAPE, "n": 5}, "n=5 must be at least 6"),
-        ({"region": ring(1.0), "n": 150, "keep_points": True}, "n=150 must be at least 200, .* the border needs"),
+        ({"region": ring(200), "n": 150, "keep_points": True}, "n=150 must be at least 200, .* the border needs"),
         ({"region": np.ones((8, 8), bool), "keep_points": True}, "keep_points must be False"),
         ({"region": L_SHAPE, "n": 9, "edge_length": 1}, "n and edge_length must be"),
         ({"region": L_SHAPE, "edge_length": 0}, "edge_length=0 must be"),
@@ -378,7 +341,7 @@ def test_energy_falls() -> None:
         ({"region": np.ones((1, 1), bool), "n": 3}, "n=3 must be at least 4"),
         ({"region": L_SHAPE, "n": 50, "grade": 0}, "grade=0"),
         ({"region": L_SHAPE, "n": 50, "fixed": [[1.5, 1.5]]}, "must be in the region"),
-        ({"region": DISK, "n": 20, "fixed": [[0.97, 0], [0, 0.985]]}, "near which edges on the border must be shorter"),
+        ({"region": ring(100), "n": 20, "fixed": [[0.97, 0], [0, 0.985]]}, "near which edges on the border must be"),
         ({"region": Box([0, 0], [1, 1], periodic=True), "n": 50}, "must not be periodic"),
         ({"region": Box([0, 0, 0], [1, 1, 1]), "n": 50}, "must be in the plane"),
         ({"region": L_SHAPE, "n": 50, "effort": "most"}, "effort='most' must be one of"),
@@ -409,30 +372,22 @@ def test_single_pixels_and_lines_of_pixels_have_meshes(mask: NDArray[np.bool_]) 
         assert mesh.area == pytest.approx(mask.sum(), rel=1e-5)
 
 
-def noisy_labels() -> NDArray[np.int64]:
-    values = gaussian_filter(np.random.default_rng(3).normal(size=(120, 160)), 3)
-    return np.digitize(values, [-0.03, 0.03]) + 1
-
-
 @pytest.mark.slow
-def test_borders_are_the_smoother_the_farther_they_may_move() -> None:
-    borders = []
-    for tolerance in (0.7, 2.0):
-        mesh = mesh_labels(noisy_labels(), edge_length=2, tolerance=tolerance, effort="fast")
+def test_borders_are_the_sides_of_pixels_or_the_smoother_the_farther_they_may_move() -> None:
+    labels, borders = np.pad(blobs(3, spread=3)[:120], 1, constant_values=9), []
+    for tolerance in (0, 0.7, 2.0):
+        mesh = mesh_labels(labels, edge_length=2, tolerance=tolerance, effort="fast")
         borders.append(np.linalg.norm(np.subtract(*mesh.points[mesh.edges.T]), axis=1).sum())
-    assert borders[1] < borders[0]
+    between = sum(np.count_nonzero(np.diff(labels, axis=axis)) for axis in (0, 1))
+    assert borders[0] == pytest.approx(between + 2 * sum(labels.shape))
+    assert borders[2] < borders[1] < borders[0]
 
 
 @pytest.mark.slow
 def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
-    labels = noisy_labels()
+    labels = blobs(3, spread=3)
     best, balanced = (mesh_labels(labels, n=2500, effort=effort).qualities.mean() for effort in ("best", "balanced"))
     assert best >= balanced
-
-
-def blobs(seed: int) -> NDArray[np.int64]:
-    fields = gaussian_filter(np.random.default_rng(seed).normal(size=(3, 160, 160)), (0, 6, 6))
-    return 1 + fields.argmax(axis=0)
 
 
 def test_small_angles_at_borders_are_mended_with_exact_numbers_and_areas() -> None:
@@ -444,6 +399,7 @@ def test_small_angles_at_borders_are_mended_with_exact_numbers_and_areas() -> No
     assert (each.least_angles < 30).mean() < 0.004
     areas = np.bincount(mesh.tags, each.areas)
     assert areas == pytest.approx(np.bincount(labels.ravel()), rel=1e-5)
+    assert_is_a_triangulation(mesh)  # so that segments share the vertices on their borders
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
@@ -488,8 +444,7 @@ def test_too_few_vertices_for_a_jagged_border_are_warned_of() -> None:
     rng, k = np.random.default_rng(0), 100
     waves = (rng.standard_normal(k) + 1j * rng.standard_normal(k)) * np.arange(1, k + 1) ** -1.5
     far = np.fft.irfft(np.append(0, waves), 2 * k)
-    turns = np.arange(2 * k) * np.pi / k
-    coast = (1 + 0.4 * far / np.abs(far).max())[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    coast = (1 + 0.4 * far / np.abs(far).max())[:, None] * ring(2 * k)
     with pytest.warns(
         UserWarning, match=r"the border needs more than n=80 vertices: the least angle is \d\.\d degrees"
     ):

@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import shapely
+from reference import ring
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.meshes import Mesh, QuadraticTriangles
@@ -14,12 +15,7 @@ from cvtimg.meshes.outlines import label_outline
 
 @pytest.fixture(scope="module")
 def disk() -> Mesh:
-    return mesh_region(circle(), n=60, order=2, effort="fast")
-
-
-def circle(n: int = 400) -> np.ndarray:
-    angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return mesh_region(ring(400), n=60, order=2, effort="fast")
 
 
 def six(mesh: Mesh) -> QuadraticTriangles:
@@ -63,7 +59,7 @@ def test_jacobians_are_bounded_by_their_coefficients(disk: Mesh) -> None:
 
 
 def test_sides_that_would_fold_a_triangle_over_stay_straight() -> None:
-    half = circle()[:201]
+    half = ring(400)[:201]
     thin = np.concatenate([half, 0.99 * half[::-1]])
     mesh = mesh_region(thin, edge_length=0.5, order=2, effort="fast")
     assert (six(mesh).jacobians > 0).all()
@@ -96,4 +92,4 @@ def test_formats_of_straight_triangles_are_refused(disk: Mesh, tmp_path: Path) -
     with pytest.raises(ValueError, match=r"suffix='\.stl' must be one of \.vtu, \.msh"):
         disk.save(tmp_path / "a.stl")
     with pytest.raises(ValueError, match="order=3 must be 1 or 2"):
-        mesh_region(circle(), n=60, order=3)
+        mesh_region(ring(400), n=60, order=3)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from reference import at_threads
 from scipy.spatial import cKDTree
 
-from cvtimg._shared import threads
 from cvtimg.placement import PixelMoments, pixel_labels
 
 
@@ -74,20 +74,16 @@ def test_energy_is_that_of_a_fine_sum() -> None:
 
 
 def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cvtimg._shared.threads._WORTH_A_THREAD", 1)
     rng = np.random.default_rng(0)
     density, points = rng.random((400, 700)).astype(np.float32), rng.random((5000, 2)) * [700, 400]
-    found = []
-    for n in (1, 3):
-        monkeypatch.setenv("CVTIMG_THREADS", str(n))
-        threads.n_threads.cache_clear()
-        threads._pool.cache_clear()
-        monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
+
+    def found() -> tuple[bytes, bytes, float]:
         moments = PixelMoments(density)(points)
-        found.append((moments.masses.tobytes(), moments.centroids.tobytes(), moments.energy))
-    monkeypatch.undo()
-    threads.n_threads.cache_clear()
-    threads._pool.cache_clear()
-    assert found[0] == found[1]
+        return moments.masses.tobytes(), moments.centroids.tobytes(), moments.energy
+
+    one, three = at_threads(found)
+    assert one == three
 
 
 def test_cells_without_mass_keep_their_generator() -> None:

@@ -159,6 +159,9 @@ def test_empty_regions_are_refused() -> None:
         ImplicitRegion(lambda p: np.ones(len(p)), [0, 0], [1, 1])
     with pytest.raises(ValueError, match=r"lower=\[1\.0\] must be less than upper=\[1\.0\]"):
         Box(1, 1)
+    for side in (1e200, 1e-200):
+        with pytest.raises(ValueError, match=r"upper - lower=.* must be in 1e-60"):
+            Box([0, 0], [side, 1])
     with pytest.raises(TypeError, match="region of type int must be a Region"):
         as_region(3)
 

@@ -10,8 +10,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
-from scipy.sparse import coo_array
-from scipy.spatial import ConvexHull, SphericalVoronoi
+from scipy.spatial import SphericalVoronoi
 
 from cvtimg.sphere import SphereGrid, triangulate
 from cvtimg.sphere.formats import GRID_FORMATS, GridContent, write_grid
@@ -21,14 +20,6 @@ N = 600
 EARTH = 6371229.0
 
 
-def hull(points: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Delaunay triangles by Qhull, counterclockwise."""
-    triangles = ConvexHull(points).simplices
-    inward = np.linalg.det(points[triangles]) < 0
-    triangles[inward] = triangles[inward][:, ::-1]
-    return triangles.astype(np.int32)
-
-
 def spiral(n: int, seed: int = 0, noise: float = 0.02) -> NDArray[np.float64]:
     height, turn = 1 - (2 * np.arange(n) + 1) / n, np.arange(n) * np.pi * (3 - 5**0.5)
     radius = np.sqrt(1 - height**2)
@@ -36,8 +27,13 @@ def spiral(n: int, seed: int = 0, noise: float = 0.02) -> NDArray[np.float64]:
     return unit(points + noise * np.random.default_rng(seed).normal(size=points.shape))
 
 
+def grid_of(points: NDArray[np.float64]) -> SphereGrid:
+    density = np.linspace(1, 2, len(points))
+    return SphereGrid(points, triangulate(points), np.ones(len(points)), density, 1.0, 0.0, np.zeros(len(points), bool))
+
+
 def content(points: NDArray[np.float64], radius: float = 1.0) -> GridContent:
-    return GridContent(points, hull(points), np.linspace(1, 2, len(points)), radius)
+    return GridContent(points, triangulate(points), np.linspace(1, 2, len(points)), radius)
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a file of each format."""
     path = tmp_path_factory.mktemp("grids")
     for end in GRID_FORMATS:
-        write_grid(path / f"grid{end}", content(spiral(N), EARTH if end == ".nc" else 1.0))
-    write_grid(path / "unit.nc", content(spiral(N)))
+        grid_of(spiral(N)).save(path / f"grid{end}", radius=EARTH if end == ".nc" else 1.0)
+    grid_of(spiral(N)).save(path / "unit.nc")
     return path
 
 
@@ -183,7 +179,7 @@ def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str
 
 
 def test_weights_agree_with_their_definition(mpas: dict[str, NDArray[Any]]) -> None:
-    for edge in range(0, 3 * N - 6, 11):
+    for edge in range(3 * N - 6):
         expected: dict[int, float] = {}
         for side, cell in enumerate(mpas["cellsOnEdge"][edge]):
             degree = mpas["nEdgesOnCell"][cell]
@@ -203,30 +199,6 @@ def test_weights_agree_with_their_definition(mpas: dict[str, NDArray[Any]]) -> N
         assert np.allclose(mpas["weightsOnEdge"][edge, :n], list(expected.values()), rtol=1e-9, atol=1e-12)
         assert (mpas["edgesOnEdge"][edge, n:] == -1).all()
         assert (mpas["weightsOnEdge"][edge, n:] == 0).all()
-
-
-def weight_matrix(mpas: dict[str, NDArray[Any]]) -> Any:
-    rows, columns = np.nonzero(mpas["edgesOnEdge"] >= 0)
-    values = mpas["weightsOnEdge"][rows, columns]
-    return coo_array((values, (rows, mpas["edgesOnEdge"][rows, columns])), shape=(3 * N - 6,) * 2).tocsr()
-
-
-def test_weights_conserve_energy(mpas: dict[str, NDArray[Any]]) -> None:
-    # The Coriolis force does no work: the weights are antisymmetric but for lengths (Thuburn et al., equation 39).
-    scaled = weight_matrix(mpas).multiply(mpas["dcEdge"][:, None]).multiply(1 / mpas["dvEdge"][None, :])
-    assert abs(scaled + scaled.T).max() < 1e-13
-
-
-def test_weights_let_a_flow_without_sources_have_none_on_triangles(mpas: dict[str, NDArray[Any]]) -> None:
-    potential = np.random.default_rng(1).normal(size=2 * N - 4)
-    right, left = potential[mpas["verticesOnEdge"]].T
-    along = weight_matrix(mpas) @ ((left - right) / mpas["dvEdge"])
-    # The velocity along an edge leads out of the triangle on its right, into that on its left.
-    flux = along * mpas["dcEdge"]
-    ends = np.concatenate([mpas["verticesOnEdge"][:, 0], mpas["verticesOnEdge"][:, 1]])
-    out = np.bincount(ends, np.concatenate([flux, -flux]))
-    assert np.abs(flux).max() > 0.1
-    assert np.abs(out).max() < 1e-12 * np.abs(flux).max()
 
 
 def test_angles_of_edges_are_those_with_the_east(mpas: dict[str, NDArray[Any]]) -> None:
@@ -302,17 +274,6 @@ def test_triangles_must_close_the_sphere(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_grid_saves_itself(tmp_path: Path) -> None:
-    points = spiral(20)
-    grid = SphereGrid(points, triangulate(points), *np.ones((2, 20)), 1.0, 0.0, np.zeros(20, bool))
-    grid.save(tmp_path / "a.nc", radius=EARTH)
-    with netcdf_file(tmp_path / "a.nc", mmap=False) as file:
-        assert file.sphere_radius == EARTH
-        assert file.variables["areaCell"][:].sum() == pytest.approx(4 * np.pi * EARTH**2)
-    with pytest.raises(ValueError, match="radius=0 must be a finite number > 0"):
-        grid.save(tmp_path / "b.nc", radius=0)
-
-
 def test_the_end_of_the_name_picks_the_format(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"path='a\.tif' must be a name that ends in \.ugrid\.nc"):
         write_grid("a.tif", content(spiral(20)))
@@ -321,3 +282,5 @@ def test_the_end_of_the_name_picks_the_format(tmp_path: Path) -> None:
     assert b"mesh_topology" in path.read_bytes()
     with pytest.raises(FileExistsError):
         write_grid(path, content(spiral(20)))
+    with pytest.raises(ValueError, match="radius=0 must be a finite number > 0"):
+        grid_of(spiral(20)).save(tmp_path / "b.nc", radius=0)

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference import at_threads, sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
-from cvtimg._shared.threads import limit_threads, n_threads
+from cvtimg.halfedges import unique_edges
 from cvtimg.sphere import Refinement, SphereGrid
 from cvtimg.sphere.densities import fibonacci, from_degrees
 from cvtimg.sphere.geodesic import Lattice, nearest_twelve
@@ -25,8 +26,7 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
     assert np.einsum("ij,ij->i", grid.points, grid.points) == pytest.approx(1, abs=1e-14)
     assert grid.triangles.shape == (2 * n - 4, 3)
     assert grid.areas.sum() == pytest.approx(4 * np.pi)
-    hull = {tuple(row) for row in np.sort(ConvexHull(grid.points).simplices, axis=1).tolist()}
-    own = {tuple(row) for row in np.sort(grid.triangles, axis=1).tolist()}
+    hull, own = sets_of(ConvexHull(grid.points).simplices), sets_of(grid.triangles)
     # Where four points are on one circle, which triangles they have is open.
     assert len(hull ^ own) <= 0.01 * len(own)
 
@@ -116,13 +116,9 @@ def test_given_points_keep_their_numbers() -> None:
 
 
 def test_results_have_the_same_bits_at_any_number_of_threads() -> None:
-    before, grids = n_threads(), []
-    for threads in (1, 3):
-        limit_threads(threads)
-        grids.append(sphere_grid(1500, density=Refinement(0, 0, 40, 3), effort="fast"))
-    limit_threads(before)
-    assert (grids[0].points == grids[1].points).all()
-    assert (grids[0].triangles == grids[1].triangles).all()
+    one, three = at_threads(lambda: sphere_grid(1500, density=Refinement(0, 0, 40, 3), effort="fast"))
+    assert (one.points == three.points).all()
+    assert (one.triangles == three.triangles).all()
 
 
 def test_the_callback_sees_falling_energies_and_stops() -> None:
@@ -144,8 +140,7 @@ def test_bisection_adds_the_midpoints_of_all_edges() -> None:
     assert (mesh.points[:12] == icosahedron().points).all()
     twice = in_order(bisected(mesh))
     assert len(np.unique(twice.points.round(9), axis=0)) == 162
-    edges = np.concatenate([twice.triangles[:, [0, 1]], twice.triangles[:, [1, 2]], twice.triangles[:, [2, 0]]])
-    assert len(np.unique(np.sort(edges, axis=1), axis=0)) == 480
+    assert len(unique_edges(twice.edges)[0]) == 480
 
 
 def test_draws_follow_the_root_of_the_density() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference import sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
@@ -27,7 +28,7 @@ def band(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 def triangles_of(grid: SphereGrid, numbers: NDArray[np.intp]) -> set[tuple[int, ...]]:
     """Triangles of which all corners have a number >= 0, by these numbers."""
     triangles = numbers[grid.triangles]
-    return {tuple(row) for row in np.sort(triangles[(triangles >= 0).all(axis=1)], axis=1).tolist()}
+    return sets_of(triangles[(triangles >= 0).all(axis=1)])
 
 
 @pytest.mark.parametrize(
@@ -50,8 +51,7 @@ def test_every_point_and_triangle_outside_is_kept(within: Callable[..., Any], fa
     before = np.where(inside, -1, np.cumsum(~inside) - 1)
     after = np.where(grid.fixed, np.arange(len(grid.points)), -1)
     assert triangles_of(PARENT, before) <= triangles_of(grid, after)
-    hull = {tuple(row) for row in np.sort(ConvexHull(grid.points).simplices, axis=1).tolist()}
-    assert hull == {tuple(row) for row in np.sort(grid.triangles, axis=1).tolist()}
+    assert sets_of(ConvexHull(grid.points).simplices) == sets_of(grid.triangles)
     # Corners of the part, and cells that must grow fast, leave a few.
     measures, is_easy = grid.measures(), isinstance(within, Cap) and factor >= 1
     assert measures.n_obtuse <= (0 if is_easy else 0.01 * len(grid.triangles))

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from reference import sets_of
 from scipy.spatial import ConvexHull, SphericalVoronoi
 
+from cvtimg.halfedges import edges_around
 from cvtimg.sphere import triangulate
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
@@ -34,7 +36,7 @@ def lattice(n_lon: int, n_lat: int) -> Points:
 def assert_is_delaunay(points: Points, triangles: NDArray[np.int32]) -> None:
     """No point is above the plane of a triangle, and the triangles form a closed, oriented sphere."""
     assert triangles.shape == (2 * len(points) - 4, 3)
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = edges_around(triangles)
     assert len(np.unique(edges, axis=0)) == len(edges)
     assert {tuple(edge) for edge in edges} == {tuple(edge[::-1]) for edge in edges}
     assert len(np.unique(triangles)) == len(points)
@@ -48,14 +50,10 @@ def assert_is_delaunay(points: Points, triangles: NDArray[np.int32]) -> None:
     assert volume == pytest.approx(hull.volume, rel=1e-9)
 
 
-def as_sets(triangles: NDArray[np.int32]) -> set[tuple[int, ...]]:
-    return {tuple(row) for row in np.sort(triangles, axis=1).tolist()}
-
-
 @pytest.mark.parametrize("n", [4, 5, 6, 10, 100, 1000])
 def test_random_points_have_the_triangles_of_qhull(n: int) -> None:
     points = random_points(n, n)
-    assert as_sets(triangulate(points)) == as_sets(ConvexHull(points).simplices)
+    assert sets_of(triangulate(points)) == sets_of(ConvexHull(points).simplices)
 
 
 @pytest.mark.parametrize(("n_lon", "n_lat"), [(3, 2), (4, 2), (5, 3), (36, 18), (90, 7)])
@@ -98,7 +96,7 @@ def test_points_in_one_hemisphere_have_cells_that_cover_the_sphere() -> None:
     points = unit(points)
     mesh = SphereTriangulation(points)
     oracle = SphericalVoronoi(points)
-    assert as_sets(mesh.triangles) == as_sets(oracle._simplices)
+    assert sets_of(mesh.triangles) == sets_of(oracle._simplices)
     assert mesh.uniform_moments().sum(axis=0) == pytest.approx(0, abs=1e-12)
 
 
@@ -124,7 +122,7 @@ def test_flips_follow_moving_points() -> None:
         mesh.replace(unit(mesh.uniform_moments()))
     step = 0.1 * np.sqrt(mesh.areas())[:, None]
     assert mesh.move(unit(mesh.points + step * np.random.default_rng(1).normal(size=mesh.points.shape)))
-    assert as_sets(mesh.triangles) == as_sets(ConvexHull(mesh.points).simplices)
+    assert sets_of(mesh.triangles) == sets_of(ConvexHull(mesh.points).simplices)
 
 
 def test_a_move_that_turns_triangles_over_changes_nothing() -> None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from reference import cube
 
 from cvtimg import surface_points
-from cvtimg.halfedges import boundary_edges, measure_triangles
+from cvtimg.halfedges import boundary_edges, edges_around, measure_triangles, unique_edges
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, measure_surface
 from cvtimg.surfaces.features import find_features
 from cvtimg.surfaces.triangulation import SurfaceTriangulation
@@ -100,9 +100,7 @@ def test_three_sheets_meet_in_one_curve() -> None:
     points = np.concatenate([np.c_[ends, np.full(4, z)] for z in (0.0, 1)])
     faces = np.array([corner for k in (1, 2, 3) for corner in ([0, k, k + 4], [0, k + 4, 4])])
     found = surface_points((points, faces), 150, effort="fast")
-    edges, counts = np.unique(
-        np.sort(found.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_counts=True
-    )
+    edges, _, counts = unique_edges(edges_around(found.triangles))
     assert np.allclose(found.points[edges[counts == 3]][:, :, :2], 0)
     heights = found.points[edges[counts == 3]][:, :, 2]
     assert np.abs(np.diff(heights, axis=1)).sum() == pytest.approx(1)

@@ -7,10 +7,11 @@ import meshio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference import cube
+from reference import at_threads, cube
 from scipy.spatial import ConvexHull, KDTree
 
 from cvtimg import surface_points
+from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, measure_surface, torus
 
 Points = NDArray[np.float64]
@@ -62,15 +63,11 @@ def test_points_are_centers_of_mass_of_their_cells(on_torus: SurfacePoints) -> N
 
 
 def test_no_opposite_angles_add_up_to_more_than_180_degrees(on_torus: SurfacePoints) -> None:
-    opposite: dict[frozenset[int], float] = {}
-    for triangle in on_torus.triangles.tolist():
-        for k in range(3):
-            apex, a, b = (on_torus.points[triangle[(k + step) % 3]] for step in range(3))
-            u, v = a - apex, b - apex
-            edge = frozenset({triangle[(k + 1) % 3], triangle[(k + 2) % 3]})
-            angle = np.arccos(u @ v / np.linalg.norm(u) / np.linalg.norm(v))
-            opposite[edge] = opposite.get(edge, 0) + angle
-    assert max(opposite.values()) <= np.pi + 1e-6
+    corners = on_torus.points[on_torus.triangles]
+    u, v = (np.roll(corners, -step, axis=1) - corners for step in (1, 2))
+    cosines = np.einsum("tki,tki->tk", u, v) / np.linalg.norm(u, axis=2) / np.linalg.norm(v, axis=2)
+    edge = unique_edges(edges_around(on_torus.triangles[:, [1, 2, 0]]))[1]  # opposite to each corner
+    assert np.bincount(edge, np.arccos(cosines).ravel()).max() <= np.pi + 1e-6
 
 
 def test_a_ball_gets_a_sphere() -> None:
@@ -127,21 +124,12 @@ def test_more_effort_gives_less_energy() -> None:
     assert energies[0] > energies[1] >= energies[2] * 0.999
 
 
-def test_all_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from cvtimg._shared import threads
-
+def test_all_threads_give_the_same_bits() -> None:
     mesh = torus().triangulation
     start = np.random.default_rng(0).integers(len(mesh.triangles), size=12_000).astype(np.int32)
     places = mesh.points[mesh.triangles[start]].mean(axis=1) * 1.05
-    found = []
-    for n in ("1", "3"):
-        monkeypatch.setenv("CVTIMG_THREADS", n)
-        threads.n_threads.cache_clear()
-        threads._pool.cache_clear()
-        found.append(mesh.nearest(places, start)[0])
-    threads.n_threads.cache_clear()
-    threads._pool.cache_clear()
-    assert (found[0] == found[1]).all()
+    one, three = at_threads(lambda: mesh.nearest(places, start)[0])
+    assert (one == three).all()
 
 
 def test_walks_end_at_the_nearest_points_of_a_mesh() -> None:
