@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
@@ -20,3 +22,10 @@ def blobs(seed: int, shape: tuple[int, int] = (160, 160), n_labels: int = 3, spr
     """Draw labels of smoothed noise, from 1: any number of pieces each, which meet in threes."""
     fields = np.random.default_rng(seed).normal(size=(n_labels, *shape))
     return 1 + gaussian_filter(fields, (0, spread, spread)).argmax(axis=0)
+
+
+def discs(places: Sequence[tuple[float, float, float]], shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Label the pixels of discs, given as (y, x, radius), from 1; where two meet, by what is nearer in radii."""
+    down, right = np.indices(shape)
+    away = np.stack([np.hypot(down - y, right - x) / radius for y, x, radius in places])
+    return np.where(away.min(axis=0) < 1, away.argmin(axis=0) + 1, 0).astype(np.int32)

@@ -74,6 +74,12 @@ def inside_rings(rings: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return np.logical_xor.reduce(inside)
 
 
+def signed_area(ring: NDArray[Any]) -> float:
+    """Return the area in a closed ring of points (x, y), negative for one that runs the other way."""
+    x, y = ring.T
+    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2)
+
+
 def edge_weighted_energy(
     values: NDArray[Any],
     labels: NDArray[Any],

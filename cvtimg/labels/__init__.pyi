@@ -15,5 +15,4 @@ from .files import write_table as write_table
 from .formats import CONTOUR_FORMATS as CONTOUR_FORMATS
 from .formats import Drawing as Drawing
 from .formats import write_contours as write_contours
-from .formats.geojson import write_geojson as write_geojson
 from .tracking import track_labels as track_labels

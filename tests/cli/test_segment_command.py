@@ -14,7 +14,7 @@ from commands import RowOf, Run
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import find_contours, find_edges, read_image, segment, write_image
+from cvtimg import find_contours, find_edges, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.elbow.curves import auto_count
@@ -42,7 +42,7 @@ def listing() -> set[str]:
     return {str(path) for path in Path().rglob("*") if path.is_file()}
 
 
-def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
+def test_what_is_named_is_written_or_else_labels_beside_the_input(run: Run) -> None:
     (row,) = run("rgb.png", "-k", "3").rows
     assert listing() == {"rgb.png", "rgb-labels.png"}
     assert set(row) == KEYS
@@ -52,11 +52,8 @@ def test_without_outputs_labels_appear_beside_the_input(run: Run) -> None:
     assert np.unique(labels).tolist() == [1, 2, 3]
     brightness = [RGB[labels == label].mean() for label in (1, 2, 3)]
     assert brightness == sorted(brightness)
-
-
-def test_only_what_is_named_is_written(run: Run) -> None:
     assert run("rgb.png", "-k", "2", "--table", "t.csv", "--edges", "e.png").status == 0
-    assert listing() == {"rgb.png", "t.csv", "e.png"}
+    assert listing() == {"rgb.png", "rgb-labels.png", "t.csv", "e.png"}
 
 
 def test_every_output_agrees_with_the_labels(run: Run) -> None:
@@ -118,35 +115,27 @@ def test_many_inputs_get_all_kinds_by_their_names(run: Run) -> None:
 # What is left out
 
 
-def labels_of(run: Run, *arguments: str) -> NDArray[Any]:
-    outcome = run(*arguments, "-k", "2", "-o", "l.npy", "--overwrite")
-    assert outcome.status == 0, outcome.err
-    labels: NDArray[Any] = np.load("l.npy")
-    assert outcome.rows[0]["left_out"] == (labels == 0).sum()
-    return labels
+LEFT_OUT = np.zeros(RGB.shape[:2], bool)
+LEFT_OUT[5:20, 8:30] = True
 
 
 def test_masked_transparent_unknown_and_nodata_pixels_are_left_out(run: Run) -> None:
-    left_out = np.zeros(RGB.shape[:2], bool)
-    left_out[5:20, 8:30] = True
-    write_image("mask.png", ~left_out)
-    np.testing.assert_array_equal(labels_of(run, "rgb.png", "--mask", "mask.png") == 0, left_out)
-    write_image("rgba.png", np.dstack([RGB, np.where(left_out, 0, 255).astype(np.uint8)]))
-    np.testing.assert_array_equal(labels_of(run, "rgba.png") == 0, left_out)
+    write_image("mask.png", ~LEFT_OUT)
+    write_image("rgba.png", np.dstack([RGB, np.where(LEFT_OUT, 0, 255).astype(np.uint8)]))
     for name, value in (("nan.npy", np.nan), ("nodata.npy", -9999.0)):
-        np.save(name, np.where(left_out, value, FIELDS[:, :, 0]))
-    np.testing.assert_array_equal(labels_of(run, "nan.npy") == 0, left_out)
-    np.testing.assert_array_equal(labels_of(run, "nodata.npy", "--nodata", "-9999") == 0, left_out)
+        np.save(name, np.where(LEFT_OUT, value, FIELDS[:, :, 0]))
+    for given in ("rgb.png --mask mask.png", "rgba.png", "nan.npy", "nodata.npy --nodata -9999"):
+        (row,) = run(*given.split(), "-k", "2", "-o", "l.npy", "--overwrite").rows
+        np.testing.assert_array_equal(np.load("l.npy") == 0, LEFT_OUT)
+        assert row["left_out"] == LEFT_OUT.sum()
 
 
 def test_the_border_of_what_is_left_out_is_no_edge_and_has_no_color(run: Run) -> None:
-    left_out = np.zeros(RGB.shape[:2], bool)
-    left_out[5:20, 8:30] = True
-    write_image("mask.png", ~left_out)
+    write_image("mask.png", ~LEFT_OUT)
     files = ["--edges", "e.png", "--mean", "m.png", "--contours", "a.geojson"]
     assert run("rgb.png", "-k", "1", "--mask", "mask.png", *files).status == 0
     assert not read_image("e.png").any()
-    assert not read_image("m.png")[left_out].any()
+    assert not read_image("m.png")[LEFT_OUT].any()
     (feature,) = json.loads(Path("a.geojson").read_text())["features"]
     assert len(feature["geometry"]["coordinates"]) == 2
 
@@ -254,17 +243,6 @@ def test_outputs_are_in_the_units_of_the_image(run: Run, micrograph: NDArray[np.
             assert tiff.pages.first.aspage().get_resolution() == pytest.approx((2, 2))
 
 
-def test_channels_of_a_stack_are_bands_of_its_planes(run: Run, micrograph: NDArray[np.uint16]) -> None:
-    assert run("stack.tif", "-k", 2, "-o", "l.tif", "--pixel-size", "1x1x3nm").status == 0
-    with tifffile.TiffFile("l.tif") as tiff:
-        assert (tiff.series[0].axes, tiff.series[0].shape) == ("ZYX", (3, 20, 30))
-        said = tiff.imagej_metadata or {}
-        assert (said["unit"], said["spacing"]) == ("nm", 3)
-        labels = tiff.asarray()
-    joined = np.moveaxis(micrograph, 1, -1)
-    np.testing.assert_array_equal(labels, [segment(plane, 2).labels for plane in joined])
-
-
 @pytest.mark.usefixtures("micrograph")
 def test_the_smallest_detail_may_be_a_length(row_of: RowOf) -> None:
     given = ["stack.tif", "-k", 2, "--z", 1, "--overwrite", "-o", "l.tif", "--smallest-detail"]
@@ -273,7 +251,9 @@ def test_the_smallest_detail_may_be_a_length(row_of: RowOf) -> None:
 
 
 def test_intensities_are_columns_by_the_names_of_channels(run: Run, micrograph: NDArray[np.uint16]) -> None:
-    assert run("stack.tif", "-k", 2, "--z", 1, "--table", "t.csv", "--properties", "intensity_max,centroid").status == 0
+    outputs = ["--table", "t.csv", "-o", "l.tif", "--pixel-size", "1x1x3nm"]
+    assert run("stack.tif", "-k", 2, "--properties", "intensity_max,centroid", *outputs).status == 0
+    assert str(image_info("l.tif").pixel_size) == "1 x 1 x 3 nm"
     columns = Path("t.csv").read_text().splitlines()[0].split(",")
     assert {"mean_DAPI", "std_GFP", "intensity_max_DAPI", "intensity_max_GFP", "centroid-0"} <= {*columns}
 

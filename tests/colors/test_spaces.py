@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from skimage.color import deltaE_ciede2000
 
-import cvtimg
-from cvtimg.colors.spaces import SPACES, ColorSpace, from_space, to_depth, to_space
+from cvtimg.colors.spaces import SPACES, from_space, to_depth, to_space
 
 CUBE = np.stack(np.meshgrid(*[np.arange(0, 256, 17)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
@@ -87,15 +86,3 @@ def test_bad_spaces_and_colors_are_refused() -> None:
         to_space(np.zeros((4, 5)), "lab")
     with pytest.raises(ValueError, match=r"float64 samples in .* must be in 0\.\.1 for space"):
         to_space(np.array([[0.5, 2.0, 0]]), "linear")
-
-
-def test_a_color_space_is_one_line_in_the_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    twice = ColorSpace(lambda rgb: 2 * rgb, lambda places: places / 2, white=2.0, gray=(1.0, 1.0, 1.0))
-    monkeypatch.setitem(SPACES, "twice", twice)
-    rng = np.random.default_rng(2)
-    for shape in [(12, 9, 3), (12, 9)]:
-        image = rng.integers(0, 256, shape, dtype=np.uint8)
-        assert cvtimg.quantize(image, 5, space="twice").energy == pytest.approx(cvtimg.quantize(image, 5).energy)
-        labels = [cvtimg.segment(image, 3, space=space).labels for space in ("rgb", "twice")]
-        np.testing.assert_array_equal(*labels)
-        assert cvtimg.restore([image, image], 3, space="twice").image.shape == shape

@@ -71,16 +71,8 @@ def test_tifffile_reads_axes_and_sizes_of_labels_and_masks(stack: str) -> None:
             if stack == "imagej":
                 assert ((tiff.imagej_metadata or {})["unit"], (tiff.imagej_metadata or {})["spacing"]) == ("um", 1.5)
                 assert tiff.pages.first.aspage().get_resolution() == pytest.approx((1 / 0.325,) * 2)
-
-
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("stack", ["ome"], indirect=True)
-def test_ome_types_reads_the_sizes_of_labels(stack: str) -> None:
-    ome_types = pytest.importorskip("ome_types")
-    pixels = ome_types.from_tiff("l.tif").images[0].pixels
-    assert {name: getattr(pixels, f"physical_size_{name[-1].lower()}") for name in SIZES} == SIZES
-    assert pixels.physical_size_x_unit.value == "\u00b5m"
-    assert (pixels.size_t, pixels.size_z, pixels.size_c) == (2, 3, 1)
+            else:
+                assert all(f'{name}="{size}"' in (tiff.ome_metadata or "") for name, size in SIZES.items())
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -16,7 +14,7 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 from PIL import Image
-from reference import inside_rings
+from reference import inside_rings, signed_area
 from skimage.color import rgb2lab
 
 from cvtimg import find_contours
@@ -27,7 +25,6 @@ from cvtimg.labels import (
     read_labels,
     region_table,
     write_contours,
-    write_geojson,
     write_labels,
     write_table,
 )
@@ -113,7 +110,7 @@ def test_an_existing_file_is_replaced_only_when_asked(tmp_path: Path) -> None:
     for write in (
         lambda path, **how: write_table(path, table, **how),
         lambda path, **how: write_contours(path.with_suffix(".svg"), Drawing((), (2, 2), IMAGE[0], {}), **how),
-        lambda path, **how: write_geojson(path, [], {}, **how),
+        lambda path, **how: write_contours(path.with_suffix(".geojson"), Drawing((), (2, 2), IMAGE[0], {}), **how),
         lambda path, **how: write_labels(path.with_suffix(".npy"), LABELS, **how),
     ):
         write(tmp_path / "file")
@@ -176,14 +173,10 @@ def features(path: Path) -> dict[int, list[list[NDArray[np.float64]]]]:
     return found
 
 
-def area(ring: NDArray[np.float64]) -> float:
-    x, y = ring.T
-    return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2)
-
-
 def test_geojson_polygons_cover_the_segments(tmp_path: Path) -> None:
     properties = {label: {"area": label * 10} for label in range(1, 5)}
-    write_geojson(tmp_path / "a.geojson", find_contours(LABELS).polygons, properties)
+    drawing = Drawing(find_contours(LABELS).polygons, LABELS.shape, IMAGE[0], properties)
+    write_contours(tmp_path / "a.geojson", drawing)
     whole = json.loads((tmp_path / "a.geojson").read_text())
     assert [one["properties"] for one in whole["features"]] == [{"label": n, "area": 10 * n} for n in range(1, 5)]
     assert "crs" not in whole
@@ -207,13 +200,13 @@ def test_outer_rings_run_counterclockwise_and_places_are_where_the_transform_lea
 ) -> None:
     labels = np.ones((9, 9), int)
     labels[3:6, 2:5] = 2
-    polygons = find_contours(labels).polygons
-    write_geojson(tmp_path / "a.geojson", polygons, {1: {}, 2: {}}, transform=transform, epsg=32633)
+    drawing = Drawing(find_contours(labels).polygons, (9, 9), IMAGE[0], {1: {}, 2: {}}, transform, epsg=32633)
+    write_contours(tmp_path / "a.geojson", drawing)
     found = features(tmp_path / "a.geojson")
     matrix = np.eye(2, 3) if transform is None else np.array(transform, float)
     pixel = abs(np.linalg.det(matrix[:, :2]))
-    assert [area(ring) / pixel for ring in found[1][0]] == pytest.approx([81, -9], rel=1e-3)
-    assert [area(ring) / pixel for ring in found[2][0]] == pytest.approx([9], rel=1e-3)
+    assert [signed_area(ring) / pixel for ring in found[1][0]] == pytest.approx([81, -9], rel=1e-3)
+    assert [signed_area(ring) / pixel for ring in found[2][0]] == pytest.approx([9], rel=1e-3)
     wanted = {tuple(matrix @ (x, y, 1)) for x in (2, 5) for y in (3, 6)}
     for place in found[2][0][0]:
         assert min(np.hypot(*(np.array(place) - corner)) for corner in wanted) < 1e-4 * pixel**0.5
@@ -227,36 +220,13 @@ def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_
     drawing = Drawing(polygons, (15, 14), colors, properties, transform=[[2, 0, 0], [0, -2, 0]], epsg=4326)
     for suffix in CONTOUR_FORMATS:
         write_contours(tmp_path / f"a{suffix}", drawing)
-    write_geojson(tmp_path / "b.geojson", polygons, properties, transform=drawing.transform, epsg=4326)
-    assert (tmp_path / "a.geojson").read_bytes() == (tmp_path / "b.geojson").read_bytes()
     with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson, \.zip"):
         write_contours(tmp_path / "a.dxf", drawing)
 
 
-def test_a_new_contour_format_is_one_module_and_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from cvtimg.cli.segment_outputs import KINDS
-
-    def write(path: Path, drawings: list[Drawing], overwrite: bool) -> None:
-        (drawing,) = drawings
-        path.write_text("".join(f"{polygon.label} {polygon.area}\n" for polygon in drawing.polygons))
-
-    monkeypatch.setitem(sys.modules, "cvtimg.labels.formats.areas", SimpleNamespace(write=write))
-    monkeypatch.setitem(CONTOUR_FORMATS, ".areas", "areas")
-    polygons = find_contours([[1, 1, 2]]).polygons
-    write_contours(tmp_path / "a.areas", Drawing(polygons, (1, 3), np.zeros((3, 3), np.uint8), {}))
-    assert (tmp_path / "a.areas").read_text() == "1 2.0\n2 1.0\n"
-    assert set(KINDS["contours"]) == set(CONTOUR_FORMATS) - {".areas"}  # the command took them at its import
-
-
-def test_nothing_to_write_is_still_a_valid_file(tmp_path: Path) -> None:
-    write_geojson(tmp_path / "a.geojson", [], {})
-    assert features(tmp_path / "a.geojson") == {}
-    write_contours(tmp_path / "a.svg", Drawing((), (3, 4), np.zeros((1, 3), np.uint8), {}))
-    assert len(ElementTree.parse(tmp_path / "a.svg").getroot()[0]) == 0
-
-
 def test_a_write_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:
-    polygons = [*find_contours(LABELS).polygons, Polygon(9, ())]
+    polygons = (*find_contours(LABELS).polygons, Polygon(9, ()))
+    drawing = Drawing(polygons, LABELS.shape, IMAGE[0], {label: {} for label in range(5)})
     with pytest.raises(KeyError):
-        write_geojson(tmp_path / "a.geojson", polygons, {label: {} for label in range(5)})
+        write_contours(tmp_path / "a.geojson", drawing)
     assert not list(tmp_path.iterdir())

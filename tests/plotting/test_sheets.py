@@ -140,10 +140,6 @@ def test_grey_is_shown_as_grey_in_every_type() -> None:
     np.testing.assert_array_equal(single(Image.fromarray(levels.astype(np.uint8)), 2)[:2], picture)
 
 
-def test_a_flat_deep_picture_is_black() -> None:
-    assert (single(np.full((2, 2), 40000, np.uint16), 2)[:2] == 0).all()
-
-
 def test_deep_pictures_of_a_row_and_their_palettes_share_one_range() -> None:
     wide, narrow = np.array([[0, 1000]], np.uint16), np.array([[500, 500]], np.uint16)
     sheet = contact_sheet([[Panel(wide), Panel(narrow, palette=[[250.0], [1250.0]])]], panel_width=2)
@@ -234,10 +230,6 @@ def test_rows_may_differ_in_length_and_be_empty() -> None:
     assert (sheet[STYLE.margin : STYLE.margin + 4, STYLE.margin + 30 :] == STYLE.background).all()
     assert contact_sheet([]).shape == (2 * STYLE.margin, 2 * STYLE.margin, 3)
     assert contact_sheet([], title="nothing").shape[1] == 2 * STYLE.margin
-
-
-def test_five_panels_make_a_sheet_of_1600_pixels() -> None:
-    assert contact_sheet([[Panel(noise(2, 3))] * 5]).shape[1] == 1600
 
 
 def test_inputs_are_unchanged() -> None:

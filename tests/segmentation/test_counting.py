@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from images import discs
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg.segmentation import count_objects
 
-DOWN, RIGHT = np.mgrid[:120, :160].astype(np.float64)
+RIGHT = np.mgrid[:120, :160][1].astype(np.float64)
 #: Centers and radii: pairs that touch, one alone, and one that is cut off.
 DISCS = [
     (30, 30, 13),
@@ -26,13 +27,9 @@ DISCS = [
 
 
 def drawn(scale: float = 1.0, levels: Any = 1.0) -> NDArray[np.float64]:
-    """Draw discs; where two meet, the nearer center counts."""
-    image, best = np.zeros(DOWN.shape), np.full(DOWN.shape, np.inf)
-    for number, (y, x, radius) in enumerate(DISCS):
-        away = np.hypot(DOWN - y * scale, RIGHT - x * scale) / (radius * scale)
-        here = (away < 1) & (away < best)
-        image[here], best[here] = np.broadcast_to(levels, len(DISCS))[number], away[here]
-    return image
+    """Draw discs."""
+    labels = discs([(y * scale, x * scale, radius * scale) for y, x, radius in DISCS], RIGHT.shape)
+    return np.append(0.0, np.broadcast_to(levels, len(DISCS)))[labels]
 
 
 def noisy(image: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

@@ -87,19 +87,6 @@ def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
     np.testing.assert_allclose(end.generators, [[1], [2]])
 
 
-def test_outside_of_the_mask_is_nobodys_neighbor() -> None:
-    values = np.random.default_rng(0).normal(size=(12, 30, 1)).astype(np.float32)
-    labels = np.random.default_rng(1).integers(1, 4, (12, 30)).astype(np.int32)
-    labels[:, 10:14] = 0  # wider than the disc
-    both = descend(values, labels, 3, edge_weight=0.2, radius=3)
-    apart = [labels * 0, labels * 0]
-    apart[0][:, :10], apart[1][:, 14:] = both.labels[:, :10], both.labels[:, 14:]
-    energies = [edge_weighted_energy(values, part, 1, 3) - edge_weighted_energy(values, part, 0, 3) for part in apart]
-    whole = edge_weighted_energy(values, both.labels, 1, 3) - edge_weighted_energy(values, both.labels, 0, 3)
-    assert sum(energies) == pytest.approx(whole)
-    assert both.energies[-1] == pytest.approx(edge_weighted_energy(values, both.labels, 0.2, 3))
-
-
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_connected_segments_stay_in_one_piece(seed: int) -> None:
     values = np.random.default_rng(seed).normal(size=(30, 40, 2)).astype(np.float32)

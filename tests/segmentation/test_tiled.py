@@ -15,7 +15,7 @@ from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.colors.counting import Counter
 from cvtimg.labels import region_means
-from cvtimg.pictures import open_stack, tiles
+from cvtimg.pictures import image_info, open_stack, tiles
 from cvtimg.pictures import tiles as _tiled
 from cvtimg.segmentation import Averaging, segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation
@@ -70,7 +70,9 @@ def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, way: 
     image = np.ascontiguousarray(KINDS[kind](photograph)[:200, 20:180])
     write(image)
     result, whole = segment_file("a.tif", "b.tif", 4, **way), segment(image, 4, **way)
-    assert same(tifffile.imread("b.tif"), whole.labels) > 0.999
+    labels = tifffile.imread("b.tif")
+    assert same(labels, whole.labels) > 0.999
+    np.testing.assert_array_equal(np.bincount(labels.ravel())[1:], result.masses)
     means = region_means(whole.labels, image)[1:]
     np.testing.assert_allclose(result.generators, means.reshape(result.generators.shape), rtol=1e-4)
     assert result.energy == pytest.approx(whole.energy, rel=1e-3)
@@ -135,25 +137,6 @@ def test_exact_says_whether_all_colors_were_told_apart(monkeypatch: pytest.Monke
     assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
 
 
-def test_many_segments_take_16_bits_and_zarr_is_read_and_written(photograph: NDArray[Any]) -> None:
-    source = zarr.create_array("a.zarr", shape=photograph.shape, chunks=(128, 128, 3), dtype=np.uint8)
-    source[:] = photograph
-    result = segment_file("a.zarr", "b.zarr", 300, edge_weight=0, effort="fast")
-    labels = zarr.open_array("b.zarr", mode="r")[:]
-    assert (labels.dtype, labels.max(), result.n_segments) == (np.uint16, 300, 300)
-    assert (np.bincount(labels.ravel())[1:] == result.masses).all()
-
-
-def test_the_place_on_earth_stays(photograph: NDArray[Any]) -> None:
-    scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
-    write(photograph, extratags=[(33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
-    segment_file("a.tif", "b.tif", 2)
-    with tifffile.TiffFile("b.tif") as tiff:
-        page = tiff.pages.first
-        assert (page.tags.valueof(33550), page.tags.valueof(33922)) == (scale, points)
-        assert (page.dtype, page.is_tiled) == (np.uint8, True)
-
-
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
@@ -178,7 +161,8 @@ def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exceptio
 def test_large_tiffs_go_by_tiles_by_themselves(
     photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(photograph, extratags=[(42113, 2, 2, "7", True)])
+    scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
+    write(photograph, extratags=[(42113, 2, 2, "7", True), (33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
     monkeypatch.setattr(_tiled, "_LARGE", 1000)
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     how = ["segment", "a.tif", "-k", "4", "--edge-weight", "8", "--space", "oklab", "-o", "b.tif", "--json"]
@@ -188,6 +172,9 @@ def test_large_tiffs_go_by_tiles_by_themselves(
     expected = segment(photograph, 4, edge_weight=8, space="oklab", mask=known)
     assert same(tifffile.imread("b.tif"), expected.labels) > 0.999
     assert (row["k"], row["left_out"], row["exact"]) == (4, (~known).sum(), True)
+    assert image_info("b.tif").geo_transform == (30, 0, 500, 0, -30, 900)
+    with tifffile.TiffFile("b.tif") as tiff:
+        assert (tiff.pages.first.dtype, tiff.pages.first.is_tiled) == (np.uint8, True)
     assert row["energy"] == pytest.approx(expected.energy, rel=1e-4)
     assert cli.main(how) == 1
     assert "exists already" in capsys.readouterr().err
@@ -202,13 +189,16 @@ def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixt
     source[:] = photograph
     assert cli.main(["segment", "a.zarr", "-k", "3", "-o", "b.zarr", "--quiet"]) == 0
     assert same(zarr.open_array("b.zarr", mode="r")[:], segment(photograph, 3).labels) > 0.999
+    assert cli.main(["segment", "a.zarr", "-k", "300", "--edge-weight", "0", "-o", "many.zarr", "--quiet"]) == 0
+    many = zarr.open_array("many.zarr", mode="r")[:]
+    assert (many.dtype, many.max()) == (np.uint16, 300)
     for outputs in (["--edges", "e.png"], ["-o", "c.zarr", "--mean", "m.png"]):
         assert cli.main(["segment", "a.zarr", "-k", "3", *outputs]) == 1
         assert "a.zarr is read and written in tiles, and only labels can be" in capsys.readouterr().err
     write_image("a.png", photograph)
     assert cli.main(["segment", "a.png", "-k", "3", "-o", "c.zarr"]) == 1
     assert capsys.readouterr().err.startswith("cvtimg: a.png: ")
-    assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr", "a.png"}
+    assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr", "many.zarr", "a.png"}
 
 
 def test_what_needs_the_whole_picture_is_refused(

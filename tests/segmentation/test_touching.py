@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from images import discs
 from numpy.typing import NDArray
 from reference import same_partition
 from scipy import ndimage
@@ -16,14 +17,8 @@ from cvtimg.segmentation.touching import BORDERS
 RNG = np.random.default_rng(0)
 
 
-def discs(centers: list[tuple[float, float]], radius: float, shape: tuple[int, int] = (90, 120)) -> NDArray[np.int32]:
-    """Each pixel of discs by the nearest center, from 1; 0 elsewhere."""
-    down, right = np.indices(shape)
-    apart = np.stack([np.hypot(down - y, right - x) for y, x in centers])
-    return np.where(apart.min(axis=0) < radius, apart.argmin(axis=0) + 1, 0).astype(np.int32)
-
-
-PAIRS = discs([(20, 20), (20, 36), (60, 30), (62, 70), (62, 86), (70, 103), (20, 90)], 10.1)
+CENTERS = [(20, 20), (20, 36), (60, 30), (62, 70), (62, 86), (70, 103), (20, 90)]
+PAIRS = discs([(y, x, 10.1) for y, x in CENTERS], (90, 120))
 
 
 def test_touching_discs_are_split_where_they_touch() -> None:
@@ -106,10 +101,7 @@ def test_wrong_options_are_refused() -> None:
 
 def bright_and_dim() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Draw a bright and a dim disc that touch, blurred as optics do, and where each is halfway to the background."""
-    down, right = np.mgrid[:60, :100]
-    truth = np.zeros((60, 100), np.int32)
-    for label, (row, column) in enumerate(((30, 35), (30, 58)), 1):
-        truth[np.hypot(down - row, right - column) < 12] = label
+    truth = discs([(30, 35, 12), (30, 58, 12)], (60, 100))
     image = gaussian_filter(np.choose(truth, (0.0, 1.0, 0.2)), 1.5)
     noise = 0.01 * np.random.default_rng(0).standard_normal(image.shape)
     return (image + noise).astype(np.float32), truth

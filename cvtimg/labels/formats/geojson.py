@@ -18,70 +18,28 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
-    """Write the polygons of drawings with their properties, in the coordinates of their map if they have one."""
+    """Write a FeatureCollection with one feature per label, in the coordinates of the drawings' map if they have one.
+
+    Outer rings run counterclockwise in these coordinates, as RFC 7946 requires. That standard allows only longitude and
+    latitude; other systems are named by the member "crs" of the older standard, which GDAL and QGIS read.
+    """
     features = (_features(one.polygons, one.properties, one.transform, one.place) for one in drawings)
-    _write(path, chain.from_iterable(features), drawings[0].epsg, drawings[0].unit, overwrite)
+    unit = {"unit": drawings[0].unit} if drawings[0].unit else {}
+    content = collection(chain.from_iterable(features), drawings[0].epsg, unit)
+    write_text(path, content, overwrite=overwrite)
 
 
 def write_geojson(
-    path: StrPath,
-    polygons: Iterable[Polygon],
-    properties: Mapping[int, Mapping[str, Any]],
-    *,
-    transform: ArrayLike | None = None,
-    epsg: int | None = None,
-    unit: str = "",
-    overwrite: bool = False,
+    path: StrPath, polygons: Iterable[Polygon], properties: Mapping[int, Mapping[str, Any]], *, overwrite: bool = False
 ) -> None:
-    """Write polygons as a GeoJSON FeatureCollection with one feature per label.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Ends in .geojson or .json.
-    polygons : iterable of Polygon
-        Polygons of `Contours`, by label.
-    properties : mapping of int to mapping
-        Properties of each label, in addition to the label itself.
-    transform : (2, 3) array, optional
-        Maps (x, y, 1) in pixels to the coordinates of the file; by default these are pixels, with y down.
-    epsg : int, optional
-        Code of the coordinate system of these coordinates, if it is known.
-    unit : str
-        Unit of these coordinates, such as "um"; it stands as a member "unit" of the collection.
-    overwrite : bool
-        Replace an existing file.
-
-    Notes
-    -----
-    Outer rings run counterclockwise in the coordinates of the file, as RFC 7946 requires. That standard allows only
-    longitude and latitude; other systems are named by the member "crs" of the older standard, which GDAL and QGIS
-    read.
-
-    Examples
-    --------
-    >>> import json
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from cvtimg import find_contours
-    >>> polygons = find_contours([[1]]).polygons
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_geojson(f"{folder}/a.geojson", polygons, {1: {"area": 1}}, transform=[[30, 0, 600], [0, -30, 900]])
-    ...     feature = json.loads(Path(folder, "a.geojson").read_text())["features"][0]
-    >>> feature["geometry"]["coordinates"]
-    [[[600.0, 900.0], [600.0, 870.0], [630.0, 870.0], [630.0, 900.0], [600.0, 900.0]]]
-    """
-    _write(path, _features(polygons, properties, transform), epsg, unit, overwrite)
-
-
-def _write(path: StrPath, features: Iterable[dict[str, Any]], epsg: int | None, unit: str, overwrite: bool) -> None:
-    write_text(path, collection(features, epsg, {"unit": unit} if unit else {}), overwrite=overwrite)
+    """Write polygons with the properties of each label, in pixels."""
+    write_text(path, collection(_features(polygons, properties)), overwrite=overwrite)
 
 
 def _features(
     polygons: Iterable[Polygon],
     properties: Mapping[int, Mapping[str, Any]],
-    transform: ArrayLike | None,
+    transform: ArrayLike | None = None,
     place: Mapping[str, int] = MappingProxyType({}),
 ) -> Iterator[dict[str, Any]]:
     """Yield a feature for each label."""

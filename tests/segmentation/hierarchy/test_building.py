@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg import segment_hierarchy
-from cvtimg._shared import threads
 
 
 def shapes(height: int = 90, width: int = 120) -> NDArray[np.int32]:
@@ -73,24 +72,6 @@ def test_a_dim_image_has_the_regions_of_a_bright_one() -> None:
     hierarchy = segment_hierarchy(image, n_leaves=200)
     assert hierarchy.cut().max() == 3
     assert agreement(hierarchy.cut(), truth) > 0.995
-
-
-def test_two_runs_and_any_number_of_threads_give_the_same_bits(
-    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = []
-    for number in ("1", "1", "3"):
-        monkeypatch.setenv("CVTIMG_THREADS", number)
-        threads.n_threads.cache_clear()
-        threads._pool.cache_clear()
-        found.append(segment_hierarchy(photograph[:160, :160], n_leaves=100))
-    monkeypatch.undo()
-    threads.n_threads.cache_clear()
-    threads._pool.cache_clear()
-    for other in found[1:]:
-        np.testing.assert_array_equal(other.leaves, found[0].leaves)
-        np.testing.assert_array_equal(other.merges, found[0].merges)
-        assert other.altitudes.tobytes() == found[0].altitudes.tobytes()
 
 
 def test_an_image_is_left_as_it_is(photograph: NDArray[Any]) -> None:
