@@ -13,10 +13,11 @@ from commands import Run
 from cvtimg import write_image
 from cvtimg.batch import WrongUsageError
 from cvtimg.cli.overview import COMMANDS
+from cvtimg.cli.restore_command import FOR_SEGMENTS
 from cvtimg.options import options_of
 from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole, collected
 
-#: The function behind each command, and what the command needs beside the option.
+#: The function behind each command, or both of them, and what the command needs beside the option.
 BEHIND = {
     "quantize": ("cvtimg.quantization.quantize_file", "in.png -o out.png"),
     "segment": ("cvtimg.segment", "in.png -k 3 -o out.png"),
@@ -25,6 +26,7 @@ BEHIND = {
     "cluster": ("cvtimg.tessellate", "rows.npy -k 3 -o out.csv"),
     "elbow": ("cvtimg.energy_curve", "in.png"),
     "basis": ("cvtimg.reduced_basis", "rows.npy -n 2 -o out.npz"),
+    "restore": ("cvtimg.restore cvtimg.denoise", "in.png -o out.png"),
 }
 #: What some options need before they can be given, and values of those that are texts.
 WITH = {
@@ -71,12 +73,15 @@ def test_an_option_arrives_as_an_argument(verb: str, option: Option, run: Run, m
             take(*one)
         raise ValueError("is far enough")
 
-    name, words = BEHIND[verb]
-    monkeypatch.setattr(name, function)
+    names, words = BEHIND[verb]
+    for name in names.split():
+        monkeypatch.setattr(name, function)
     value = values(option)
     needed = WITH.get(option.keyword, "").split()
     if verb == "quantize" and not needed and option.name not in ("number", "psnr", "quality", "max_bytes"):
         needed = ["-k", "3"]
+    if verb == "restore" and option.name != "number":
+        needed = ["-k", "3"] if option.keyword in FOR_SEGMENTS else ["--detail"]
     outcome = run(verb, *words.split(), *needed, option.flag, *value)
     assert "is far enough" in outcome.err
     expected = option.parse(value if isinstance(option.kind, Pair) else value[0] if value else True)

@@ -156,15 +156,6 @@ def test_a_second_run_does_not_take_the_output_of_the_first_for_input(run: Run, 
     assert [row["input"] for row in first.rows] == [row["input"] for row in second.rows]
 
 
-def test_the_same_seed_gives_the_same_bytes(run: Run, here: Path) -> None:
-    for name in ("a", "b"):
-        files = ["-o", f"{name}.png", "--save-palette", f"{name}.gpl"]
-        options = ["--init", "random", "--seed", "7"]
-        assert run("quantize", "pictures/rgb.png", "-k", "9", *files, *options).status == 0
-    assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
-    assert Path("a.gpl").read_text() == Path("b.gpl").read_text().replace("Name: b", "Name: a")
-
-
 def test_the_saved_palette_is_that_of_the_output(run: Run, here: Path) -> None:
     assert run("quantize", "pictures/rgba.png", "-k", "5", "-o", "out.png", "--save-palette", "p.json").status == 0
     colors = json.loads(Path("p.json").read_text())["colors"]
@@ -680,15 +671,6 @@ def test_standardized_columns_count_alike_and_generators_keep_their_units(run: R
         np.testing.assert_allclose(means[label, :2], mean, rtol=1e-5, atol=1e-3)
 
 
-def test_arrays_are_clustered_and_labels_can_be_arrays(run: Run, here: Path) -> None:
-    np.save("a.npy", np.column_stack([ROWS, np.where(np.arange(40) == 7, np.nan, 1)]))
-    outcome = run("cluster", "a.npy", "-k", "3", "-o", "labels.npy", "--missing", "drop", "--json")
-    assert [(row["rows"], row["left_out"]) for row in outcome.rows] == [(39, 1)]
-    labels = np.load("labels.npy")
-    assert (labels.shape, labels.dtype, labels[7], labels.max()) == ((40,), np.int32, -1, 2)
-    assert np.count_nonzero(labels < 0) == 1
-
-
 def test_dropped_rows_keep_their_columns_and_labels_can_stand_alone(run: Run, here: Path) -> None:
     Path("a.csv").write_text('who;"a; b";cluster\nA;1;7\nB;;8\nC;9;9\n')
     given = ["--columns", "a; b", "--missing", "drop", "--standardize", "--quiet"]
@@ -709,25 +691,6 @@ def test_clusters_are_drawn_on_the_first_two_principal_axes(run: Run, table: Pat
     pytest.importorskip("matplotlib")
     assert run("cluster", table, "-k", "3", "--columns", columns, "--plot", "a.svg").status == 0
     assert re.search(r"first principal axis, \d+% of the variance", Path("a.svg").read_text())
-
-
-def test_many_tables_go_into_a_folder(run: Run, table: Path) -> None:
-    Path("tables").mkdir()
-    for name in ("a.csv", "b.csv"):
-        Path("tables", name).write_text("1,2\n3,4\n5,7\n")
-    Path("tables/bad.csv").write_text("1,2\n3,\n")
-    outcome = run("cluster", "tables", "missing.csv", "-k", "2", "--out-dir", "out")
-    assert outcome.status == 1
-    assert sorted(path.name for path in Path("out").iterdir()) == ["a-clusters.csv", "b-clusters.csv"]
-    missing, bad, summary = outcome.err.splitlines()
-    assert summary == "2 done, 0 skipped, 2 failed"
-    assert missing == "cvtimg: missing.csv: no such file"
-    assert bad.startswith("cvtimg: tables/bad.csv: line 2, column 'col1': the value is missing")
-    head, *rows = (line.split() for line in outcome.out.splitlines())
-    assert head == ["input", "rows", "k", "energy", "explained", "seconds", "output"]
-    assert [(row[0], row[1], row[2], row[-1]) for row in rows] == [
-        (f"tables/{name}.csv", "3", "2", f"out/{name}-clusters.csv") for name in ("a", "b")
-    ]
 
 
 def test_a_column_whose_name_has_a_comma_is_named_in_quotes(run: Run, here: Path) -> None:

@@ -35,37 +35,6 @@ def colors_of(path: str) -> set[tuple[int, ...]]:
     return set(map(tuple, image.reshape(-1, image.shape[2]).tolist()))
 
 
-@pytest.mark.parametrize(
-    ("words", "options"),
-    [
-        (
-            ["-k", "9", "--dither", "blue-noise", "--dither-strength", "0.5"],
-            {"n_colors": 9, "dither": "blue-noise", "dither_strength": 0.5},
-        ),
-        (["--psnr", "27"], {"psnr": 27}),
-        (["--palette", "game-boy", "--ramp"], {"palette": read_palette("game-boy"), "ramp": True}),
-        (["-k", "9", "--color-bits", "3", "--dither", "bayer"], {"n_colors": 9, "color_bits": 3, "dither": "bayer"}),
-        (["-k", "60", "--psnr", "20"], {"n_colors": 60, "psnr": 20}),
-    ],
-)
-def test_options_are_those_of_the_function(
-    words: list[str], options: dict[str, Any], run: RowOf, picture: NDArray[Any]
-) -> None:
-    row = run("in.png", *words)
-    expected = quantize(picture, **options)
-    np.testing.assert_array_equal(read_image("out.png"), expected.image)
-    assert (row["k"], row["psnr"]) == (len(expected.palette), pytest.approx(expected.psnr))
-    assert (expected.image != quantize(picture, 9).image).any()
-
-
-def test_locked_colors_are_in_the_file(run: RowOf, picture: NDArray[Any]) -> None:
-    assert run("in.png", "-k", "6", "--lock", "#ff0000", "--lock", "00ff7f")["k"] == 6
-    with Image.open("out.png") as image:
-        entries = np.array(image.getpalette()).reshape(-1, 3).tolist()
-    assert [255, 0, 0] in entries
-    assert [0, 255, 127] in entries
-
-
 def test_a_size_that_leaves_one_color_is_warned_of(
     run: RowOf, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -82,12 +51,6 @@ def test_a_palette_file_is_taken_as_it_is(run: RowOf, picture: NDArray[Any]) -> 
     write_image("deep.png", deep)
     run("deep.png", "--palette", "p.hex")
     assert (8 * 257, 24 * 257, 32 * 257) in colors_of("out.png")
-
-
-def test_a_picture_serves_as_palette(run: RowOf, picture: NDArray[Any]) -> None:
-    write_image("few.png", quantize(picture, 5).image)
-    run("in.png", "--palette", "few.png")
-    assert colors_of("out.png") == colors_of("few.png")
 
 
 @pytest.mark.parametrize("channels", [1, 3])

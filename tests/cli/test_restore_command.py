@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from damaging import card, damage, psnr
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import denoise, quantize_frames, read_image, restore, write_image
+from cvtimg import quantize_frames, read_image, restore, write_image
 from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
 from cvtimg.pictures import Frames, Pages, read_frames, read_pages, write_frames, write_pages
@@ -55,24 +54,6 @@ def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:
     np.testing.assert_array_equal(read_image("masks.png"), read_image("alpha.png"))
     assert run("rgb_1.png", "rgb_2.png", "rgb_3.png", "--nodata", "0", "-k", "4", "-o", "nodata.png")[0] == 0
     np.testing.assert_array_equal(read_image("nodata.png"), read_image("alpha.png"))
-
-
-@pytest.mark.slow
-def test_options_reach_the_function(run: Run) -> None:
-    versions = [read_image(f"v_{number}.png") for number in (1, 2, 3)]
-    for words, options in (
-        (
-            "--edge-weight 30 --renormalize median --weights 1,2,3",
-            {"edge_weight": 30, "renormalize": "median", "weights": [1, 2, 3]},
-        ),
-        ("--align --space lab --effort fast", {"align": True, "space": "lab", "effort": "fast"}),
-        ("--align --motion affine", {"align": "affine"}),
-        ("--channels --edge-weight 0", {"channels": True, "edge_weight": 0}),
-    ):
-        assert run("v_*.png", "-k", "5", "-o", "out.png", "--overwrite", *words.split())[0] == 0
-        np.testing.assert_array_equal(read_image("out.png"), restore(versions, 5, **options).image)
-    assert run("v_*.png", "-o", "out.png", "--overwrite", *["--detail", "--seed", "5", "--effort", "fast"])[0] == 0
-    np.testing.assert_array_equal(read_image("out.png"), denoise(versions, rng=5, effort="fast").image)
 
 
 def test_auto_is_found_by_the_command_too(run: Run) -> None:
@@ -176,17 +157,6 @@ def test_info_measures_the_noise_of_any_picture(run: Run, capsys: pytest.Capture
     gray, tiny = map(json.loads, capsys.readouterr().out.splitlines())
     assert gray["noise"] == pytest.approx(8, rel=0.15)
     assert (gray["noise_slope"], gray["noise_neighbors"], tiny["noise"]) == (0, 0, None)
-
-
-def test_versions_are_upright_as_their_exif_says(run: Run) -> None:
-    for number in (1, 2, 3):
-        image = Image.open(f"rgb_{number}.png").transpose(Image.Transpose.ROTATE_90)
-        image.getexif()[0x0112] = 6
-        image.save(f"turned_{number}.png", exif=image.getexif())
-    words = ("-k", "2", "--effort", "fast", "--edge-weight", "0", "-o")
-    assert run("rgb_1.png", "turned_2.png", "turned_3.png", *words, "turned.png")[0] == 0
-    assert run("rgb_1.png", "rgb_2.png", "rgb_3.png", *words, "plain.png")[0] == 0
-    np.testing.assert_array_equal(read_image("turned.png"), read_image("plain.png"))
 
 
 @pytest.mark.slow
