@@ -43,37 +43,6 @@ def test_the_best_effort_reaches_proven_optima(name: str, tables: dict[str, NDAr
         np.testing.assert_allclose(min(found), least, rtol=1e-6)
 
 
-def least_energy(rows: NDArray[Any], n_cells: int) -> float:
-    """Return the least energy of all ways to divide a few rows into cells."""
-    ones = np.arange(1 << len(rows))[:, None] >> np.arange(len(rows)) & 1
-    squares, sums = ones @ (rows**2).sum(axis=1), ones @ rows
-    alone = squares - (sums**2).sum(axis=1) / np.maximum(ones.sum(axis=1), 1)
-    least = alone.copy()
-    for _ in range(n_cells - 1):
-        before = least.copy()
-        for some in range(1, len(least)):
-            part = some
-            while part := (part - 1) & some:
-                least[some] = min(least[some], alone[part] + before[some ^ part])
-    return float(least[-1])
-
-
-@pytest.mark.parametrize("effort", ["balanced", "best"])
-@pytest.mark.parametrize("n_cells", [2, 3, 4])
-def test_of_a_few_rows_the_least_energy_of_all_is_found(effort: str, n_cells: int) -> None:
-    for seed in range(3):
-        rows = np.random.default_rng(seed).standard_t(3, (9, 2))
-        found = tessellate(rows, n_cells, effort=effort).energy
-        np.testing.assert_allclose(found, least_energy(rows, n_cells), rtol=1e-5)
-
-
-@pytest.mark.parametrize("n_cells", [3, 6, 9])
-def test_along_a_line_the_optimum_of_one_dimension_is_found(n_cells: int) -> None:
-    along = np.random.default_rng(n_cells).standard_normal((80, 1))
-    found = tessellate(along * [0.6, 0.8], n_cells, effort="best").energy
-    np.testing.assert_allclose(found, tessellate(along, n_cells, method="optimal1d").energy, rtol=1e-5)
-
-
 @pytest.mark.parametrize("effort", ["balanced", "best"])
 def test_evolution_is_rarely_above_and_often_below_ten_starts(effort: str) -> None:
     from sklearn.cluster import KMeans

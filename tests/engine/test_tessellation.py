@@ -34,15 +34,6 @@ def blobs() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return rows, rng.random(300)
 
 
-def test_four_points_make_two_pairs() -> None:
-    result = tessellate([[0, 0], [0, 2], [9, 0], [9, 2]], 2)
-    np.testing.assert_array_equal(result.generators, [[0, 1], [9, 1]])
-    np.testing.assert_array_equal(result.labels, [0, 0, 1, 1])
-    np.testing.assert_array_equal(result.masses, [2, 2])
-    assert result.energy == 4
-    assert result.converged
-
-
 @pytest.mark.parametrize(
     ("n_dims", "dtype"),
     [*((n, np.uint8) for n in (1, 2, 3, 4, 5, 16, 64)), *((3, dtype) for dtype in (np.uint16, np.float32, np.float64))],
@@ -104,13 +95,6 @@ def test_a_far_origin_changes_nothing(blobs: tuple[NDArray[Any], NDArray[Any]]) 
     near, far = (tessellate(data, 6, density=density) for data in (rows, rows + 1e6))
     assert reference.same_partition(near.labels, far.labels) == 1
     np.testing.assert_allclose(near.energy, far.energy, rtol=1e-6)
-
-
-def test_as_many_generators_as_colors_leave_no_energy(photograph: NDArray[Any]) -> None:
-    samples = color_samples(photograph[:20, :20])
-    result = tessellate(samples, samples.n_colors)
-    assert result.energy == pytest.approx(0, abs=1e-6)
-    assert len(np.unique(result.labels)) == samples.n_colors
 
 
 def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from cvtimg import tessellate
-from cvtimg.colors import color_samples
 
 POWERS = [0, 0.5, 1, 2, 3]
 
@@ -34,21 +33,6 @@ def test_the_weighted_energy_falls_at_every_step(power: float, skewed: NDArray[A
     assert result.converged
 
 
-def test_frozen_weights_raise_the_energy_where_transfers_lower_it(skewed: NDArray[Any]) -> None:
-    # Assigning by weighted distance and moving to the mean, with the weights of the step before.
-    generators, weights, energies = skewed[:4].copy(), np.full(4, 1 / 16), []
-    for _ in range(8):
-        distances = weights * ((skewed[:, None] - generators) ** 2).sum(axis=2)
-        labels = distances.argmin(axis=1)
-        energies.append(weighted_energy(skewed, labels, 4, 2))
-        weights = np.bincount(labels, minlength=4) ** 2 / len(skewed) ** 2
-        generators = np.array(
-            [skewed[labels == k].mean(axis=0) if (labels == k).any() else [1e9, 1e9] for k in range(4)]
-        )
-    assert max(np.diff(energies)) > 0
-    assert tessellate(skewed, 4, volume_power=2, init=skewed[:4]).weighted_energy < min(energies)
-
-
 @pytest.mark.parametrize("power", POWERS)
 def test_figures_are_those_of_the_labels(power: float, skewed: NDArray[Any]) -> None:
     result = tessellate(skewed, 5, volume_power=power)
@@ -71,13 +55,6 @@ def test_no_single_transfer_lowers_the_energy_at_the_end(power: float, skewed: N
             assert moved >= result.weighted_energy * (1 - 1e-5)
 
 
-def test_without_power_it_is_not_worse_than_lloyd_from_where_that_ends(photograph: NDArray[Any]) -> None:
-    samples = color_samples(photograph[::2, ::2])
-    lloyd = tessellate(samples, 24, method="lloyd", init=samples.colors[::300][:24], effort="best")
-    result = tessellate(samples, 24, method="transfer", init=lloyd.generators, effort="best")
-    assert result.energy <= lloyd.energy * (1 + 1e-9)
-
-
 @pytest.mark.parametrize("power", [0, 0.5, 1, 2])
 def test_the_best_partition_is_found_where_all_can_be_tried(power: float) -> None:
     rows = np.random.default_rng(int(10 * power)).normal(size=(7, 2))
@@ -87,16 +64,6 @@ def test_the_best_partition_is_found_where_all_can_be_tried(power: float) -> Non
     )
     result = tessellate(rows, 3, method="transfer", volume_power=power, effort="best")
     assert result.weighted_energy == pytest.approx(least, rel=1e-5)
-
-
-def test_frequent_colors_gain_generators_with_the_power() -> None:
-    rng = np.random.default_rng(0)
-    rows = np.concatenate([rng.normal(0, 5, (900, 3)), rng.normal(90, 15, (100, 3))])
-    shares = [
-        (tessellate(rows, 12, volume_power=p, effort="best").generators.mean(axis=1) < 40).sum() for p in (0, 1, 2)
-    ]
-    assert shares[0] <= shares[1] <= shares[2]
-    assert shares[0] < shares[2]
 
 
 @pytest.mark.parametrize("power", POWERS)
