@@ -16,7 +16,7 @@ from reference import squared_distances
 from cvtimg import tessellate
 from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
 from cvtimg.blocks.rows import is_blocked
-from cvtimg.engine import Tessellation, block_descent, search
+from cvtimg.engine import Tessellation, block_descent
 
 dask = pytest.importorskip("dask")
 import dask.array as da  # noqa: E402
@@ -61,23 +61,6 @@ def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
     assert all(
         after <= before * (1 + 1e-7) for before, after in zip(result.energies, result.energies[1:], strict=False)
     )
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("small_sample")
-def test_many_more_rows_than_are_searched_on_are_worth_the_best_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    searched = []
-
-    def spy(*arguments: Any) -> NDArray[np.float64]:
-        searched.append(arguments[-1])
-        return search.search(*arguments[:-1], search.EFFORTS["fast"])
-
-    monkeypatch.setattr("cvtimg.engine.tessellation.search", spy)
-    efforts: tuple[tuple[Any, str], ...] = (("fast", "fast"), ("balanced", "best"), ("best", "best"))
-    for effort, expected in efforts:
-        tessellate(blocks(np.tile(ROWS, (3, 1)), None), 6, effort=effort)
-        tessellate(blocks(weights=None), 6, effort=effort)
-        assert searched[-2:] == [search.EFFORTS[expected], search.EFFORTS[effort]]
 
 
 def test_each_generator_is_the_mean_of_its_cell() -> None:
@@ -372,24 +355,6 @@ def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"checkpoint=.* must be a file that an earlier run saved"):
         tessellate(blocks(), 3, checkpoint=path)
     assert path.read_bytes() == b"other"
-
-
-@pytest.mark.slow
-def test_equal_rows_give_the_same_from_any_file_in_any_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    zarr, pyarrow = pytest.importorskip("zarr"), pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    monkeypatch.setattr(block_descent, "_SAMPLE_ROWS", 2000)
-    rng = np.random.default_rng(3)
-    rows = (rng.normal(size=(9000, 2)) + rng.integers(0, 6, (9000, 1))).astype(np.float32)
-    np.save(tmp_path / "a.npy", rows)
-    zarr.create_array(str(tmp_path / "a.zarr"), data=rows, chunks=(1000, 2))
-    table = pyarrow.table({"a": rows[:, 0], "b": rows[:, 1]})
-    parquet.write_table(table, tmp_path / "a.parquet", row_group_size=700)
-    opened = [open_blocks(tmp_path / f"a.{suffix}") for suffix in ("npy", "zarr", "parquet")]
-    results = [tessellate(blocks, 8) for blocks in (*opened, as_blocks(da.from_array(rows, chunks=(2500, 2))))]
-    for result in results[1:]:
-        assert result.energy == pytest.approx(results[0].energy, rel=1e-9)
-        np.testing.assert_allclose(result.generators, results[0].generators, rtol=1e-5)
 
 
 def test_rows_are_drawn_evenly_whatever_the_blocks() -> None:
