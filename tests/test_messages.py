@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import cvtimg
-from cvtimg.cli.app import main
 from cvtimg.pictures.formats import encoding
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (8, 9, 3), np.uint8)
@@ -31,13 +30,6 @@ class Tensor:
 def test_what_has_a_mode_of_another_kind_is_an_array() -> None:
     image: Any = Tensor()
     np.testing.assert_array_equal(cvtimg.quantize(image, 4).image, cvtimg.quantize(IMAGE, 4).image)
-
-
-def test_find_palette_takes_an_image() -> None:
-    from cvtimg.colors import color_samples
-
-    expected = cvtimg.find_palette(color_samples(IMAGE), 4).colors
-    np.testing.assert_array_equal(cvtimg.find_palette(IMAGE, 4).colors, expected)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +50,6 @@ def test_find_palette_takes_an_image() -> None:
         (lambda **wrong: cvtimg.restore([IMAGE], **wrong, renormalise=3), r"'renormalise'; did you mean renormalize\?"),
         (lambda **wrong: cvtimg.mosaic(IMAGE, 9, **wrong, zoom=3), r"'zoom'; options are n_cells, .*shape"),
         (lambda **_: cvtimg.restore(IMAGE, 3), r"shape \(8, 9, 3\) must be a list of versions: .*list\(images\)"),  # type: ignore[arg-type]
-        (lambda **_: cvtimg.read_image(IMAGE), "source of type ndarray must be a path, bytes or a binary file"),  # type: ignore[arg-type]
         (lambda **_: cvtimg.quantize(IMAGE, 0), r"n_colors=0 must be in 1\.\.65536, the size of the largest palette"),
         (lambda **_: cvtimg.quantize(IMAGE, 4, dither="fs"), r"dither='fs' must be one of floyd-steinberg"),
         (lambda **_: cvtimg.segment(IMAGE, 4, averaging=True), r"averaging=True must be one of before, after"),  # type: ignore[arg-type]
@@ -80,16 +71,6 @@ def test_a_full_disk_is_said_whatever_the_encoder_says(monkeypatch: pytest.Monke
     with pytest.raises(OSError, match="no space left on device"):
         cvtimg.write_image(tmp_path / "a.tif", IMAGE)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_rows_without_a_value_can_be_dropped_by_elbow(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("t.csv").write_text("x,y\n1,2\n3,\n5,6\n7,9\n")
-    assert main(["elbow", "t.csv"]) == 1
-    assert "--missing drop" in capsys.readouterr().err
-    assert main(["elbow", "t.csv", "--missing", "drop", "--quiet"]) == 0
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")

@@ -44,24 +44,13 @@ def dark(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 
 
 @pytest.mark.usefixtures("dark")
-def test_a_new_color_space_works_in_quantize(image: NDArray[np.uint8]) -> None:
-    assert len(cvtimg.quantize(image, 4, space="dark").palette) == 4
-    assert len(cvtimg.quantize(image[..., 0], 4, space="dark").palette) == 4
-    assert len(cvtimg.quantize(image, "auto", space="dark").palette) == 4
-    dithered = cvtimg.quantize(image, 3, space="dark", dither="floyd-steinberg")
-    assert len(dithered.palette) == 3
-
-
-@pytest.mark.usefixtures("dark")
-def test_a_new_color_space_works_in_segment(image: NDArray[np.uint8]) -> None:
+def test_a_new_color_space_works_in_every_verb(image: NDArray[np.uint8]) -> None:
+    for given in (image, image[..., 0]):
+        assert len(cvtimg.quantize(given, 4, space="dark", dither="floyd-steinberg").palette) == 4
     for options in ({}, {"edge_weight": "auto"}, {"averaging": "before"}, {"components": True}):
         labels = cvtimg.segment(image, 4, space="dark", **options).labels
         assert len(set(labels[6::12, 6::12].ravel().tolist())) == 4
     assert cvtimg.superpixels(image, 9, space="dark").labels.max() > 1
-
-
-@pytest.mark.usefixtures("dark")
-def test_a_new_color_space_works_in_the_elbow_and_in_restore(image: NDArray[np.uint8]) -> None:
     assert cvtimg.energy_curve(image, 16, space="dark").elbow() == 4
     assert cvtimg.restore([image, image[::-1, ::-1][::-1, ::-1]], 4, space="dark").labels.max() == 4
 

@@ -52,12 +52,15 @@ quantize a.png none.png -k 4 -o out.png | -o is for one input, and these are 2
 quantize a.png b.png -k 4 --out-dir out --save-palette p.gpl | --save-palette is for one input
 quantize a.png more/a.tif -k 4 --out-dir out --overwrite | a.png and more/a.tif would both become out/a.png
 quantize a.png --palette wrong.gpl | --palette: wrong.gpl:
+quantize a.png --palette b.png -o b.png --overwrite | b.png is an input, which is never replaced
+quantize a.png -k 4 --weight-map land.png -o land.png --overwrite | land.png is an input
 quantize a.png -k 4 --weight-map none.png | --weight-map: none.png: no such file
 quantize a.png -k 3 --weight-map pages.tif | has 3 pages, where one image is expected
 quantize a.png -k 4 --weight-map a.png | --weight-map: a.png: must be a gray image
 palette a.png --lock #ff00ff | --lock needs -k
 segment pages.tif --objects --volume -k 2 -o l.tif | takes no -k
 segment a.png -k 2 --write labels,borders | --write: 'borders' must be one of labels, mean, edges, overlay, contours
+segment a.png -k 2 --mask land.png -o land.png --overwrite | land.png is an input
 segment a.png -k 2 --write table.xls | .xls' must end in one of .csv
 segment a.png -k 2 --contours a.dxf | .dxf' must end in one of .svg, .geojson
 segment a.png -k 2 -o a.jpg | .jpg' must end in one of .png, .tif, .tiff, .npy
@@ -69,6 +72,7 @@ restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
 restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
 restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
+restore a.png b.png -k 2 --mask land.png --mask land.png -o land.png --overwrite | land.png is an input
 restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
 segment a.png -k 3 --track -o l.tif | --track needs --objects
 cluster trees.csv | Missing option '--clusters' / '-k'

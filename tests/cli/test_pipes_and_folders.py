@@ -200,23 +200,6 @@ def test_a_run_that_is_resumed_adds_to_its_report(here: Path, suffix: str) -> No
     assert "skipped" not in both
 
 
-def test_no_option_lets_an_output_replace_a_mask_or_a_weight_map(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_image("map.png", RGB[..., 0])
-    before = Path("map.png").read_bytes()
-    for command in (
-        ["quantize", "a.png", "-k", "4", "--weight-map", "map.png", "-o", "map.png", "--overwrite"],
-        ["quantize", "a.png", "--palette", "map.png", "-o", "map.png", "--overwrite"],
-        ["segment", "a.png", "-k", "2", "--mask", "map.png", "-o", "map.png", "--overwrite"],
-        ["restore", "a.png", "a.png", "-k", "2", "--mask", "map.png", "-o", "map.png", "--overwrite"],
-    ):
-        run: Callable[[list[str]], int] = cli.main
-        assert run(command) == 2
-        assert "map.png is an input, which is never replaced" in capsys.readouterr().err
-    assert Path("map.png").read_bytes() == before
-
-
 @pytest.mark.parametrize("given", ["proj", "proj/*.png", "proj/a.png"])
 def test_in_place_replaces_no_file_elsewhere_through_a_link(
     here: Path, capsys: pytest.CaptureFixture[str], given: str
