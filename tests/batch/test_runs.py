@@ -8,7 +8,6 @@ import json
 import multiprocessing
 import os
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -90,15 +89,6 @@ def test_a_list_on_standard_input_keeps_its_folders(here: Path, monkeypatch: pyt
     sources, missing = find(["@-"], find_images, Path("out"))
     assert [str(folder) for folder in sources.values()] == ["out/a", "out/a/b", "out", "out"]
     assert [text for text, _ in missing] == ["no.png"]
-
-
-def test_outputs_that_clash_are_told_before_any_work(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture("a/x.png")
-    picture("b/x.png")
-    assert cli.main(["quantize", "a", "b", "-k", "4", "--out-dir", "out"]) == 2
-    assert "a/x.png and b/x.png would both become out/x.png" in capsys.readouterr().err
-    assert cli.main(["info", "a", "--report", "a/x.png"]) == 2
-    assert not Path("out").exists()
 
 
 # Workers
@@ -281,37 +271,6 @@ def test_leftovers_of_killed_runs_go_and_those_of_live_ones_stay(here: Path) -> 
         file.write(b"whole")
     assert {path.name for path in Path("out").iterdir()} == {"0", "other"}
     assert Path("out/other").read_text() == "whole"
-
-
-@posix
-def test_a_full_disk_fails_what_does_not_fit_and_nothing_else(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tasks = inputs(3)
-    tasks[1].source.write_bytes(bytes(100_000))
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
-    try:
-        assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running()) == 1
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, ignored)
-    assert [row.get("error") for row in rows(capsys)] == [None, "out/1: cannot be written (file too large)", None]
-    assert {path.name for path in Path("out").iterdir()} == {"0", "2"}
-
-
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root writes everywhere")
-def test_a_folder_that_is_read_only_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture("a.png")
-    Path("out").mkdir(mode=0o500)
-    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "out/a.png"]) == 1
-    assert "permission denied" in capsys.readouterr().err
-
-
-def test_an_input_that_vanishes_fails_alone(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tasks = inputs(3)
-    tasks[1].source.unlink()
-    assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), Running()) == 1
-    assert [row.get("error") for row in rows(capsys)] == [None, "no such file or directory", None]
 
 
 def test_an_input_is_never_replaced_in_a_batch(here: Path) -> None:
