@@ -42,14 +42,8 @@ def test_files_that_lie_end_in_one_line(tmp_path: Path) -> None:
         verdicts[name] = hostile.judge(tmp_path / name)
     assert {name: verdict for name, verdict in verdicts.items() if verdict not in ("right", "error")} == {}
     assert verdicts["tiny.tif"] == verdicts["loop.tif"] == verdicts["wrong-jpeg.png"] == "right"
-    assert verdicts["bomb.png"] == verdicts["empty.png"] == verdicts["pickle.npy"] == "error"
-
-
-@pytest.mark.slow
-def test_a_file_that_is_whole_is_right(tmp_path: Path) -> None:
-    for name in ("png-RGB.png", "bmp-P.bmp", "jpeg-CMYK.jfif", "tiff-I16.tif", "icc-garbage.png", "1x1.png"):
-        (tmp_path / name).write_bytes(seeds()[name])
-        assert hostile.judge(tmp_path / name) == "right", name
+    for name in ("bomb.png", "empty.png", "pickle.npy", "size-1.tif", "size-7.tif"):
+        assert verdicts[name] == "error"
 
 
 @pytest.mark.parametrize("name", ["stack-plain.tif", "deep-stack-imagej.tif", "bands-u2-big-5.tif"])
@@ -62,13 +56,6 @@ def test_pages_and_bands_are_right_from_files_and_pipes(tmp_path: Path, name: st
     assert hostile.judge(path, piped=True) == "right"
     path.write_bytes(seeds()["png-RGB.png"][:500])
     assert hostile.judge(path, piped=True) == "error"
-
-
-def test_a_size_that_is_no_number_is_an_error_of_one_line(tmp_path: Path) -> None:
-    files = dict(hostile.made())
-    for name in ("size-1.tif", "size-7.tif"):
-        (tmp_path / name).write_bytes(files[name])
-        assert hostile.judge(tmp_path / name) == "error"
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from images import DEEP, RGB, RGBA
+from images import RGB, RGBA
 from picture_files import SRGB, cmyk_profile, grey_profile, rgb_profile, save
 from PIL import Image
 
@@ -61,8 +61,3 @@ def test_cmyk_goes_through_its_profile(tmp_path: Path) -> None:
 def test_a_profile_that_does_not_serve_is_ignored(tmp_path: Path, icc: bytes) -> None:
     path = save(tmp_path / "a.png", RGB, icc_profile=icc)
     np.testing.assert_array_equal(read_image(path), RGB)
-
-
-def test_deep_grey_stays_as_measured(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.png", DEEP, icc_profile=grey_profile(1.0))
-    np.testing.assert_array_equal(read_image(path), DEEP)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from images import BITS, DEEP, GREY, RGB, RGBA
 from numpy.typing import NDArray
-from picture_files import SRGB, png, save
+from picture_files import SRGB, save
 
 from cvtimg.pictures.files import image_info
 
@@ -32,13 +32,6 @@ def test_the_header_tells_format_mode_bands_bits_and_alpha(
     info = image_info(save(tmp_path / name, image))
     assert (info.format, info.mode, info.bands, info.bits, info.has_alpha) == expected
     assert (info.width, info.height, info.frames, info.icc) == (7, 5, 1, None)
-
-
-def test_the_header_tells_16_bits_of_rgb(tmp_path: Path) -> None:
-    file = png((2, 1), 16, 2, b"\0" + bytes(range(10, 22)), bytes(range(10, 16)))
-    (tmp_path / "a.png").write_bytes(file)
-    info = image_info(tmp_path / "a.png")
-    assert (info.bits, info.has_alpha) == (16, True)
 
 
 def test_the_header_names_the_profile(tmp_path: Path) -> None:
