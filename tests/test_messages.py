@@ -50,7 +50,6 @@ def test_what_has_a_mode_of_another_kind_is_an_array() -> None:
         (lambda **wrong: cvtimg.restore([IMAGE], **wrong, renormalise=3), r"'renormalise'; did you mean renormalize\?"),
         (lambda **wrong: cvtimg.mosaic(IMAGE, 9, **wrong, zoom=3), r"'zoom'; options are n_cells, .*shape"),
         (lambda **_: cvtimg.restore(IMAGE, 3), r"shape \(8, 9, 3\) must be a list of versions: .*list\(images\)"),  # type: ignore[arg-type]
-        (lambda **_: cvtimg.quantize(IMAGE, 0), r"n_colors=0 must be in 1\.\.65536, the size of the largest palette"),
         (lambda **_: cvtimg.quantize(IMAGE, 4, dither="fs"), r"dither='fs' must be one of floyd-steinberg"),
         (lambda **_: cvtimg.segment(IMAGE, 4, averaging=True), r"averaging=True must be one of before, after"),  # type: ignore[arg-type]
     ],
