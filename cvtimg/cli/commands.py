@@ -73,7 +73,6 @@ class _Command(TyperCommand):
 
 
 def _parameter(option: Option) -> Parameter:
-    """Describe an option to Typer."""
     annotation: Any = str
     if isinstance(option.kind, Switch):
         annotation = bool
@@ -89,7 +88,6 @@ def _parameter(option: Option) -> Parameter:
 
 
 def _made(verb: str) -> Any:
-    """Make the command of a verb."""
     module, options = import_module(f"cvtimg.cli.{verb}_command"), options_of(verb)
 
     def described(**values: Any) -> None:

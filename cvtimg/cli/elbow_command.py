@@ -52,7 +52,6 @@ def elbow(given: Given) -> Todo:
 
 
 def _run(run: Todo, report: _Curves, given: Given) -> int:
-    """Run the plan, and print and write the curves."""
     status = run()
     done = report.plotted
     if len(done) == 1 and not (given.as_json or given.quiet):
@@ -70,7 +69,6 @@ class _Curves(Report):
         self.plotted: list[Plotted] = []
 
     def done(self, row: Row) -> None:
-        """Record a completed input."""
         self.plotted.append(row.pop("plotted"))
         super().done(row)
 
@@ -113,7 +111,7 @@ def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None
     from cvtimg.tables import Spread, read_table
 
     if source.suffix.lower() not in TABLE_SUFFIXES:
-        if wrong := [f"--{name}" for name in ("columns", "weight", "standardize") if getattr(given, name)]:
+        if wrong := given.chosen("columns", "weight", "standardize"):
             raise ValueError(f"{' and '.join(wrong)} must not be given for images, only for tables")
         image = read_whole(source)
         return image, image, None

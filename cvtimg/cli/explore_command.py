@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,9 +41,5 @@ def explore(given: Given) -> int:
         return 1
     from cvtimg.explore import serve
 
-    serve(paths, port=given.port, browser=not given.no_browser, keep=not given.no_store, say=_say)
+    serve(paths, port=given.port, browser=not given.no_browser, keep=not given.no_store, say=partial(print, flush=True))
     return int(n_failed > 0)
-
-
-def _say(address: str) -> None:
-    print(address, flush=True)

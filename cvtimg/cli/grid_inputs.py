@@ -73,7 +73,6 @@ def cut_out(grid: SphereGrid, given: Given) -> PartialGrid | None:
 
 
 def _part(option: str, path: Path) -> Any:
-    """Read polygons, or a map."""
     is_map = path.suffix.lower() not in (".geojson", ".json")
     return read_globe(option, path) if is_map else _read_json(option, path)
 
@@ -157,9 +156,11 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np
 
+    from cvtimg.tables import read_table
+
     try:
         with _local("--parent", path) as file:
-            table = _from_netcdf(file) if file.suffix.lower() == ".nc" else _from_table(file)
+            table = _from_netcdf(file) if file.suffix.lower() == ".nc" else read_table(file, columns="xyz").rows
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path} is neither an MPAS mesh nor a table with columns x, y and z: {error}") from error
     lengths = np.linalg.norm(table, axis=1)
@@ -179,14 +180,3 @@ def _from_netcdf(path: Path) -> NDArray[np.float64]:
     if len(vertices) != 2 * len(places[0]) - 4:
         raise OSError(f"--parent {path} is a part of a grid; it must cover the globe")
     return np.stack(places, axis=1)
-
-
-def _from_table(path: Path) -> NDArray[np.float64]:
-    import numpy as np
-
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
-    if len(lines) < 2:
-        raise ValueError("it has no rows")
-    names = [name.strip() for name in lines[0].split(",")]
-    columns = [names.index(axis) for axis in "xyz"]
-    return np.loadtxt(lines[1:], delimiter=",", usecols=columns, ndmin=2)

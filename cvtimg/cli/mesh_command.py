@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from cvtimg.batch import Row, Stopwatch, Task, check_suffix, plan_each
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
 from cvtimg.cli.running import Todo, planned
-from cvtimg.options.mesh_options import GRADE
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -115,15 +114,11 @@ def _plot(found: Mesh, path: Path, given: Given, *, y_down: bool) -> None:
 
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
-    """Fill a mask or labels of voxels with tetrahedra."""
     from dataclasses import asdict
 
     from cvtimg.meshes import mesh_volume
 
-    flat = {"--size": given.size, "--plot": given.plot}
-    flat |= {"--grade": given.grade != GRADE, "--min-size": given.min_size, "--order": given.order == 2}
-    flat |= {"--periodic": given.periodic, "--name": given.name}
-    if unfit := [option for option, value in flat.items() if value]:
+    if unfit := given.chosen("size", "plot", "grade", "min_size", "order", "periodic", "name"):
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
     found = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)
     stopwatch.lap("mesh")

@@ -87,7 +87,6 @@ class _Palettes(Report):
     """Prints the colors of each image as it is done, as blocks of color on a terminal."""
 
     def show(self, row: Row) -> None:
-        """Show the colors of an image."""
         print(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
         if sys.stdout.isatty():
             _print_blocks(row["colors"])

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +75,10 @@ def quantize(given: Given) -> Todo:
     if given.goal == "error" and all(aim is None for aim in (*aims, given.quality)):
         raise WrongUsageError("one of -k, --quality, --psnr, --max-bytes and --palette must be given with --goal error")
     if given.optimize:
-        _check_optimize(given.output)
+        if given.output and given.output.suffix.lower() != ".png":
+            raise WrongUsageError(f"--optimize is for .png, and not for {given.output}")
+        if find_spec("oxipng") is None:
+            raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
     if given.ext is not None:
         from cvtimg.pictures.files import lossless_suffixes
 
@@ -117,7 +121,6 @@ def quantize(given: Given) -> Todo:
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
-    """Quantize an input, and write the outputs."""
     from cvtimg.quantization import QuantizeOptions, Reading, UnfitOptionError, Writing, quantize_file
 
     how, reading, writing = (_taken(options, record) for record in (QuantizeOptions, Reading, Writing))
@@ -140,7 +143,6 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
 
 
 def _taken(options: Mapping[str, Any], record: Any) -> dict[str, Any]:
-    """Return the options that a record has."""
     names = {field.name for field in fields(record)}
     return {name: value for name, value in options.items() if name in names}
 
@@ -151,15 +153,6 @@ def _name(source: Path, *, given: Given) -> str:
         return f"{{}}{source.suffix}"
     suffix = ".gif" if source.suffix.lower() == ".gif" else ".png"
     return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + suffix}"
-
-
-def _check_optimize(output: Path | None) -> None:
-    from importlib.util import find_spec
-
-    if output and output.suffix.lower() != ".png":
-        raise WrongUsageError(f"--optimize is for .png, and not for {output}")
-    if find_spec("oxipng") is None:
-        raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
 
 
 def _share(

@@ -112,7 +112,6 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
 
 
 def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[str], list[NDArray[Any]]]:
-    """Return names of pages, and the pages."""
     names = []
     for path, pages in files:
         names += [str(path)] if len(pages) == 1 else [f"{path}: page {n + 1}" for n in range(len(pages))]
@@ -167,7 +166,6 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 
 def _of_segments(results: Sequence[Any]) -> dict[str, Any]:
-    """Return what a row tells of segments."""
     return {
         "k": max(len(result.colors) for result in results),
         "edge_weight": results[0].edge_weight,
@@ -203,7 +201,6 @@ def _in_8_bits(result: Denoised) -> str:
 
 
 def _check_room(task: Task, n_pages: int) -> None:
-    """Refuse outputs that cannot hold several pages."""
     from cvtimg.pictures import is_animated
     from cvtimg.pictures.formats.animated import FRAME_WRITERS
     from cvtimg.pictures.pages import PAGE_SUFFIXES
@@ -225,7 +222,6 @@ def _without(arguments: Mapping[str, Any], others: Collection[str]) -> dict[str,
 
 
 def _restored(read: VersionFiles, given: Given) -> Denoised:
-    """Restore one image."""
     from cvtimg import denoise, restore
     from cvtimg.restoration import is_drawing
     from cvtimg.restoration.compression import with_tables
@@ -262,7 +258,6 @@ def _with_names(message: str, read: VersionFiles) -> str:
 
 
 def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages, given: Given) -> list[str]:
-    """Write what was asked for; return what there is to say about it."""
     import numpy as np
 
     outputs = task.outputs
@@ -302,7 +297,6 @@ def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, source
 
 
 def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[Panel]]:
-    """Arrange the versions in rows, with the result below them."""
     import numpy as np
 
     from cvtimg._shared.pixels import peak

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
 from cvtimg.cli.running import Todo, planned
-from cvtimg.cli.segment_outputs import Style, check_room, kind_of, outputs_of, write_outputs
+from cvtimg.cli.segment_outputs import check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ EXAMPLES = """\
 _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort", "rng")
 _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "shading", "averaging",
           "objects", "edit")  # fmt: skip
+#: Options that counting without -k does not take.
+_MEASURED = ("neck_depth", "object_border", "smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
 COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
@@ -70,7 +72,7 @@ def segment(given: Given) -> Todo:
     if given.number is None:
         if not (given.hierarchy or given.objects):
             raise WrongUsageError("-k is needed without --hierarchy and --objects: a number of segments, or auto")
-        if counts and (settings := _settings(given)):
+        if counts and (settings := given.chosen(*_MEASURED)):
             raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
         given.number = None if counts else "auto"
     if given.volume and given.objects and not counts:
@@ -80,18 +82,10 @@ def segment(given: Given) -> Todo:
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
-    given.style = Style.of(given)
     plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
     return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given, late=_LATE)
-
-
-def _settings(given: Given) -> list[str]:
-    """Return the options that counting without -k does not take, by their names on the command line."""
-    usual = {"neck_depth": 0.5, "object_border": "segment", "smallest_detail": 1, "edge_weight": "auto"}
-    usual |= {"averaging": "none", "volume_power": 0, "shading": False}
-    return [f"--{name.replace('_', '-')}" for name, value in usual.items() if getattr(given, name) != value]
 
 
 def _averaging(given: Given) -> Averaging | None:
@@ -118,7 +112,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     ways = {"together": given.volume, "volumes": in_volume, "track": given.track, "apart": given.edge_radius}
     found = divide_stack(stack, partial(_way(given), **_detail(task, given)), **ways, edits=given.edit)
     stopwatch.lap("cluster")
-    write_outputs(task, found, given.style, in_volume=in_volume, overwrite=given.overwrite)
+    write_outputs(task, found, given, in_volume=in_volume)
     stopwatch.lap("write")
     image, pages = found.images[0], found.pages
     by_planes = given.objects and not in_volume and pages is not None and "Z" in pages.axes
@@ -178,8 +172,7 @@ def _chosen(options: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
 def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.segmentation import segment_file
 
-    refused = [f"--{name.replace('_', '-')}" for name in _WHOLE if getattr(given, name)]
-    for option in (["-k auto"] if given.number == "auto" else []) + refused:
+    for option in (["-k auto"] if given.number == "auto" else []) + given.chosen(*_WHOLE):
         raise ValueError(f"is read in tiles, and {option} needs the whole image in memory")
     options = _chosen(given.arguments, _IN_TILES)
     options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite, **_detail(task, given)}

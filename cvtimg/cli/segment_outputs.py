@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Task, WrongUsageError, check_suffix
 from cvtimg.options.record import Given
@@ -23,38 +23,11 @@ if TYPE_CHECKING:
     from cvtimg.segmentation.files import DividedStack
 
 
-class Style(NamedTuple):
-    """How edges and contours are drawn."""
-
-    edge_mode: str
-    line_color: tuple[int, ...]
-    line_width: int
-    subpixel: bool
-    simplify: float
-    #: The label whose borders are not drawn: 0, unless that is the background of objects.
-    ignore: int | None
-    #: More columns of the table.
-    properties: tuple[str, ...]
-
-    @classmethod
-    def of(cls, given: Given) -> Style:
-        """Take the style from the options of the command."""
-        return cls(
-            given.edge_mode,
-            tuple(bytes.fromhex(given.line_color)[:3]),
-            given.line_width,
-            given.subpixel,
-            given.simplify,
-            None if given.objects else 0,
-            tuple(filter(None, (name.strip() for name in (given.properties or "").split(",")))),
-        )
-
-
 def outputs_of(given: Given) -> dict[str, Path | str]:
     """Name the outputs of each image, by option."""
     kinds = KINDS | HIERARCHY_KINDS if given.hierarchy else KINDS
     outputs: dict[str, Path | str] = {}
-    for item in filter(None, (part.strip() for part in (given.write or "").split(","))):
+    for item in given.write or ():
         kind, dot, end = item.partition(".")
         if kind not in kinds:
             needs = " without --hierarchy" if kind in HIERARCHY_KINDS else ""
@@ -81,10 +54,15 @@ class Subject:
     image: NDArray[Any]
     labels: NDArray[Any]
     header: ImageInfo
-    style: Style
+    given: Given  # how edges and contours are drawn
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
     in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
+
+    @property
+    def ignore(self) -> int | None:
+        """The label whose borders are not drawn: 0, unless that is the background of objects."""
+        return None if self.given.objects else 0
 
     @cached_property
     def drawing(self) -> Drawing:
@@ -92,8 +70,8 @@ class Subject:
         from cvtimg import find_contours
         from cvtimg.plotting import contour_drawing
 
-        image = self.image if self.style.subpixel else None
-        contours = find_contours(self.labels, image, tolerance=self.style.simplify)
+        image = self.image if self.given.subpixel else None
+        contours = find_contours(self.labels, image, tolerance=self.given.simplify)
         drawing = contour_drawing(contours, self.labels, self.image)
         drawing = replace(drawing, place=self.place, channels=self.header.channels)
         if place := self.header.geo_transform:
@@ -110,7 +88,8 @@ class Subject:
         from cvtimg.labels import region_table
 
         size, channels = self.header.pixel_size, self.header.channels
-        table = region_table(self.labels, self.image, self.style.properties, pixel_size=size, channels=channels)
+        more = self.given.properties or ()
+        table = region_table(self.labels, self.image, more, pixel_size=size, channels=channels)
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
 
@@ -139,20 +118,20 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(task: Task, found: DividedStack, style: Style, *, in_volume: bool, overwrite: bool) -> None:
+def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: bool) -> None:
     """Write what was asked for; of several pages, all into one file."""
     places = [{}] if found.pages is None else found.pages.places
     tree = found.results[0].hierarchy if found.pages is None else None
     each = zip(found.images, found.labels, places, strict=True)
-    subjects = [Subject(task.source, image, own, found.header, style, tree, at, in_volume) for image, own, at in each]
+    subjects = [Subject(task.source, image, own, found.header, given, tree, at, in_volume) for image, own, at in each]
     for option, path in task.outputs.items():
         kind = kind_of(option)
         if kind in _WRITERS:
-            _WRITERS[kind](subjects, path, overwrite)
+            _WRITERS[kind](subjects, path, given.overwrite)
         elif found.pages is None:
-            _write_image(kind, subjects[0], path, overwrite)
+            _write_image(kind, subjects[0], path, given.overwrite)
         else:
-            _write_pages(kind, subjects, path, found.pages, overwrite)
+            _write_pages(kind, subjects, path, found.pages, given.overwrite)
 
 
 def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
@@ -182,9 +161,7 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
             kind == "overlay" and subjects[0].image.dtype != np.uint8
         ):  # pages are as bright beside each other as they are
             bands = [one.image.reshape(*one.labels.shape, -1) for one in subjects]
-            limits = limits_to_show(
-                [one[by.labels != by.style.ignore] for one, by in zip(bands, subjects, strict=True)]
-            )
+            limits = limits_to_show([one[by.labels != by.ignore] for one, by in zip(bands, subjects, strict=True)])
             subjects = [replace(by, image=shown(one, limits)) for one, by in zip(bands, subjects, strict=True)]
         images = [_DRAWN[kind](subject, path) for subject in subjects]
     is_joined = pages.is_joined and kind == "mean"
@@ -200,16 +177,16 @@ def _mean(subject: Subject, path: Path) -> NDArray[Any]:
 def _edges(subject: Subject, path: Path) -> NDArray[Any]:
     from cvtimg import find_edges
 
-    return find_edges(subject.labels, mode=subject.style.edge_mode, ignore=subject.style.ignore)
+    return find_edges(subject.labels, mode=subject.given.edge_mode, ignore=subject.ignore)
 
 
 def _overlay(subject: Subject, path: Path) -> NDArray[Any]:
     from cvtimg.plotting.sheets import draw_edges
 
-    style = subject.style
+    given, color = subject.given, tuple(bytes.fromhex(subject.given.line_color)[:3])
     # The fourth of four bands is not alpha: that has been removed.
     image = subject.image[..., :3] if subject.image.shape[2:] == (4,) else subject.image
-    return draw_edges(image, subject.labels, color=style.line_color, thickness=style.line_width, ignore=style.ignore)
+    return draw_edges(image, subject.labels, color=color, thickness=given.line_width, ignore=subject.ignore)
 
 
 def _masks(subject: Subject, path: Path) -> NDArray[Any]:

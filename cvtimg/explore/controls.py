@@ -28,6 +28,11 @@ class UnfitRequestError(Exception):
     """A request that cannot be answered; the message tells the person why."""
 
 
+def is_number(value: Any) -> bool:
+    """Whether a value that the page sent is a finite number."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
 #: What the page is not told of a control.
 _OWN = ("flag", "keyword", "to", "always", "suffix", "pattern", "check", "none")
 
@@ -52,7 +57,6 @@ class Control:
     only: str = ""  # "images" or "animations" where it is shown for these alone
 
     def parse(self, value: Any) -> Any:
-        """Check a value that the page sent."""
         raise NotImplementedError
 
     def says(self, value: Any) -> bool:
@@ -68,11 +72,9 @@ class Control:
         ]
 
     def text(self, value: Any) -> str:
-        """Write a value as the command line does."""
         return str(value)
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the control."""
         told = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in _OWN}
         return {"kind": self.kind or type(self).__name__.lower(), **told}
 
@@ -96,11 +98,9 @@ class Number(Control):
     suffix: str = ""
 
     def parse(self, value: Any) -> Any:
-        """Check a number; whole numbers come as int."""
         if self.auto and value == "auto":
             return value
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not is_number or not self.low <= value <= self.high or (self.step == 1 and value != int(value)):
+        if not is_number(value) or not self.low <= value <= self.high or (self.step == 1 and value != int(value)):
             noun = f"{'auto or ' if self.auto else ''}a {'whole ' if self.step == 1 else ''}number"
             raise self.refuse(value, f"{noun} in {self.low:g}..{self.high:g}")
         return int(value) if self.step == 1 else float(value)
@@ -152,7 +152,6 @@ class Several(Control):
         return tuple(map(self.parse_one, value))
 
     def parse_one(self, value: Any) -> Any:
-        """Check one value."""
         raise NotImplementedError
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.controls import UnfitRequestError, is_number
 
 
 class Window(NamedTuple):
@@ -34,7 +34,7 @@ class Window(NamedTuple):
         height, width = size
         if height * width <= most or view is None:
             return cls(0, 0, width, height, _step(height * width, most))
-        if not isinstance(view, list) or len(view) != 4 or not all(_is_number(value) for value in view):
+        if not isinstance(view, list) or len(view) != 4 or not all(map(is_number, view)):
             raise UnfitRequestError("view must be four numbers")
         left, right = sorted(min(max(value, 0), width) for value in view[::2])
         top, bottom = sorted(min(max(value, 0), height) for value in view[1::2])
@@ -57,10 +57,6 @@ class Window(NamedTuple):
     def of_array(self, array: NDArray[Any]) -> NDArray[Any]:
         """Cut the window from an array (H, W, ...)."""
         return np.ascontiguousarray(array[self.rows, self.columns])
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _step(n_pixels: int, most: int) -> int:

@@ -146,11 +146,6 @@ class Picture:
         """Colors of all pixels."""
         return self._samples_in(self.whole(MOST_PIXELS))
 
-    @cached_property
-    def small_samples(self) -> ColorSamples:
-        """Colors of the picture in a small size."""
-        return self._samples_in(self.whole(SMALL))
-
     def whole(self, most: int) -> Window:
         """Return the window of the whole picture with at most so many pixels."""
         return Window.of(None, self.size, most)

@@ -53,6 +53,11 @@ def serve(
     own = Credentials(listener.getsockname()[1], secrets.token_urlsafe(24))
     server = Server(own, paths, keep)
 
+    async def end_when_idle(running: uvicorn.Server) -> None:
+        while (left := 60 * idle_minutes - server.idle_seconds) > 0:
+            await asyncio.sleep(max(left, 0.05))
+        running.should_exit = True
+
     async def run() -> None:
         config = uvicorn.Config(
             server.app,
@@ -65,7 +70,7 @@ def serve(
             timeout_graceful_shutdown=1,
         )
         running = uvicorn.Server(config)
-        watch = asyncio.create_task(_end_when_idle(running, server, idle_minutes * 60))
+        watch = asyncio.create_task(end_when_idle(running))
         say(own.entrance())
         with _door(own) if browser else nullcontext():
             await running.serve(sockets=[listener])
@@ -116,12 +121,6 @@ def _signals_end() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-async def _end_when_idle(running: object, server: object, seconds: float) -> None:
-    while server.idle_seconds < seconds:  # type: ignore[attr-defined]
-        await asyncio.sleep(max(seconds - server.idle_seconds, 0.05))  # type: ignore[attr-defined]
-    running.should_exit = True  # type: ignore[attr-defined]
 
 
 def _bound(port: int) -> socket.socket:

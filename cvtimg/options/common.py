@@ -68,6 +68,11 @@ def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:
     raise ValueError(f"{str(text)!r} must be a number of bits in 1..8, or three such as 5,6,5")
 
 
+def names(text: str) -> tuple[str, ...]:
+    """Parse names with commas between them."""
+    return tuple(filter(None, (part.strip() for part in text.split(","))))
+
+
 # What files may end in, known to modules that import NumPy: images, those that keep all values, palettes, meshes.
 pictures = late("pictures.files", "image_suffixes")
 lossless = late("pictures.files", "lossless_suffixes")

@@ -12,8 +12,6 @@ from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, passe
 OUT_DIR = common.out_dir("Folder for outputs NAME.vtu.")
 #: Radii of the earth in meters, as models have it.
 _RADII = {"mpas": 6_371_229.0, "cesm": 6_371_220.0}
-#: Growth of sizes, as in `mesh_region`.
-GRADE = 0.2
 
 
 def _radius(text: Any) -> float:
@@ -56,7 +54,7 @@ MESH = (
     file("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
     Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
     passed(
-        "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=GRADE
+        "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=0.2
     ).on_page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, low=0.01, high=10),
     passed("min_size", Real(0), "Least size; smaller details are left out.", metavar="H", default=0.0).on_page(
         "Least edge", slider=(0, 20), step=0.5, unit="px", high=1000

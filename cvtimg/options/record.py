@@ -233,8 +233,13 @@ class Given(SimpleNamespace):
 
     #: What was typed.
     command: str
-    #: Options that are arguments of the Python function, by their names there.
+    #: All options by their names, and those that are arguments of the Python function by their names there.
+    options: Mapping[str, Option]
     keywords: Mapping[str, Option]
+
+    def chosen(self, *names: str) -> list[str]:
+        """Return how those of some options are written that have another value than the default."""
+        return [self.options[name].flag for name in names if self.options[name].is_given(getattr(self, name))]
 
     def worded(self, message: str) -> str:
         """Return a message about an argument of the Python function in the words of the command line."""
@@ -285,4 +290,5 @@ def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
             raise WrongUsageError(f"{option.flag} needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
             check_suffix(option.flag, values[option.name], option.kind.endings)
-    return Given(**values, keywords={option.keyword: option for option in known.values() if option.keyword})
+    keywords = {option.keyword: option for option in known.values() if option.keyword}
+    return Given(**values, options=known, keywords=keywords)

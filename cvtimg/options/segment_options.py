@@ -44,7 +44,7 @@ SEGMENT = (
     common.out_dir("Folder for outputs NAME-labels.png and so on."),
     Option(
         "write",
-        Text(),
+        Text(common.names),
         f"Outputs to write for each input, NAME-KIND: {', '.join(KINDS)}; or KIND.SUFFIX, such as contours.geojson.",
         metavar="KIND,...",
     ),
@@ -171,7 +171,7 @@ SEGMENT = (
     ),
     Option(
         "properties",
-        Text(),
+        Text(common.names),
         "More columns for --table, by their names in scikit-image, such as eccentricity.",
         metavar="NAME,...",
     ),

@@ -95,7 +95,6 @@ class Tab:
         raise NotImplementedError
 
     def run(self, request: Request) -> dict[str, Any]:
-        """Run the lines, and return the values of their names."""
         return run(self.lines(request))
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -115,7 +114,6 @@ class Tab:
         return None
 
     def exact(self, request: Request) -> Outcome:
-        """Return the result."""
         values = self.run(request)
         return Outcome(*self.seen(request, values), values, self.outputs(request), request.stem)
 
@@ -132,7 +130,6 @@ class Tab:
         return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
 
     def _brushed(self, request: Request) -> list[Brushed]:
-        """Return the controls by which something is drawn."""
         controls = active(self.controls, request.settings)
         return [one for one in controls if isinstance(one, Brushed) and request.settings[one.name]]
 
@@ -160,11 +157,9 @@ class Tab:
         return {one.keyword: one.to(settings[one.name]) if one.to else settings[one.name] for one in counted}
 
     def in_effect(self, settings: Settings) -> set[str]:
-        """Return the names of the controls that are in effect."""
         return {control.name for control in active(self.controls, settings)}
 
     def described(self) -> dict[str, Any]:
-        """Return what the page needs to draw the tab."""
         about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
         return {**about, "controls": [control.described() for control in self.controls]}
 

@@ -27,7 +27,7 @@ from cvtimg.explore.controls import (
     controls_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import N_CURVE, Picture
+from cvtimg.explore.opened import N_CURVE, SMALL, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing, reading
 from cvtimg.options.common import color_bits
@@ -48,10 +48,6 @@ _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 #: The format of pages, with its label.
 _PAGES = {"Pages, TIFF": ".tif"}
 _SEARCHED = ("k", "auto", "psnr", "max_bytes")
-
-
-def _in_bytes(kilobytes: int) -> int:
-    return 1000 * kilobytes
 
 
 class ColorsTab(Tab):
@@ -90,7 +86,7 @@ class ColorsTab(Tab):
             suffix="kB",
             flag="--max-bytes",
             keyword="max_bytes",
-            to=_in_bytes,
+            to=lambda kilobytes: 1000 * kilobytes,
             always=True,
             when={"aim": ["max_bytes"]},
         ),
@@ -249,7 +245,7 @@ class ColorsTab(Tab):
             colors = np.unique(found, axis=0)
             return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
         locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
-        samples = picture.small_samples
+        samples = picture.samples_in(picture.whole(SMALL))
         how = {"space": settings["space"], "locked": locked, "effort": "fast", **_bits(settings)}
         return find_palette(samples, number, **how).colors
 

@@ -82,7 +82,6 @@ class DesignTab(Tab):
 
 
 def _factors(settings: Settings) -> list[Factor]:
-    """Return the named axes; none for a cube."""
     if settings["box"] == "cube":
         return []
     try:

@@ -61,7 +61,6 @@ class MeshTab(Tab):
         return [Output(label, "-o", f"{{}}-mesh{suffix}") for suffix, label in _FILES.items()]
 
     def recipe(self, request: Request) -> Recipe:
-        """Return the command and the lines of Python; segments are found by a command of their own."""
         lines, settings = self.lines(request), request.settings
         if settings["of"] == "picture":
             return Recipe(self.words(request), lines)
@@ -101,7 +100,6 @@ def _stored_labels(picture: Picture) -> NDArray[np.int32]:
 
 
 def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:
-    """Draw the edges of all triangles, and those of borders bold."""
     thickness = max(float(np.sqrt(size[0] * size[1] / max(len(mesh.points), 1))) / 30, 0.1)
     height, width = size
     fine, bold = (_lines(mesh, edges) for edges in (unique_edges(edges_around(mesh.triangles))[0], mesh.edges))

@@ -25,7 +25,7 @@ from cvtimg.explore.controls import (
     words_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import Picture
+from cvtimg.explore.opened import SMALL, Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
@@ -131,7 +131,7 @@ class PaletteTab(Tab):
         else:
             locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
             finds = main_palette if settings["start"] == "main" else partial(find_palette, space=space)
-            colors = finds(picture.small_samples, settings["k"], locked=locked, effort="fast").colors
+            colors = finds(picture.samples_in(picture.whole(SMALL)), settings["k"], locked=locked, effort="fast").colors
         values = {"result": map_to_palette(picture.samples_in(request.window), colors, space=space)}
         return Outcome(*self.seen(request, run(_order_lines(settings), values)), drawn=request.window)
 

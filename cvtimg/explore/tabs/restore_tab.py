@@ -167,7 +167,6 @@ def _kinds(result: Denoised) -> dict[str, Any]:
 
 
 def _found(result: Denoised) -> str:
-    """Say what was found in the versions."""
     noise = ", ".join(f"{value:.3g}" for value in result.noise)
     near = result.noise_neighbors
     kind = f", shared by neighbors (correlation {near:.2f})" if result.noise_shared is not None else ", white"
