@@ -62,15 +62,17 @@ def passes(given: argparse.Namespace) -> Rows:
 
 def descents(given: argparse.Namespace) -> Rows:
     """Efforts on a megapixel against the best of long runs from other seeds."""
-    from cvtimg.placement import place_in_picture
+    from cvtimg import place_generators
 
     density = photograph(1)
     rows = []
     for n in (20_000,) if given.quick else (20_000, 100_000):
         seeds = range(1, 3 if given.quick else 6)  # of long runs, whose best is the measure of all others
-        best = min(place_in_picture(density, n, effort="best", rng=seed).energy for seed in seeds)
+        best = min(place_generators(None, n, density=density, effort="best", rng=seed).energy for seed in seeds)
         for effort in ("fast", "balanced"):
-            placement, seconds = timed(lambda n=n, e=effort: place_in_picture(density, n, effort=e), time.process_time)
+            placement, seconds = timed(
+                lambda n=n, e=effort: place_generators(None, n, density=density, effort=e), time.process_time
+            )
             over = placement.energy / best - 1
             rows.append({"n": n, "effort": effort, "seconds": seconds, "passes": placement.n_iter, "over_best": over})
     return rows
@@ -80,11 +82,11 @@ def million(given: argparse.Namespace) -> Rows:
     """Place a million generators on 24 megapixels."""
     if given.quick:
         return []
-    from cvtimg.placement import place_in_picture
+    from cvtimg import place_generators
 
     density = photograph(24)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    placement, seconds = timed(lambda: place_in_picture(density, 1_000_000), time.process_time)
+    placement, seconds = timed(lambda: place_generators(None, 1_000_000, density=density), time.process_time)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     row = {"n": 1_000_000, "megapixels": density.size / 1e6, "seconds": seconds, "peak_mib": peak / 1024}
     row |= {"over_start_mib": (peak - before) / 1024, "empty": int((placement.masses == 0).sum())}

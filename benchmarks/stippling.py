@@ -68,7 +68,7 @@ def stippling(given: argparse.Namespace) -> Rows:
 
 def plain_density(gray: NDArray[np.uint8], wanted: NDArray[np.float32], n_dots: int) -> NDArray[np.float64]:
     """Place dots by the density that others take."""
-    return cvtimg.placement.place_in_picture(1 - gray / np.float32(255), n_dots).points
+    return cvtimg.place_generators(None, n_dots, density=1 - gray / np.float32(255)).points
 
 
 def error_diffusion(gray: NDArray[np.uint8], wanted: NDArray[np.float32], n_dots: int) -> NDArray[np.float64]:

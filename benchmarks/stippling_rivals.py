@@ -26,8 +26,9 @@ from PIL import Image
 from stippling import MAX_INK, errors, photographs
 
 import cvtimg
+from cvtimg import place_generators
 from cvtimg.artwork import ink_coverage
-from cvtimg.placement import PixelMoments, place_in_picture
+from cvtimg.placement import PixelMoments
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
@@ -103,9 +104,11 @@ def compare(gray: NDArray[np.uint8], n_dots: int, asked: argparse.Namespace) -> 
     density = np.square(wanted)
     energies = PixelMoments(density)
     runs: dict[str, tuple[Points, float]] = {
-        "cvtimg place_in_picture": timed(lambda: place_in_picture(density, n_dots).points, time.process_time),
-        'cvtimg place_in_picture, "fast"': timed(
-            lambda: place_in_picture(density, n_dots, effort="fast").points, time.process_time
+        "cvtimg place_generators": timed(
+            lambda: place_generators(None, n_dots, density=density).points, time.process_time
+        ),
+        'cvtimg place_generators, "fast"': timed(
+            lambda: place_generators(None, n_dots, density=density, effort="fast").points, time.process_time
         ),
         "cvtimg stipple": timed(
             lambda: cvtimg.stipple(gray, n_dots, max_ink=MAX_INK, tones="true").points, time.process_time
@@ -125,7 +128,7 @@ def compare(gray: NDArray[np.uint8], n_dots: int, asked: argparse.Namespace) -> 
     else:
         if n_dots <= STIPPLER_MOST:
             runs[f"stippler {version}"] = stippler(density, n_dots)
-    points, seconds = runs["cvtimg place_in_picture"]
+    points, seconds = runs["cvtimg place_generators"]
     least = energies(points).energy
     rows = []
     for name, (places, spent) in runs.items():

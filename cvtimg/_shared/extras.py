@@ -24,3 +24,16 @@ def optional(name: str, extra: Extra, said: str = "needs") -> Any:
     except ImportError as error:
         package = name.partition(".")[0]
         raise ModuleNotFoundError(f"{said} {needs(package, extra)}", name=package) from error
+
+
+class Lazy:
+    """A module of an extra, which is imported when something of it is asked for."""
+
+    def __init__(self, name: str, extra: Extra) -> None:
+        self._name, self._extra = name, extra
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(optional(self._name, self._extra), attribute)
+
+
+shapely = Lazy("shapely", "regions")

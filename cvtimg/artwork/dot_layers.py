@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.progress import each, part
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
-from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_in_picture
+from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
 
 Floats = NDArray[np.float64]
@@ -157,7 +157,7 @@ def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
         return np.empty((0, 2))
     # In a tessellation of density rho there are rho^(1/2) dots in an area.
     with part(0, 1 / 2):
-        points = place_in_picture(amount * amount, n_dots, effort="fast").points
+        points = place_generators(None, n_dots, density=amount * amount, effort="fast").points
     with part(1 / 2, 1):
         return balance_tones(amount, points) if balanced else points
 

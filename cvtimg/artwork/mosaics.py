@@ -44,7 +44,7 @@ from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import encode_image, image_suffixes, write_image
-from cvtimg.placement import pixel_labels, place_in_picture
+from cvtimg.placement import pixel_labels, place_generators
 from cvtimg.placement.cells import Polygons, picture_cells
 
 #: Steps of the descent.
@@ -321,7 +321,7 @@ def _descended(
     density = detail_density(bands, n_cells, uniform)
     with part(0, _STARTED):
         if shape == "cells":
-            points = place_in_picture(density, n_cells, effort="fast").points
+            points = place_generators(None, n_cells, density=density, effort="fast").points
         else:
             points = place_corners(density, n_cells)
     with part(_STARTED, 1):

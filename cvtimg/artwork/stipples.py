@@ -69,12 +69,6 @@ def draw_dots(
     """Compute the share of each pixel that dots cover, in steps of 1/64; where they overlap they cover once.
 
     Points (N, 2) and radii are in pixels of an image of a shape (H, W), drawn at `scale` as many.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> draw_dots(np.array([[1.0, 1.0]]), np.array([1.0]), (2, 2)).tolist()
-    [[0.8125, 0.8125], [0.8125, 0.8125]]
     """
     height, width = (max(round(side * scale), 1) for side in shape)
     centers, sizes = (np.ascontiguousarray(array * scale, np.float64) for array in (points, radii))

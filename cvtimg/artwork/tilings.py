@@ -20,7 +20,7 @@ from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork import _artwork
-from cvtimg.placement import pixel_labels, place_in_picture
+from cvtimg.placement import pixel_labels, place_generators
 
 Floats = NDArray[np.float64]
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
@@ -191,7 +191,7 @@ def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
     n_inner = (n_triangles + 2 - n_border) // 2
     border = _border_points(density, n_border - 4)
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)
-    inner = place_in_picture(density, n_inner, effort="fast").points if n_inner else np.empty((0, 2))
+    inner = place_generators(None, n_inner, density=density, effort="fast").points if n_inner else np.empty((0, 2))
     return np.concatenate([corners, border, inner])
 
 

@@ -1,6 +1,5 @@
 from .factors import Factor as Factor
 from .factors import read_factors as read_factors
-from .groups import split_evenly as split_evenly
 from .latin import latinize as latinize
 from .measures import PointMeasures as PointMeasures
 from .measures import point_measures as point_measures

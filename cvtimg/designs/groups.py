@@ -28,38 +28,13 @@ def split_evenly(
     others: Sequence[ArrayLike] = (),
     rng: int | np.random.Generator = 0,
 ) -> _Labels:
-    """Divide points into groups of equal size, but for one, so that each group fills the cube evenly.
+    """Divide (n, d) points of the unit cube into groups of equal size, but for one, that fill it evenly: (n,) numbers.
 
-    Parameters
-    ----------
-    points : (n, d) array
-        In the unit cube.
-    n_groups : int
-        How many, at most n.
-    known : (L,) array, optional
-        Groups of the first L points, which they stay in.
-    others : sequence of (n,) arrays
-        Other groups of the points: each is divided among the new ones, too.
-    rng : int or numpy.random.Generator
-        Seed of the starts.
+    The first points stay in the (L,) groups that are known of them; each of other (n,) groups is divided, too.
 
-    Returns
-    -------
-    (n,) integer array
-        The group of each point, in 0..n_groups - 1.
-
-    Notes
-    -----
     Two points change places where that lowers the sum of the centered L2 discrepancies of the groups, as in sliced
     designs (P. Qian, J. American Statistical Association 107 (2012) 393-399, doi 10.1080/01621459.2011.644132); the
     points stay where they are, and so all of them are as even as before.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.designs import split_evenly
-    >>> split_evenly([[0.1], [0.2], [0.8], [0.9]], 2, known=[0]).tolist()
-    [0, 1, 1, 0]
     """
     places = check_unit_points("points", points) - 0.5
     check_count("n_groups", n_groups, len(places), "the number of points")

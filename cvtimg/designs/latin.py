@@ -7,27 +7,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice
 from cvtimg.designs.cells import check_unit_points
 
 _Floats = NDArray[np.float64]
-#: Where in its slice a point lies.
-PLACES = ("center", "random")
 #: What a move costs to where no point may be: more than all others together.
 _FORBIDDEN = 1e6
 
 
-def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.Generator = 0) -> _Floats:
-    """Move points as little as keeps their order along each axis, so that each slice of each axis has one.
+def latinize(points: ArrayLike) -> _Floats:
+    """Move points to the middles of slices, one in each of n slices of each axis, where their order is kept.
 
     Parameters
     ----------
     points : (n, d) array
         In the unit cube. Of equal coordinates those of earlier points come first.
-    place : {"center", "random"}
-        Where each point lies in its slice, which is 1/n wide.
-    rng : int or numpy.random.Generator
-        Seed of random places.
 
     Returns
     -------
@@ -44,10 +37,8 @@ def latinize(points: ArrayLike, *, place: str = "center", rng: int | np.random.G
     [[0.75, 0.75], [0.25, 0.25]]
     """
     array = check_unit_points("points", points)
-    check_choice("place", place, PLACES)
-    offsets = np.full(array.shape, 0.5) if place == "center" else np.random.default_rng(rng).random(array.shape)
     order = np.argsort(array, axis=0, kind="stable")
-    return (np.argsort(order, axis=0, kind="stable") + offsets) / len(array)
+    return (np.argsort(order, axis=0, kind="stable") + 0.5) / len(array)
 
 
 class Slices:

@@ -2,6 +2,7 @@ from .half_edges import EdgeTable as EdgeTable
 from .half_edges import HalfEdges as HalfEdges
 from .half_edges import TriangleMeasures as TriangleMeasures
 from .half_edges import boundary_edges as boundary_edges
+from .half_edges import connected_parts as connected_parts
 from .half_edges import edge_keys as edge_keys
 from .half_edges import edges_around as edges_around
 from .half_edges import find_twins as find_twins

@@ -108,6 +108,15 @@ def boundary_edges(triangles: Triangles) -> Triangles:
     return edges[counts[which] == 1]
 
 
+def connected_parts(links: tuple[NDArray[Any], NDArray[Any]], n: int) -> tuple[int, NDArray[np.int32]]:
+    """Return how many parts links, by their ends (E,) and (E,), make of n things, and the part (n,) of each."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    matrix = coo_array((np.ones(len(links[0]), np.int8), links), (n, n))
+    return connected_components(matrix, directed=False)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TriangleMeasures:
     """Measures of each of T triangles.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.progress import first_few
 from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
@@ -173,8 +173,6 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
 
 def _crowded(borders: Borders, lengths: Values, chains: _Chains) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
-    shapely = optional("shapely", "mesh")
-
     points, edges, spacing = borders.points, borders.edges, Spacing.of(chains.outline)
     segments = shapely.linestrings(points[edges])
     tree = shapely.STRtree(segments)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.halfedges import TriangleMeasures, boundary_edges, measure_triangles
 from cvtimg.placement import PolygonRegion
 from cvtimg.placement.cells import measure_cells
@@ -81,8 +81,6 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     >>> round(measures.alpha, 9), round(measures.beta, 9), round(measures.q, 9), round(measures.chi, 9)
     (1.0, 1.0, 1.0, 1.0)
     """
-    shapely = optional("shapely", "mesh")
-
     places = check_places("points", points, 2)
     corners = check_triangles("triangles", triangles, len(places))
     used, inverse = np.unique(corners, return_inverse=True)
@@ -108,8 +106,6 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
 
 def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:
     """Polygons that cover a mesh: its rings, where they are nested, as a polygon with holes."""
-    shapely = optional("shapely", "mesh")
-
     rings = shapely.get_parts(shapely.polygonize(shapely.linestrings(points[boundary_edges(triangles)])))
     # Faces between rings: those that hold the middle of a triangle are inside.
     tree = shapely.STRtree(rings)

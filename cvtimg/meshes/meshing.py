@@ -229,6 +229,7 @@ def mesh_labels(
     (60, [1, 2], 128.0)
     """
     segments = check_labels("labels", labels)
+    optional("shapely", "mesh")
     least = check_non_negative("min_size", min_size)
     outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
@@ -104,8 +104,6 @@ class Outline:
 
     def detail_for(self, n: int) -> float:
         """Return a `min_size` by which polygons have no more than about `n` points; 0 if there is none."""
-        shapely = optional("shapely", "mesh")
-
         found, size = 0.0, self.diameter / 8
         while self.polygons is not None and size > 1e-6 * self.diameter:
             simpler = shapely.simplify(self.polygons, size / 2)
@@ -127,15 +125,13 @@ class StraightParts:
     @classmethod
     def of(cls, lines: Sequence[Points]) -> StraightParts:
         """Divide lines into their straight parts."""
-        shapely = optional("shapely", "mesh")
-
         places, of_line = np.concatenate(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
         first = np.flatnonzero(np.diff(of_line) == 0)
         return cls(places, of_line, first, shapely.STRtree(shapely.linestrings(places[first[:, None] + [0, 1]])))
 
     def nearest(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Return where the parts nearest to points (N, 2) start, and how far along them these are, from 0 to 1."""
-        first = self.first[self.tree.nearest(optional("shapely", "mesh").points(points))]
+        first = self.first[self.tree.nearest(shapely.points(points))]
         start, step = self.places[first], self.places[first + 1] - self.places[first]
         return first, np.clip(((points - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
 
@@ -273,8 +269,6 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     if not len(points):
         return outline, points
     from scipy.spatial import cKDTree
-
-    shapely = optional("shapely", "mesh")
 
     pairs = cKDTree(points).query_pairs(ON_LINE * outline.diameter, output_type="ndarray")
     for a, b in pairs[(points[pairs[:, 0]] != points[pairs[:, 1]]).any(axis=1)].tolist():

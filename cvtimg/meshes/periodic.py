@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.meshes.outlines import ON_LINE, Outline, with_points
 from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.result import Mesh
@@ -96,8 +96,6 @@ def _exact(outline: Outline, periodic: str) -> tuple[Outline, list[_Twin]]:
 
 def _twins_along(axis: int, lines: list[Points], outer: Index, near: float) -> list[_Twin]:
     """Find copies of lines, as far away as any are."""
-    shapely = optional("shapely", "mesh")
-
     ends = np.array([lines[k][[0, -1]] for k in outer]).reshape(-1, 2, 2)
     found: list[_Twin] = []
     for is_back in (True, False):
@@ -162,8 +160,6 @@ def _pairs(points: Points, steps: Points, near: float) -> Indices:
 
 def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Indices, near: float) -> Points:
     """Return the places of vertices on sides that are in no pair, and of the copies that they need."""
-    shapely = optional("shapely", "mesh")
-
     found, places = [np.empty((0, 2))], shapely.points(mesh.points[mesh.boundary])
     for both in chains:
         for column, chain in enumerate(both):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.halfedges import unique_edges
 from cvtimg.meshes.outlines import ON_LINE, SMOOTHING, Outline, label_outline, split_line, turns_of
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
@@ -38,8 +38,6 @@ def outline_of(region: Region, min_size: float, keep_points: bool) -> Outline:
 
 def outline_of_parts(regions: Sequence[Region], min_size: float, keep_points: bool) -> Outline:
     """Return the borders of regions, which have the labels 1, 2, ..., and share those between them."""
-    shapely = optional("shapely", "mesh")
-
     given = [PolygonRegion(region.outline()) for region in regions]
     parts = np.array([region.geometry for region in given])
     whole = parts[0] if len(parts) == 1 else shapely.union_all(parts)
@@ -59,8 +57,6 @@ def outline_of_parts(regions: Sequence[Region], min_size: float, keep_points: bo
 
 def _rings(parts: Any, apart: float) -> tuple[list[Points], list[int]]:
     """Return the rings around parts, which are on their left, and the label of each; all share points that touch."""
-    shapely = optional("shapely", "mesh")
-
     polygons, part = shapely.get_parts(parts, return_index=True)
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons), return_index=True)
     places, own = shapely.get_coordinates(rings, return_index=True)
@@ -75,8 +71,6 @@ def _rings(parts: Any, apart: float) -> tuple[list[Points], list[int]]:
 
 def _with_touching(rings: list[Points], apart: float) -> list[Points]:
     """Add the points where other rings touch a side, so that they are points of both."""
-    shapely = optional("shapely", "mesh")
-
     sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     places = np.unique(sides[:, 0], axis=0)
     tree = shapely.STRtree(shapely.linestrings(sides))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
@@ -136,8 +136,6 @@ class _Ways:
 
     @classmethod
     def of(cls, outline: Outline, ends: Points) -> _Ways:
-        shapely = optional("shapely", "mesh")
-
         parts = StraightParts.of(outline.lines)
         line = parts.of_line[parts.nearest(ends.mean(axis=1))[0]]
         strings = np.array([shapely.LineString(line) for line in outline.lines])[line]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
 from cvtimg.meshes import _meshes
@@ -170,8 +170,6 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
 
 def _crossed(lines: Any, corners: Points, side: float) -> NDArray[np.bool_]:
     """Tell which squares (C,) meet lines, which are in a tree of shapely."""
-    shapely = optional("shapely", "mesh")
-
     x, y = corners.T
     crossed = np.zeros(len(corners), bool)
     crossed[lines.query(shapely.box(x, y, x + side, y + side), predicate="intersects")[0]] = True

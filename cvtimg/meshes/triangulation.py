@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg.halfedges import EdgeTable, HalfEdges, edge_keys, find_twins, measure_triangles
+from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts
 
@@ -161,15 +161,9 @@ class PlaneTriangulation(HalfEdges):
 
     def _tag(self, borders: Borders) -> None:
         """Give the triangles between borders the label beside the longest edge around them; 0 if there is none."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        n, n_triangles = len(self.points), len(self.triangles)
+        n = len(self.points)
         free = np.flatnonzero((self.borders.ravel() == 0) & (self.twins.ravel() >= 0))
-        links = coo_array(
-            (np.ones(len(free), np.int8), (free // 3, self.twins.ravel()[free] // 3)), (n_triangles, n_triangles)
-        )
-        n_parts, part = connected_components(links, directed=False)
+        n_parts, part = connected_parts((free // 3, self.twins.ravel()[free] // 3), len(self.triangles))
         at = EdgeTable(borders.edges, n).find(self.edges)
         known, forth = at >= 0, borders.edges[at, 0] == self.edges[:, 0]
         lengths = np.linalg.norm(np.subtract(*self.points[self.edges.T]), axis=1)

@@ -19,7 +19,6 @@ from .moments import Moments as Moments
 from .moments import PixelMoments as PixelMoments
 from .moments import pixel_labels as pixel_labels
 from .place import place_generators as place_generators
-from .place import place_in_picture as place_in_picture
 from .polygons import PictureRegion as PictureRegion
 from .polygons import PolygonRegion as PolygonRegion
 from .polygons import as_region as as_region

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_needs, check_places, check_that
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.placement.densities import Density, Points
 from cvtimg.placement.implicit import ImplicitRegion
 from cvtimg.placement.regions import Box, Region
@@ -66,8 +66,6 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
 
     In the plane generators are rho^(-1/4) apart, and so are these.
     """
-    shapely = optional("shapely", "regions")
-
     if isinstance(region, Box):
         check_that(repr(region), not any(region.periodic), "not be periodic, for on_boundary as a number")
     outline = region.outline(_SIMPLER)

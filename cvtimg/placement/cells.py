@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, refuse_type
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.placement.densities import ConstantDensity, Density, Points
 from cvtimg.placement.metrics import LpGauge
@@ -46,8 +46,6 @@ def voronoi_cells(points: Points, region: Region) -> Geometries:
     In a periodic box a cell is around its generator and may reach over the side. Of several generators at one place
     the first has the cell, and the others an empty one.
     """
-    shapely = optional("shapely", "regions")
-
     check_in_range("region", region, region.n_dims == 2, "in the plane: cells are polygons there")
     if not region.is_polygonal:
         refuse_type("region", type(region).__name__, "a box, polygons or an image, in which cells are polygons")
@@ -129,8 +127,6 @@ def _divided(triangles: Points, own: NDArray[np.intp], largest: float) -> tuple[
 
 def polygon_sums(cells: Geometries, points: Points) -> CellSums:
     """Integrate over polygons about (K, 2) points, exactly: over triangles of a point and a side, with signs."""
-    shapely = optional("shapely", "regions")
-
     pieces, own = oriented_pieces(cells)
     rings, piece = shapely.get_rings(pieces, return_index=True)
     places, ring = shapely.get_coordinates(rings, return_index=True)
@@ -149,8 +145,6 @@ def polygon_sums(cells: Geometries, points: Points) -> CellSums:
 
 def oriented_pieces(cells: Geometries) -> tuple[Geometries, NDArray[np.intp]]:
     """Polygons that cells consist of, outer rings counterclockwise and holes clockwise, and the cell of each."""
-    shapely = optional("shapely", "regions")
-
     pieces, own = shapely.get_parts(cells, return_index=True)
     flat = shapely.get_dimensions(pieces) == 2  # a cell may touch its region in a line
     return shapely.orient_polygons(pieces[flat]), own[flat]
@@ -242,13 +236,6 @@ def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
 
     The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A point without a cell, as
     one of two in the same place, has an empty polygon.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> left, right = picture_cells(np.array([[1.0, 1.0], [3.0, 1.0]]), (2, 4))
-    >>> bool((left[:, 0] < 2.5).all()), bool((right[:, 0] > 1.5).all())
-    (True, True)
     """
     from scipy.spatial import Voronoi
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_returned, check_shape, check_that, refuse
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.placement.densities import Points
 from cvtimg.placement.regions import Box, Geometry, Region, low_discrepancy
 
@@ -125,7 +125,6 @@ class ImplicitRegion(Region):
         """Trace the boundary on a grid of 512 x 512 cells, and move it to where the function is 0."""
         if self.n_dims != 2:
             return Region.outline(self)
-        shapely = optional("shapely", "regions")
         from skimage.measure import find_contours
 
         low, sides = self.bounds[0], self.box.sides

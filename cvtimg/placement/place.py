@@ -12,7 +12,6 @@ from cvtimg._shared.checks import (
     check_choice,
     check_count,
     check_in_range,
-    check_picture_density,
     check_places,
     check_shape,
     check_that,
@@ -60,8 +59,8 @@ def place_generators(
 
     Parameters
     ----------
-    region : Region, bool array, polygon coordinates, GeoJSON or shapely geometry
-        What `cvtimg.placement.as_region` takes.
+    region : Region, bool array, polygon coordinates, GeoJSON, shapely geometry or None
+        What `cvtimg.placement.as_region` takes; None for all of the image that `density` is.
     n_generators : int
         Number of generators K, those that are fixed or on the boundary among them.
     density : None, float, (H, W) array or callable
@@ -91,7 +90,9 @@ def place_generators(
     Notes
     -----
     Cells are integrated exactly over the pixels of an image; as polygons in other regions of the plane, exactly for
-    a constant density; and over samples for other dimensions and metrics.
+    a constant density; and over samples for other dimensions and metrics. There are about density^(D / (D + 2))
+    generators in a part of space. In an image, the callback is given the energies of coarser levels at first, and
+    points that are not fixed are in about the order of a curve.
 
     References
     ----------
@@ -105,7 +106,8 @@ def place_generators(
     >>> sorted(placement.points.round(3).tolist())
     [[0.5, 0.5], [1.5, 0.5]]
     """
-    where, weight, gauge = as_region(region), as_density(density), as_gauge(metric)
+    weight, gauge = as_density(density), as_gauge(metric)
+    where = as_region(np.ones(np.shape(density), bool) if region is None else region)  # type: ignore[arg-type]
     flat = not isinstance(gauge, PolygonGauge) or where.n_dims == 2
     check_in_range("metric", metric, flat, "the power of a p-norm where the region is not in the plane")
     check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")
@@ -140,45 +142,6 @@ def place_generators(
         if terms.watch.stopped:
             break
     return Placement.of(min(ends, key=lambda end: end.energies[-1]), where)
-
-
-def place_in_picture(
-    density: ArrayLike,
-    n_generators: int,
-    *,
-    fixed: ArrayLike | None = None,
-    method: str = "l-bfgs",
-    effort: EffortName = "balanced",
-    rng: int | np.random.Generator = 0,
-    callback: Callback | None = None,
-) -> Placement:
-    """Place generators in an image: `place_generators` in all of it, by the density of its pixels.
-
-    Parameters
-    ----------
-    density : (H, W) array
-        Mass of each pixel, finite, >= 0 and not all 0. Where it is 0 no generator is placed.
-    n_generators, fixed, method, effort, rng, callback
-        As in `place_generators`. Energies of "balanced" end about 0.2 percent over those of "best" in a tenth of the
-        time; the callback is given those of coarser levels at first.
-
-    Returns
-    -------
-    Placement
-        Points (x, y) in pixels; those that are not fixed in about the order of a curve. There are about
-        density^(1/2) of them in an area.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.placement import place_in_picture
-    >>> placement = place_in_picture(np.ones((4, 8)), 2)
-    >>> np.sort(placement.points, axis=0).round(1).tolist()
-    [[2.0, 2.0], [6.0, 2.0]]
-    """
-    mass = check_picture_density("density", density)
-    how: dict[str, Any] = {"fixed": fixed, "method": method, "effort": effort, "rng": rng, "callback": callback}
-    return place_generators(PictureRegion(np.ones(mass.shape, bool)), n_generators, density=mass, **how)
 
 
 def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that, refuse_type
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.labels.contours import find_contours
 from cvtimg.placement.densities import Points
 from cvtimg.placement.regions import Geometry, Region
@@ -48,7 +48,6 @@ class PolygonRegion(Region):
     geometry: Geometry
 
     def __init__(self, shape: Any) -> None:
-        shapely = _shapely()
         geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
         # A ring that crosses itself may have no area, and not be flat.
         is_flat = geometry.area == 0 and shapely.get_dimensions(geometry.convex_hull) < 2
@@ -69,11 +68,10 @@ class PolygonRegion(Region):
         inside = segments == label if label is not None else segments != 0
         check_in_range("label", label, inside.any(), "that of a pixel: the region is empty")
         found = find_contours(inside.astype(np.int32), tolerance=tolerance)
-        shapely = _shapely()
         return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in found.polygons]))
 
     def __repr__(self) -> str:
-        n = len(_shapely().get_parts(self.geometry))
+        n = len(shapely.get_parts(self.geometry))
         return f"<PolygonRegion of {n} polygon{'s' if n > 1 else ''}, area {self.measure:g}>"
 
     @property
@@ -89,7 +87,6 @@ class PolygonRegion(Region):
     @property
     def corners(self) -> Points:
         """Points where the boundary turns by more than 30 degrees."""
-        shapely = _shapely()
         found = []
         for ring in shapely.get_rings(shapely.get_parts(self.geometry)):
             places = shapely.get_coordinates(ring)[:-1]
@@ -105,17 +102,15 @@ class PolygonRegion(Region):
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which of (N, 2) points lie in it or on its boundary."""
         places = self._checked(points)
-        return _shapely().intersects_xy(self.geometry, *places.T)
+        return shapely.intersects_xy(self.geometry, *places.T)
 
     def to_boundary(self, points: ArrayLike) -> Points:
         """Move points to the nearest point of the boundary."""
-        shapely = _shapely()
         lines = shapely.shortest_line(shapely.boundary(self.geometry), shapely.points(self._checked(points)))
         return shapely.get_coordinates(lines)[::2]
 
     def boundary_points(self, spacing: float) -> Points:
         """Cover the boundary with points, all corners among them."""
-        shapely = _shapely()
         dense = shapely.segmentize(shapely.boundary(self.geometry), spacing)
         return np.unique(shapely.get_coordinates(dense), axis=0)
 
@@ -135,7 +130,6 @@ class PolygonRegion(Region):
 
 def triangulate(polygons: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
-    shapely = _shapely()
     try:
         cut = shapely.constrained_delaunay_triangles(polygons)
     except shapely.GEOSException:  # corners that are apart by rounding only
@@ -152,7 +146,6 @@ def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _as_geometry(shape: Any) -> Geometry:
-    shapely = _shapely()
     if isinstance(shape, Mapping):
         return shapely.union_all(_geojson(shape))
     rings = [shape] if np.ndim(shape[0]) == 1 else list(shape)
@@ -189,10 +182,6 @@ def _refuse_invalid(reason: str) -> None:
     if "elf-intersection" in what:
         raise ValueError(f"polygons must not cross themselves or each other, as they do at {at}")
     raise ValueError(f"polygons must be valid: {what} at {at}")
-
-
-def _shapely() -> Any:
-    return optional("shapely", "regions")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
@@ -248,7 +237,7 @@ class PictureRegion(Region):
         """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
         check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
         if self.mask.all():
-            return _shapely().box(*self.bounds.ravel())
+            return shapely.box(*self.bounds.ravel())
         return PolygonRegion.from_labels(self.mask, tolerance=tolerance).geometry
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.densities import DensityLike, Points, as_density
 
@@ -201,7 +201,7 @@ class Box(Region):
         if self.n_dims != 2:
             return Region.outline(self)
         (left, low), (right, high) = self._bounds
-        return optional("shapely", "regions").Polygon([[left, low], [right, low], [right, high], [left, high]])
+        return shapely.Polygon([[left, low], [right, low], [right, high], [left, high]])
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which of (N, D) points lie in it; along a periodic axis all do."""

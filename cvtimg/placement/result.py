@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.labels.contours import Polygon
@@ -78,8 +78,6 @@ class Placement(ReadOnly):
         >>> [cell.area for cell in place_generators(Box([0, 0], [2, 2]), 1).cells()]
         [4.0]
         """
-        shapely = optional("shapely", "regions")
-
         pieces, own = oriented_pieces(voronoi_cells(self.points, self.region))
         rings = (map(shapely.get_coordinates, shapely.get_rings(piece)) for piece in pieces)
         return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own, rings, strict=True))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
+from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import Points, from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
 from cvtimg.sphere.parts import PartLike, inside_of
@@ -167,10 +168,6 @@ def _largest(
     sea: NDArray[np.bool_], starts: NDArray[Any], ends: NDArray[Any], areas: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """Return the connected part of the sea with the largest area."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     both = sea[starts] & sea[ends]
-    links = coo_array((np.ones(int(both.sum()), bool), (starts[both], ends[both])), shape=(len(sea), len(sea)))
-    _, parts = connected_components(links, directed=False)
+    _, parts = connected_parts((starts[both], ends[both]), len(sea))
     return np.asarray(sea & (parts == np.bincount(parts, areas * sea).argmax()))

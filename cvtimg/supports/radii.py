@@ -17,7 +17,7 @@ from cvtimg._shared.checks import (
     check_shape,
     hints_at_keywords,
 )
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
@@ -94,7 +94,6 @@ class Supports(ReadOnly):
 
         suffix = check_choice("suffix", Path(path).suffix.lower(), PLOT_SUFFIXES)
         check_shape("points", self.points.shape, self.points.shape[1] == 2, "(n, 2) to be drawn")
-        shapely = optional("shapely", "regions")
         rings = shapely.get_rings(shapely.get_parts(self.region.outline()))
         lines = [shapely.get_coordinates(ring) for ring in rings]
         write_whole(path, draw_supports(self.points, self.radii, suffix, lines), overwrite=overwrite)

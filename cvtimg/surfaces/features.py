@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg.halfedges import EdgeTable
+from cvtimg.halfedges import EdgeTable, connected_parts
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
 
 Values = NDArray[np.float64]
@@ -99,12 +99,8 @@ def _is_broad(
 
 def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
     """Tell which half-edges (3 T,) belong to connected creases that are long beside the distances of points."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     a, b = mesh.edges[creased].T
-    links = coo_array((np.ones(len(a), np.int8), (a, b)), (len(mesh.points), len(mesh.points)))
-    _, group = connected_components(links, directed=False)
+    _, group = connected_parts((a, b), len(mesh.points))
     parts = mesh.edge_lengths()[creased] / (sizes[a] + sizes[b])  # half of it, on both sides
     lengths = sum_by_label(group[a], parts, int(group.max()) + 1)
     return np.asarray((lengths > _SEEN.shortest)[group[mesh.edges[:, 0]]])

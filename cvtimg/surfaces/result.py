@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_places, check_triangles
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
-from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
+from cvtimg.halfedges import connected_parts, edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import MeshContent, write_mesh
 
 
@@ -85,13 +85,8 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
 
 def _n_connected(edges: NDArray[np.integer[Any]], points: NDArray[np.integer[Any]]) -> int:
     """Count the parts of some points (P,) that edges (E, 2) connect."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(points):
-        return 0
-    ends, n = np.searchsorted(points, edges).T, len(points)
-    return int(connected_components(coo_array((np.ones(len(edges)), ends), (n, n)), directed=False)[0])
+    start, end = np.searchsorted(points, edges).T
+    return connected_parts((start, end), len(points))[0] if len(points) else 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

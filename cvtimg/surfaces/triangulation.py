@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg.halfedges import HalfEdges, edge_keys, edges_around, find_twins
+from cvtimg.halfedges import HalfEdges, connected_parts, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
 Points = NDArray[np.float64]
@@ -115,9 +115,6 @@ def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[NDArray[np.intp]
 
     Fans go on across edges that are numbered alike (3 T,), but not across those of number -1. Unused vertices vanish.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     vertices, halves = triangles.ravel(), np.arange(triangles.size)
     following = halves.reshape(-1, 3)[:, [1, 2, 0]].ravel()
     order = np.argsort(edge, kind="stable")
@@ -125,9 +122,8 @@ def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[NDArray[np.intp]
     one, other = order[:-1][is_same], order[1:][is_same]
     turned = vertices[one] == vertices[other]
     starts, ends = np.where(turned, other, following[other]), np.where(turned, following[other], other)
-    rows, columns = np.concatenate([one, following[one]]), np.concatenate([starts, ends])
-    links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), (len(halves), len(halves)))
-    n_fans, fan = connected_components(links, directed=False)
+    links = np.concatenate([one, following[one]]), np.concatenate([starts, ends])
+    n_fans, fan = connected_parts(links, len(halves))
     origin = np.empty(n_fans, np.intp)
     origin[fan] = vertices
     return origin, fan.astype(np.int32).reshape(-1, 3)

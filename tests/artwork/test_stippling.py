@@ -6,13 +6,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage import data
 
-from cvtimg import stipple
+from cvtimg import place_generators, stipple
 from cvtimg.artwork import Stipples, ink_coverage
 from cvtimg.artwork.dot_layers import DOTS, place_dots
 from cvtimg.artwork.stipples import draw_dots
 from cvtimg.artwork.tones import process_coverages
 from cvtimg.colors.spaces import to_space
-from cvtimg.placement import place_in_picture
 
 PHOTO = data.camera()[::2, ::2]
 STRIPES = np.tile(np.where(np.arange(160) % 40 < 10, 225, 60).astype(np.uint8), (160, 1))
@@ -58,7 +57,7 @@ def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:
         return abs(float(difference[:, light].mean()))
 
     # A plain tessellation of the squared ink leaves the light stripes too light.
-    assert lightness(result.points) < 0.25 * lightness(place_in_picture(coverage**2, 1000).points)
+    assert lightness(result.points) < 0.25 * lightness(place_generators(None, 1000, density=coverage**2).points)
 
 
 def test_sizes_stay_in_their_range_and_large_dots_are_dark() -> None:

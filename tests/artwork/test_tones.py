@@ -40,11 +40,8 @@ def test_what_is_transparent_or_masked_is_paper() -> None:
     assert np.array_equal(ink_coverage(masked), np.where(alpha == 0, 0, ink_coverage(GRAYS)))
 
 
-def test_inverted_ink_is_the_light() -> None:
+def test_inverted_ink_is_the_light_and_the_cutoff_clears_light_tones_alone() -> None:
     assert np.allclose(ink_coverage(GRAYS, invert=True), 1 - ink_coverage(GRAYS), atol=1e-6)
-
-
-def test_cutoff_clears_light_tones_alone() -> None:
     plain, cut = ink_coverage(GRAYS), ink_coverage(GRAYS, white_cutoff=0.6)
     assert np.array_equal(cut, np.where(plain <= 0.6, 0, plain))
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from cvtimg import design
-from cvtimg.designs import Design, Factor, point_measures, split_evenly
+from cvtimg.designs import Design, Factor, point_measures
+from cvtimg.designs.groups import split_evenly
 
 
 def slices_of(design: Design) -> NDArray[Any]:

@@ -69,7 +69,7 @@ def value(points: NDArray[np.float64], criterion: str, periodic: bool = False) -
 @pytest.mark.parametrize("criterion", list(CRITERIA))
 def test_changes_are_those_of_the_criterion(criterion: str, periodic: bool) -> None:
     rng = np.random.default_rng(1)
-    points = latinize(rng.random((9, 3)), place="random", rng=2)
+    points = latinize(rng.random((9, 3))) + (rng.random((9, 3)) - 0.5) / 9
     for _ in range(20):
         axis, (first, second) = rng.integers(3), rng.choice(9, 2, replace=False)
         order = np.ascontiguousarray(np.argsort(points, axis=0).T, np.int32)

@@ -17,21 +17,13 @@ STEPS = np.random.default_rng(0).standard_normal((200, 2))
 
 
 @EVERY
-def test_slopes_are_those_of_lengths(gauge: Gauge) -> None:
+def test_slopes_are_those_of_lengths_which_scale_keep_the_triangle_inequality_and_their_bound(gauge: Gauge) -> None:
     for step, slope in zip(STEPS[:40], gauge.slopes(STEPS[:40]), strict=True):
         numeric = approx_fprime(step, lambda y: gauge.lengths(y[None])[0], 1e-7)
         np.testing.assert_allclose(slope, numeric, atol=1e-5)
-
-
-@EVERY
-def test_lengths_scale_and_keep_the_triangle_inequality(gauge: Gauge) -> None:
     np.testing.assert_allclose(gauge.lengths(3 * STEPS), 3 * gauge.lengths(STEPS))
     both = gauge.lengths(STEPS + STEPS[::-1])
     assert (both <= gauge.lengths(STEPS) + gauge.lengths(STEPS[::-1]) + 1e-12).all()
-
-
-@EVERY
-def test_lengths_are_no_less_than_they_say(gauge: Gauge) -> None:
     ratio = gauge.lengths(STEPS) / np.linalg.norm(STEPS, axis=1)
     assert (gauge.least(2) * (1 - 1e-12) <= ratio).all()
 

@@ -108,10 +108,6 @@ def test_hundreds_of_generators_in_one_pixel() -> None:
 
 
 def test_a_density_is_checked_by_name() -> None:
-    with pytest.raises(ValueError, match=r"density must be finite: it contains NaN"):
-        PixelMoments([[1, np.nan]])([[0, 0]])
-    with pytest.raises(ValueError, match=r"density in -1\.\.1 must be finite and >= 0"):
-        PixelMoments([[1, -1]])
     with pytest.raises(ValueError, match=r"density must not be 0 everywhere"):
         PixelMoments(np.zeros((3, 3)))
     with pytest.raises(ValueError, match=r"density of shape \(3,\) must be \(H, W\)"):

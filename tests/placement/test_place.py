@@ -204,14 +204,10 @@ def test_measures_by_samples_agree_with_those_of_polygons() -> None:
         assert getattr(sampled, name) == pytest.approx(getattr(exact, name), rel=0.05, abs=1e-3)
 
 
-def test_cells_with_corners_apart_by_rounding_are_integrated() -> None:
+def test_cells_with_corners_apart_by_rounding_are_integrated_and_gaps_go_around_a_periodic_box() -> None:
     points = np.array([[0.1, 0.5], [0.9, 0.5], [0.5, 0.0]])
     moments = PolygonMoments(Box([0, 0], [1, 1], periodic=True), as_density(lambda p: np.ones(len(p))))
     assert moments(points).masses == pytest.approx([0.29, 0.29, 0.42])
-
-
-def test_gaps_go_around_a_periodic_box() -> None:
-    points = np.array([[0.1, 0.5], [0.9, 0.5], [0.5, 0.0]])
     apart = measure_cells(points, Box([0, 0], [1, 1])).gap_ratio
     around = measure_cells(points, Box([0, 0], [1, 1], periodic=True)).gap_ratio
     assert apart == pytest.approx(1)
@@ -235,7 +231,7 @@ def test_cells_beyond_the_plane_are_refused_by_name(region: Any) -> None:
         ({"region": CUBE, "metric": "triangle"}, "metric='triangle' must be the power of a p-norm"),
         (
             {"fixed": [[0.5, 0.5], [0.5, 0.5 + 1e-12]]},
-            r"fixed must be at least .* apart: number 1, .*, lies on number 0",
+            "fixed must be at least .* apart: number 1, .*, lies on number 0",
         ),
         ({"region": CUBE, "fixed": [[0.5] * 3] * 2}, "fixed must be at least .* apart: number 1, .*, lies on number 0"),
         ({"region": np.ones((4, 4), bool), "fixed": [[1, 1]] * 2}, "fixed must be at least .* apart: number 1"),

@@ -193,7 +193,6 @@ def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
         (lambda: cull_land(GRID, lambda points: points[:, 2] < 2), "land must leave a cell of the sea"),
         (lambda: cull_land(GRID, lambda points: points[:, 2]), "land must return booleans"),
         (lambda: cull_land(GRID, LAND, straits=[[[0, 95]]]), "straits must be in degrees"),
-        (lambda: cull_land(GRID, np.ones((4, 4))), "twice as wide as high"),
         (lambda: limit_area(GRID, Cap(3.3, 1.1, 1e-3)), "within must hold a point"),
         (lambda: limit_area(GRID, LAND, layers=-1), "layers=-1 must be"),
         (lambda: Box(0, 10, 10, 0), "north=0 must be above south"),

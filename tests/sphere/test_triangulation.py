@@ -56,17 +56,12 @@ def test_random_points_have_the_triangles_of_qhull(n: int) -> None:
     assert sets_of(triangulate(points)) == sets_of(ConvexHull(points).simplices)
 
 
-@pytest.mark.parametrize(("n_lon", "n_lat"), [(3, 2), (4, 2), (5, 3), (36, 18), (90, 7)])
-def test_points_of_a_lattice_are_triangulated(n_lon: int, n_lat: int) -> None:
-    points = lattice(n_lon, n_lat)
+CUBE = unit(np.array(list(itertools.product([-1.0, 1.0], repeat=3))))
+
+
+@pytest.mark.parametrize("points", [*(lattice(*n) for n in ((3, 2), (4, 2), (5, 3), (36, 18), (90, 7))), CUBE])
+def test_points_of_a_lattice_and_of_regular_bodies_are_triangulated(points: Points) -> None:
     assert_is_delaunay(points, triangulate(points))
-
-
-def test_the_corners_of_regular_bodies_are_triangulated() -> None:
-    cube = unit(np.array(list(itertools.product([-1.0, 1.0], repeat=3))))
-    assert_is_delaunay(cube, triangulate(cube))
-    octahedron = np.concatenate([np.eye(3), -np.eye(3)])
-    assert_is_delaunay(octahedron, triangulate(octahedron))
 
 
 @given(

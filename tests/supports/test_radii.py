@@ -23,21 +23,14 @@ def cube(n_dims: int) -> Box:
 @pytest.mark.parametrize(
     "region", [SQUARE, ELL, FRAME, cube(1), cube(3), pytest.param(cube(5), marks=pytest.mark.slow)]
 )
-def test_a_proved_cover_holds_at_each_of_many_places(region: Region, order: int) -> None:
+def test_a_proved_cover_holds_at_each_of_many_places_and_one_by_three_gets_tighter(region: Region, order: int) -> None:
     points, places = region.draw(40, 5), region.draw(4000, 2)
     apart = np.linalg.norm(places[:, None] - points, axis=2)
     supports = support_radii(points, region, order)
     assert supports.proved
     assert ((apart <= supports.radii).sum(axis=1) >= order).all()
     loose = support_radii(points, region, order, tighten=False)
-    assert supports.overlap.nnz <= loose.overlap.nnz
-
-
-@pytest.mark.parametrize("region", [SQUARE, ELL, FRAME])
-def test_covers_by_three_get_tighter(region: Region) -> None:
-    points = region.draw(60, 5)
-    tight, loose = (support_radii(points, region, 3, tighten=tighten).overlap.nnz for tighten in (True, False))
-    assert tight < loose
+    assert loose.overlap.nnz - supports.overlap.nnz >= (order == 3 and region.n_dims == 2)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg.halfedges import find_twins, half_edges_out
+from cvtimg.sphere.triangulation import unit
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -96,11 +97,11 @@ def measure(points: Values, around: Connectivity) -> Geometry:
 
     def of_triangles(triangles: Indices) -> tuple[Values]:
         a, b, c = (points[triangles[:, k]] for k in range(3))
-        return (_unit(np.cross(b - a, c - a)),)
+        return (unit(np.cross(b - a, c - a)),)
 
     def of_edges(cells: Indices, ends: Indices) -> tuple[Values, ...]:
         first, second = points[cells[:, 0]], points[cells[:, 1]]
-        middles = _unit(first + second)
+        middles = unit(first + second)
         lengths = _arcs(vertices[ends[:, 1]], vertices[ends[:, 0]])
         return middles, _arcs(first, second), lengths, _angles_with_east(middles, second - first)
 
@@ -175,10 +176,6 @@ def _those_first(table: Indices, weights: Values) -> tuple[Indices, Values]:
     """Move entries of a table that are -1, and their weights, behind the others of their rows."""
     order = np.argsort(table < 0, axis=1, kind="stable")
     return np.take_along_axis(table, order, 1), np.take_along_axis(weights, order, 1)
-
-
-def _unit(places: Values) -> Values:
-    return np.asarray(places / np.linalg.norm(places, axis=1, keepdims=True))
 
 
 def _arcs(a: Values, b: Values) -> Values:
