@@ -149,12 +149,11 @@ def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> No
 def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Pages, overwrite: bool) -> None:
     import numpy as np
 
-    from cvtimg.labels.files import smallest_type
     from cvtimg.pictures import write_pages
     from cvtimg.pictures.showing import limits_to_show, shown
 
     if kind == "labels":
-        dtype = smallest_type(max(int(subject.labels.max()) for subject in subjects))
+        dtype = np.min_scalar_type(max(int(subject.labels.max()) for subject in subjects))
         images = [subject.labels.astype(dtype) for subject in subjects]
     else:
         if (

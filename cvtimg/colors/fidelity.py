@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +16,17 @@ def psnr(mse: float | NDArray[Any], white: float) -> Any:
         return 10 * np.log10(white**2 / np.asarray(mse, dtype=np.float64))
 
 
-class _Measured(Protocol):
-    @property
-    def energy(self) -> float: ...
-    @property
-    def n_values(self) -> int: ...
-    @property
-    def palette(self) -> NDArray[Any]: ...
-    @property
-    def mse(self) -> float: ...
-
-
 class Fidelity:
     """Figures of results that have an `energy` over `n_values` samples, and a `palette` of the type of the image."""
 
     __slots__ = ()
 
     @property
-    def mse(self: _Measured) -> float:
+    def mse(self: Any) -> float:
         """Mean squared error per sample, alpha not counted, as in skimage.metrics.mean_squared_error."""
         return float(self.energy / self.n_values)
 
     @property
-    def psnr(self: _Measured) -> float:
+    def psnr(self: Any) -> float:
         """Peak signal-to-noise ratio in dB, infinite if exact; the peak is the white of the type, 1 for floats."""
         return float(psnr(self.mse, peak(self.palette.dtype)))

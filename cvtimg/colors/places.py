@@ -47,7 +47,8 @@ def allowed_for(kinds: NDArray[np.uint8]) -> NDArray[np.bool_]:
 def to_places(colors: NDArray[Any], space: SpaceName, alpha: bool) -> NDArray[Any]:
     """Return the (N, D) places of (N, C) colors: D = C, and in the space "rgb" without alpha the colors themselves."""
     if not alpha:
-        return for_kernels(to_space(colors, space))
+        places = to_space(colors, space)
+        return places if places.dtype in SAMPLE_DTYPES else places.astype(np.float64)  # what kernels read
     middle, size = _middle(colors.shape[1] - 1, space, colors.dtype)
     share = colors[:, -1:] / peak(colors.dtype)
     seen = to_space(np.ascontiguousarray(colors[:, :-1]), space)
@@ -123,8 +124,3 @@ def without_idle_alpha(image: NDArray[Any]) -> NDArray[Any]:
     if (image[..., -1] != peak(image.dtype)).any():
         return image
     return np.ascontiguousarray(image[..., :-1])
-
-
-def for_kernels(places: NDArray[Any]) -> NDArray[Any]:
-    """Return places in a type that the kernels read."""
-    return places if places.dtype in SAMPLE_DTYPES else places.astype(np.float64)

@@ -97,17 +97,12 @@ def absorb_small(
         Number in `pieces` of the piece that absorbed the piece of each pixel, or of that piece itself.
     """
     borders = find_borders(pieces)
-    sizes, sums = _measured(pieces, values)
+    own, n_pieces = pieces[pieces > 0] - 1, int(pieces.max())
+    sizes = np.bincount(own, minlength=n_pieces).astype(np.int64)
     if not len(borders.pairs) or sizes.min() >= min_size:
         return pieces
+    sums = sum_by_label(own, values[pieces > 0], n_pieces)
     means = sums / np.maximum(sizes, 1)[:, None]  # unused numbers are regions without pixels and borders
     lengths, most = borders.lengths.astype(np.float64), min(min_size, pieces.size + 1)
     parents = _labels.absorb(borders.pairs, lengths, sizes, means, most, length_price)
     return np.append(np.int32(0), parents + np.int32(1))[pieces]
-
-
-def _measured(regions: NDArray[np.int32], values: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """(N,) pixels of each region, and (N, D) sums of their values."""
-    own = regions[regions > 0] - 1
-    n_regions = int(regions.max())
-    return np.bincount(own, minlength=n_regions).astype(np.int64), sum_by_label(own, values[regions > 0], n_regions)

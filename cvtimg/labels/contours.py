@@ -389,11 +389,9 @@ def _junctions(walk: Walk, corners: _Points, crossings: _Points) -> _Points:
 
 def _next_starts(pieces: Pieces) -> NDArray[np.int64]:
     """Return where each piece ends: the start of the next piece of its ring."""
-    n_pieces = len(pieces.rings)
-    is_last = np.append(pieces.rings[1:] != pieces.rings[:-1], True)
-    firsts = np.flatnonzero(np.append(True, is_last[:-1]))
-    following = np.where(is_last, firsts[pieces.rings], np.minimum(np.arange(n_pieces) + 1, n_pieces - 1))
-    return pieces.starts[following]
+    firsts = np.searchsorted(pieces.rings, pieces.rings)
+    is_last = np.append(np.diff(pieces.rings) > 0, True)
+    return np.where(is_last, pieces.starts[firsts], np.roll(pieces.starts, -1))
 
 
 def _draw(places: _Points, inner: NDArray[np.bool_], ends: tuple[_Points, _Points], pieces: Pieces) -> list[_Points]:

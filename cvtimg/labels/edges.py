@@ -60,18 +60,12 @@ def find_edges(
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1))[: 2 * connectivity]:
         here, there = (_shifted(-down), _shifted(-right)), (_shifted(down), _shifted(right))
         for side, other in ((here, there), (there, here)):
-            edges[side] |= _is_edge(segments[side], segments[other], mode, ignore)
+            met = EDGE_MODES[mode](segments[side], segments[other])
+            counts = True if ignore is None else (segments[side] != ignore) & (segments[other] != ignore)
+            edges[side] |= met & counts
     return edges
 
 
 def _shifted(step: int) -> slice:
     """Leave out the first `step` places of an axis, or its last if `step` is negative."""
     return slice(max(step, 0), min(step, 0) or None)
-
-
-def _is_edge(side: NDArray[np.int32], other: NDArray[np.int32], mode: str, ignore: int | None) -> NDArray[np.bool_]:
-    """Find the pixels of one side that are edge points next to their neighbors on the other side."""
-    edges: NDArray[np.bool_] = EDGE_MODES[mode](side, other)
-    if ignore is not None:
-        edges &= (side != ignore) & (other != ignore)
-    return edges

@@ -59,7 +59,7 @@ def write_labels(
     """
     numbers = check_labels("labels", labels)
     suffix = check_choice("suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
-    stored_as = smallest_type(int(numbers.max()))
+    stored_as = np.min_scalar_type(int(numbers.max()))
     if suffix == ".png":
         check_within("labels", numbers, 0, 65535, ", which .png holds; use .tif or .npy")
     stored = numbers if suffix == ".npy" else numbers.astype(stored_as)
@@ -121,11 +121,6 @@ def one_band(image: NDArray[Any]) -> NDArray[Any]:
     demand = f"have at most {_MOST_COLORS}, as black for the outside and a color for each region, not {len(values)}"
     check_that("colors of an image of labels", len(values) <= _MOST_COLORS, f"{demand}: segment a photograph first")
     return labels.reshape(colors.shape) + int(values[0] != 0)
-
-
-def smallest_type(largest: int) -> np.dtype[Any]:
-    """Return the type of the fewest bits that holds labels up to the largest."""
-    return np.dtype(next(name for name in ("u1", "u2", "u4") if largest <= np.iinfo(name).max))
 
 
 def label_colors(n_labels: int) -> NDArray[np.uint8]:

@@ -47,20 +47,6 @@ def hex_color(text: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(digits))
 
 
-def is_css_name(text: str) -> bool:
-    """Whether a word names a color in style sheets, such as ``rebeccapurple``."""
-    from PIL import ImageColor
-
-    return text.strip().lower() in ImageColor.colormap
-
-
-def css_color(text: str) -> tuple[int, ...]:
-    """Parse a CSS color: hexadecimal digits, or a name."""
-    from PIL import ImageColor
-
-    return ImageColor.getrgb(text.strip().lower()) if is_css_name(text) else hex_color(text)
-
-
 def lines_of(content: bytes) -> list[str]:
     """Return the nonempty lines of a text file; invalid UTF-8 is replaced."""
     return [line for line in content.decode("utf-8-sig", "replace").splitlines() if line.strip()]

@@ -47,6 +47,7 @@ class Style:
 
 
 STYLE = Style()
+_font = cache(ImageFont.load_default)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -303,11 +304,6 @@ def _write(
             line = line[:-1]
         line = line.rstrip() + "…"
     ImageDraw.Draw(block).text(place, line, fill=ink, font=font)
-
-
-@cache
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)
 
 
 def _fit(pixels: NDArray[np.uint8], width: int) -> Image.Image:

@@ -14,4 +14,3 @@ from .segments import segment as segment
 from .segments import segment_curve as segment_curve
 from .tiled import segment_file as segment_file
 from .touching import Objects as Objects
-from .touching import split_touching as split_touching

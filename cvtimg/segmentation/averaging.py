@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range
-from cvtimg._shared.choices import AveragingName
 from cvtimg._shared.progress import tell
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.engine.points import assign, pack
@@ -66,13 +65,6 @@ class Averaging:
         peak[reach] = 1
         line = _filtered(peak, self)[:, 0, 0].astype(np.float64)
         return float((line / line.sum()) @ (line / line.sum())) ** 2
-
-
-def as_averaging(averaging: AveragingName | Averaging | None) -> Averaging | None:
-    """Return the default `Averaging` for "before" or "after"; return another as it is."""
-    if averaging is None or isinstance(averaging, Averaging):
-        return averaging
-    return Averaging(check_choice("averaging", averaging, WHEN))
 
 
 def averaged(

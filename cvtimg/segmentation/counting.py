@@ -217,12 +217,13 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
 def denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
     from scipy.ndimage import gaussian_filter
+    from skimage.filters import threshold_otsu
 
     planes = gray.reshape(-1, *gray.shape[-2:])
     some = planes[:: -(-len(planes) // SETTINGS.some_planes)]
     noise = float(np.median([estimate_noise(plane)[0] for plane in some]))
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
-    bright = first > _otsu(first)
+    bright = first > threshold_otsu(first.ravel())  # type: ignore[no-untyped-call]
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
     blur = float(np.clip(SETTINGS.blur_of_noise * noise / step, *SETTINGS.blurs)) if step else SETTINGS.blurs[0]
     sigmas = [blur / side for side in size]
@@ -230,21 +231,17 @@ def denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, fl
     return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
 
 
-def _otsu(values: _Floats) -> float:
-    from skimage.filters import threshold_otsu
-
-    return float(threshold_otsu(values)) if np.ptp(values) else float(values.flat[0])  # type: ignore[no-untyped-call]
-
-
 def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
     The image is overwritten.
     """
+    from skimage.filters import threshold_otsu
+
     apart = max(int(np.sqrt(image.size / SETTINGS.enough_pixels)), 1)
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
     reach = [SETTINGS.reach_across * length for length in some.shape[:-2]] + [SETTINGS.reach * max(some.shape[-2:])] * 2
-    objects = (some > _otsu(some[counts])) & counts
+    objects = (some > threshold_otsu(some[counts])) & counts  # type: ignore[no-untyped-call]
     if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None

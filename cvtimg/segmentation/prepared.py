@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_count, check_edge_weight, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_non_negative
 from cvtimg._shared.choices import AveragingName
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
-from cvtimg.segmentation.averaging import Averaging, as_averaging, average_segments, averaged
+from cvtimg.segmentation.averaging import WHEN, Averaging, average_segments, averaged
 from cvtimg.segmentation.edge_weight import EdgeWeighted, Planes, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
@@ -56,7 +56,9 @@ class Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
         detail = check_non_negative("smallest_detail", smallest_detail)
-        return cls(as_averaging(averaging), check_edge_weight(edge_weight), radius, detail, volume_power, planes)
+        if averaging is not None and not isinstance(averaging, Averaging):
+            averaging = Averaging(check_choice("averaging", averaging, WHEN))
+        return cls(averaging, check_edge_weight(edge_weight), radius, detail, volume_power, planes)
 
     def averages(self, when: str) -> Averaging | None:
         """Return how to average at this time, if so."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_labels, check_non_negative, check_weights
+from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.segmentation.averaging import Averaging, averaged
 
@@ -74,49 +74,21 @@ class Objects:
             return split_touching(inside, self.neck_depth)
         ground = values[labels == background].mean(axis=0, dtype=np.float64).astype(np.float32)
         contrast = np.sqrt(_apart(averaged(values, _FOR_SPLIT, labels > 0), ground))
-        objects = split_touching(inside, self.neck_depth, contrast=contrast)
+        objects = split_touching(inside, self.neck_depth, contrast)
         if self.border == "own":
             return with_own_borders(objects, averaged(values, _FOR_BORDERS, labels > 0), ground)
         return objects
 
 
-def split_touching(mask: ArrayLike, neck_depth: float = 0.5, *, contrast: ArrayLike | None = None) -> NDArray[np.int32]:
-    """Label the objects of a mask, splitting those that touch at their necks.
-
-    Parameters
-    ----------
-    mask : (H, W) array
-        Objects where it is not 0.
-    neck_depth : float
-        As in `Objects`: larger values split less.
-    contrast : (H, W) array, optional
-        Difference from the background, >= 0. Objects are then also split where they differ in it.
-
-    Returns
-    -------
-    (H, W) int32 array
-        Labels of the objects from 1, and 0 for the background.
-
-    References
-    ----------
-    S. Beucher, C. Lantuejoul, Use of watersheds in contour detection, International Workshop on Image Processing,
-    Rennes, 1979.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cvtimg.segmentation import split_touching
-    >>> down, right = np.mgrid[:30, :50]
-    >>> discs = (np.hypot(down - 15, right - 15) < 9.9) | (np.hypot(down - 15, right - 32) < 9.9)
-    >>> int(split_touching(discs).max()), int(split_touching(discs, np.inf).max())
-    (2, 1)
-    """
+def split_touching(
+    inside: NDArray[np.bool_], neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None
+) -> NDArray[np.int32]:
+    """Label the objects of a mask, (H, W), splitting those that touch: at necks, and where their contrast differs."""
+    # S. Beucher, C. Lantuejoul, Use of watersheds in contour detection, International Workshop on Image Processing,
+    # Rennes, 1979.
     from scipy.ndimage import distance_transform_edt, gaussian_filter
     from skimage.measure import label
 
-    inside = check_labels("mask", np.asarray(mask) != 0) > 0
-    if contrast is not None:
-        contrast = check_weights("contrast", contrast, inside.shape)
     if not inside.any() or neck_depth == np.inf:
         return np.asarray(label(inside, connectivity=1), np.int32)  # type: ignore[no-untyped-call]
     # Beyond the image lies no background: objects that the image cuts off are no thinner for it.

@@ -52,8 +52,11 @@ def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(few: RowOf) -> No
     assert few("in.png", "-k", "5", "-o", "out.png")["left_out"] == 0
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
-def test_nodata_of_a_file_is_left_out_and_stays_nodata(few: RowOf, dtype: str) -> None:
+@pytest.mark.parametrize(("dtype", "large"), [("uint8", 1000), ("uint16", 1000), ("float32", 1000), ("int16", 100)])
+def test_nodata_of_a_file_is_left_out_and_stays_nodata_in_tiles_too(
+    few: RowOf, monkeypatch: pytest.MonkeyPatch, dtype: str, large: int
+) -> None:
+    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", large)
     values = np.where(LEFT_OUT, 0, COLORS[..., 0]).astype(dtype)
     write_raster("in.tif", values, "0")
     row = few("in.tif", "-k", "4", "-o", "out.tif")
@@ -169,14 +172,6 @@ def test_tiles_leave_out_what_the_whole_image_does(
     tiled = told(*command.split(), "--mask", mask, "-o", "tiled.tif")
     assert (tiled["status"], tiled["k"], tiled["left_out"]) == (0, whole["k"], (~inside).sum())
     np.testing.assert_array_equal(read_image("tiled.tif"), read_image("whole.tif"))
-
-
-def test_tiles_keep_nodata(few: RowOf, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg.pictures.tiles._LARGE", 100)
-    write_raster("in.tif", np.where(LEFT_OUT, -32768, COLORS[..., 0].astype(np.int16)), "-32768")
-    assert few("in.tif", "-k", "4", "-o", "t.tif")["left_out"] == LEFT_OUT.sum()
-    np.testing.assert_array_equal(read_image("t.tif") == -32768, LEFT_OUT)
-    assert image_info("t.tif").nodata == -32768
 
 
 def test_a_type_that_a_format_cannot_hold_is_said(few: RowOf) -> None:

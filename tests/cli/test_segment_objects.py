@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import RowOf
+from images import discs
 
 from cvtimg import read_image, segment, write_image
 from cvtimg.cli import app as cli
@@ -20,10 +21,7 @@ from cvtimg.segmentation import Objects
 @pytest.fixture
 def cells() -> np.ndarray[Any, np.dtype[np.uint8]]:
     """Two discs that touch and one that does not, in a file of the folder that tests work in."""
-    down, right = np.indices((60, 90))
-    inside = np.zeros((60, 90), bool)
-    for y, x in ((20, 20), (20, 36), (40, 70)):
-        inside |= np.hypot(down - y, right - x) < 10
+    inside = discs([(20, 20, 10), (20, 36, 10), (40, 70, 10)], (60, 90)) > 0
     image = np.clip(40 + 150 * inside + np.random.default_rng(0).normal(0, 9, inside.shape), 0, 255).astype(np.uint8)
     write_image("cells.png", image)
     return image

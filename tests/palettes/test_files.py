@@ -109,6 +109,9 @@ def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
 
 # --- files of other programs
 
+ENTRIES = [[1, 2, 3], [250, 128, 0]]
+OLD_SPRITE = of_sprite((4, struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])))
+
 
 @pytest.mark.parametrize(
     ("name", "content", "palette"),
@@ -127,6 +130,12 @@ def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
         ),
         ("a.act", bytes(range(256)) * 3, np.array([*range(256)] * 3).reshape(-1, 3)),
         ("a.act", bytes(768) + b"\0\3\xff\xff", [[0, 0, 0]] * 3),
+        ("jasc.pal", b"JASC-PAL\r\n0100\r\n2\r\n1 2 3\r\n250 128 0\r\n", ENTRIES),
+        ("riff.pal", b"RIFF\x18\0\0\0PAL data\x0c\0\0\0\0\3\2\0\1\2\3\0\xfa\x80\0\0", ENTRIES),
+        ("paint.txt", b"; paint.net Palette File\r\n;\r\nFF010203\r\nFFFA8000\r\n", ENTRIES),
+        ("old.aseprite", OLD_SPRITE, ENTRIES),
+        ("sprite.ase", OLD_SPRITE, ENTRIES),
+        ("names.css", b":root { --a: #010203; --font: serif; --b: #fa8000 }", ENTRIES),
     ],
 )
 def test_files_of_other_programs_are_read(tmp_path: Path, name: str, content: bytes, palette: Any) -> None:
@@ -313,21 +322,7 @@ def test_an_unknown_suffix_and_a_density_of_another_length_are_refused(tmp_path:
         write_palette(tmp_path / "a.json", RGB, density=[1, 2])
 
 
-def test_formats_of_other_programs_are_read(tmp_path: Path) -> None:
-    entries = [[1, 2, 3], [250, 128, 0]]
-    riff = b"PAL data" + struct.pack("<IHH", 12, 0x300, 2) + bytes([1, 2, 3, 0, 250, 128, 0, 0])
-    sprite = of_sprite((4, struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])))
-    files = {
-        "riff.pal": b"RIFF" + struct.pack("<I", len(riff)) + riff,
-        "jasc.pal": b"JASC-PAL\r\n0100\r\n2\r\n1 2 3\r\n250 128 0\r\n",
-        "paint.txt": b"; paint.net Palette File\r\n;\r\nFF010203\r\nFFFA8000\r\n",
-        "old.aseprite": sprite,
-        "sprite.ase": sprite,
-        "names.css": b":root { --a: #010203; --font: serif; --b: #fa8000 }",
-    }
-    for name, content in files.items():
-        (tmp_path / name).write_bytes(content)
-        assert read_palette(tmp_path / name).tolist() == entries, name
+def test_colors_of_style_sheets_are_read_by_name(tmp_path: Path) -> None:
     (tmp_path / "named.css").write_text(":root { --a: White; --b: rebeccapurple; --c: #0f08 }")
     expected = [[255, 255, 255, 255], [102, 51, 153, 255], [0, 255, 0, 136]]
     for _ in range(2):

@@ -96,6 +96,7 @@ def test_nothing_is_found_where_there_is_nothing(shape: tuple[int, int]) -> None
     for image in (np.zeros(shape, np.uint8), np.random.default_rng(1).normal(0, 1, (60, 50))):
         found = count_objects(image)
         assert (found.n_segments, int(found.labels.max())) == (0, 0)
+    assert count_objects(np.full((3, *shape), 7, np.uint8), spacing=(1, 1, 1)).n_segments == 0
 
 
 def test_pixels_outside_the_mask_have_no_objects_and_no_influence() -> None:

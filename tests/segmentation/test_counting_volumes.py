@@ -95,10 +95,6 @@ def test_what_is_no_volume_is_refused(image: NDArray[Any], spacing: Any, message
         count_objects(image, spacing=spacing)
 
 
-def test_an_empty_volume_has_no_objects() -> None:
-    assert count_objects(np.full((3, 20, 20), 7, np.uint8), spacing=(1, 1, 1)).n_segments == 0
-
-
 def test_the_table_of_a_ball_is_what_geometry_says() -> None:
     _, truth = balls(1.0)
     own = (truth == 3).astype(np.int32)

@@ -65,16 +65,6 @@ def test_at_the_end_no_single_transfer_to_a_near_segment_lowers_the_energy(
             assert edge_weighted_energy(values, moved, edge_weight, 2, weights) >= least - 1e-5
 
 
-def test_an_axis_aligned_edge_costs_36_a_pixel() -> None:
-    left, right = (np.full((60, 40, 1), level, np.float32) for level in (0, 100))
-    labels = np.repeat([1, 2], 40)[None].repeat(60, axis=0).astype(np.int32)
-    short, long = (
-        descend(np.concatenate([left, right], axis=1)[:height], labels[:height], 2, edge_weight=1).energies[-1]
-        for height in (40, 60)
-    )
-    assert long - short == pytest.approx(20 * 36)
-
-
 def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
     truth = np.repeat([1, 2], 12)[None].repeat(20, axis=0).astype(np.int32)
     weights = np.ones((20, 24, 1), np.float32)

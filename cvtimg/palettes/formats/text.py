@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.palettes.swatches import Swatches, as_palette, css_color, hex_color, is_css_name, lines_of, with_named_alpha
+from cvtimg.palettes.swatches import Swatches, as_palette, hex_color, lines_of, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
@@ -100,8 +100,11 @@ def write_hex(swatches: Swatches) -> bytes:
 
 def _found(pattern: re.Pattern[str], content: bytes) -> list[tuple[int, ...]]:
     """Return the colors that a pattern finds, as ``#rrggbb`` or by name; not other keywords, such as ``auto``."""
+    from PIL.ImageColor import colormap, getrgb
+
     codes = pattern.findall(_COMMENT.sub("", content.decode("utf-8-sig", "replace")))
-    return [css_color(code) for code in codes if code.startswith("#") or is_css_name(code)]
+    found = (hex_color(code) if code.startswith("#") else colormap.get(code.lower()) for code in codes)
+    return [getrgb(color) if isinstance(color, str) else color for color in found if color]
 
 
 def _named(swatches: Swatches, mark: str) -> str:

@@ -115,7 +115,14 @@ class RegionHierarchy(ReadOnly):
         >>> hierarchy.cut(3)[0, ::15].tolist(), hierarchy.cut().max()
         ([1, 1, 2, 2, 3, 3], np.int32(3))
         """
-        nodes, leaf_labels = self._cut(self._n_regions(n_regions, threshold, min_regions))
+        if n_regions is None:
+            least = check_count("min_regions", min_regions, self.n_leaves, "the number of leaves")
+            n_regions = max(self.n_regions(threshold), least)
+        else:
+            check_that("n_regions", threshold is None, "not be given with threshold")
+            check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
+            check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
+        nodes, leaf_labels = self._cut(n_regions)
         colors = self.colors[nodes]
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
         return np.append(np.int32(0), new_label[leaf_labels])[self.leaves]
@@ -222,15 +229,6 @@ class RegionHierarchy(ReadOnly):
         apart = bisect_left(sizes, True, key=lambda n: len(np.unique(self._cut(n)[1][leaves])) > 1)
         parts = self._cut(sizes[apart])[1]
         return parts == parts[leaves].max()
-
-    def _n_regions(self, n_regions: int | None, threshold: float | None, min_regions: int) -> int:
-        """Return how many regions a cut has."""
-        if n_regions is None:
-            least = check_count("min_regions", min_regions, self.n_leaves, "the number of leaves")
-            return max(self.n_regions(threshold), least)
-        check_that("n_regions", threshold is None, "not be given with threshold")
-        check_count("n_regions", n_regions, self.n_leaves, "the number of leaves")
-        return check_at_least("n_regions", n_regions, self.n_parts, "the parts that the mask leaves")
 
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)
