@@ -11,14 +11,15 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Set
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import cvtimg
+from cvtimg._shared.extras import Extra
 from cvtimg.cli.app import main
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
@@ -27,37 +28,21 @@ ROOT = Path(__file__).parent.parent
 WRITTEN = (page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts)
 EXAMPLES = [ROOT / "README.md", *WRITTEN]
 PAGES = [*EXAMPLES, ROOT / "CONTRIBUTING.md", ROOT / "benchmarks" / "README.md", ROOT / "sample_images" / "README.md"]
-#: Pages whose commands, and whose lines of Python, take over a third of a second.
+#: Pages whose commands, or whose lines of Python, take over a third of a second.
 SLOW = {
     "README.md",
     "artwork.md",
     "batch.md",
     "elbow.md",
     "globe.md",
-    "hierarchy.md",
-    "index.md",
-    "mesh_from_mask.md",
-    "meshes.md",
-    "number_of_colors.md",
-    "ocean_grid.md",
-    "plotter.md",
-    "quantization.md",
-    "restoration.md",
-    "segment_outputs.md",
-    "segmentation.md",
-    "sphere.md",
-    "web_images.md",
-}
-SLOW_IN_PYTHON = {
-    "artwork.md",
-    "globe.md",
     "grid_files.md",
     "hierarchy.md",
-    "modes.md",
+    "index.md",
     "merging_exposures.md",
     "mesh_from_mask.md",
     "meshes.md",
     "meshless.md",
+    "modes.md",
     "number_of_colors.md",
     "ocean_grid.md",
     "plotter.md",
@@ -65,6 +50,7 @@ SLOW_IN_PYTHON = {
     "remesh_scan.md",
     "restoration.md",
     "segment_outputs.md",
+    "segmentation.md",
     "sphere.md",
     "stack.md",
     "supports.md",
@@ -72,7 +58,6 @@ SLOW_IN_PYTHON = {
     "table_in_blocks.md",
     "web_images.md",
 }
-
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -87,10 +72,10 @@ def blocks(page: Path, *languages: str) -> list[str]:
     return [code for language, code in BLOCK.findall(page.read_text()) if language in languages]
 
 
-def parameters(pages: list[Path], slow: Set[str] = frozenset()) -> list[object]:
+def parameters(pages: list[Path]) -> list[object]:
     """Name the parameters by the pages, and mark the slow ones."""
     return [
-        pytest.param(page, id=str(page.relative_to(ROOT)), marks=[pytest.mark.slow] if page.name in slow else [])
+        pytest.param(page, id=str(page.relative_to(ROOT)), marks=[pytest.mark.slow] if page.name in SLOW else [])
         for page in pages
     ]
 
@@ -114,7 +99,7 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if blocks(page, "python")], SLOW_IN_PYTHON))
+@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if blocks(page, "python")]))
 @pytest.mark.usefixtures("checkout")
 def test_the_python_examples_print_what_is_said(page: Path) -> None:
     for block in blocks(page, "python"):
@@ -124,7 +109,7 @@ def test_the_python_examples_print_what_is_said(page: Path) -> None:
     assert results.failed == 0
 
 
-@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if commands_of(page)], SLOW))
+@pytest.mark.parametrize("page", parameters([page for page in EXAMPLES if commands_of(page)]))
 @pytest.mark.usefixtures("checkout")
 def test_the_commands_run_and_print_what_is_said(page: Path) -> None:
     for command, expected in commands_of(page):
@@ -229,7 +214,7 @@ def test_the_extra_all_holds_every_optional_part() -> None:
     named = re.fullmatch(r"cvtimg\[(.*)\]", *extras["all"])
     assert named
     optional = set(extras) - {"all", "bench", "dist", "docs", "lint", "test", "test-slow"}
-    assert set(named[1].split(",")) == optional
+    assert set(named[1].split(",")) == optional == set(get_args(Extra))
     page = (ROOT / "docs" / "installation.md").read_text()
     assert set(re.findall(r"^\| `(\w+)` \|", page, flags=re.MULTILINE)) == optional
 
@@ -242,6 +227,7 @@ def test_the_recipe_for_conda_has_the_dependencies_and_the_version_of_the_projec
     assert set(re.findall(r"- (.*)", run)) == wanted | {f"python {project['requires-python']}"}
     version = re.search(r"version: '(.*)'", (ROOT / "meson.build").read_text())
     assert version
+    assert version[1] == cvtimg.__version__
     assert f"  version: {version[1]}\n" in recipe
     assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
     assert f"version = {{{version[1]}}}" in (ROOT / "docs" / "citing.md").read_text()

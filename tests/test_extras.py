@@ -6,9 +6,8 @@ import json
 import os
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from picture_files import rgb_profile
 from PIL import Image
 
 from cvtimg import read_image, write_image
-from cvtimg._shared.extras import Extra, needs
 
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
@@ -78,13 +76,6 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_extras_are_those_of_the_project() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = set(project["optional-dependencies"]) - {"all", "bench", "dist", "docs", "lint", "test", "test-slow"}
-    assert set(get_args(Extra)) == extras
-    assert needs("zarr 3", "zarr") == "zarr 3: pip install 'cvtimg[zarr]'"
-
-
 @pytest.mark.slow
 def test_every_module_imports_without_extras() -> None:
     """All but those that are a class of scikit-learn's, or the server of the page."""
@@ -101,18 +92,6 @@ for module in pkgutil.walk_packages(cvtimg.__path__, "cvtimg."):
     failed = dict(line.split(" ", 1) for line in done.stdout.splitlines())
     assert failed.pop("cvtimg.tables.estimator").endswith("pip install 'cvtimg[sklearn]'")
     assert all(name.startswith("cvtimg.explore.") for name in failed), failed
-
-
-def test_only_the_rule_of_kneedle_needs_kneed() -> None:
-    script = """
-import cvtimg
-curve = cvtimg.energy_curve([[1.0], [2.0], [9.0]], 3)
-print(*curve.elbows())
-curve.elbow("kneedle")
-"""
-    done = bare(script)
-    assert done.stdout.split() == ["chord", "chord-linear", "variance"]
-    assert "rule='kneedle' needs kneed: pip install 'cvtimg[kneedle]'" in done.stderr
 
 
 def test_quantize_needs_no_extra() -> None:
@@ -135,8 +114,11 @@ def test_commands_need_no_extra_for_their_own_job() -> None:
     for name in ("b", "c", "d"):
         write_image(f"folder/{name}.png", RGB[::-1] if name == "c" else RGB)
     Path("table.csv").write_text("x,y\n0,0\n0,1\n9,9\n9,8\n")
+    page = Image.fromarray(RGB)
+    page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])
     done = commands(
         "palette a.png -k 4",
+        "quantize pages.tif -k 4 -o few.tif",
         "segment a.png -k 3 -o segments.png",
         "restore a.png -k 4 -o restored.png",
         "elbow a.png",
@@ -168,6 +150,7 @@ NEED_EXTRAS = [
     ),
     ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
     ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
+    ("elbow a.png --rule kneedle", 1, "needs kneed: pip install 'cvtimg[kneedle]'"),
     ("elbow a.png --plot plot.svg", 2, "--plot needs matplotlib: pip install 'cvtimg[plot]'"),
     ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
     ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),
@@ -197,15 +180,6 @@ def test_a_command_names_the_extra_that_it_needs() -> None:
         assert done[line][0] == status, line
         assert error in done[line][1]
         assert done[line][1].count("\n") == 1, done[line]
-
-
-@pytest.mark.slow
-def test_pages_with_lzw_need_no_extra() -> None:
-    page = Image.fromarray(RGB)
-    page.save("pages.tif", compression="tiff_lzw", save_all=True, append_images=[page])
-    assert commands("quantize pages.tif -k 4 -o few.tif") == {"quantize pages.tif -k 4 -o few.tif": (0, "")}
-    with Image.open("few.tif") as few:
-        assert few.n_frames == 2
 
 
 def test_floats_of_a_bare_installation_come_back() -> None:

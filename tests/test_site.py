@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import cvtimg
-
 ROOT = Path(__file__).parent.parent
 GALLERY = ROOT / "examples" / "gallery"
 
@@ -83,10 +81,3 @@ def test_on_a_package_index_every_link_of_the_readme_is_absolute() -> None:
     assert ("!", "https://example.org/cvtimg/raw/v1/docs/hero.webp") in links
     assert ("", "https://example.org/cvtimg/blob/v1/docs/faq.md") in links
     assert all(target.startswith(("https://", "#")) for _, target in links)
-
-
-def test_the_version_has_one_source() -> None:
-    stated = re.search(r"version: '(.+?)'", (ROOT / "meson.build").read_text())
-    assert stated
-    assert cvtimg.__version__ == stated[1]
-    assert 'dynamic = ["version"]' in (ROOT / "pyproject.toml").read_text()

@@ -123,16 +123,6 @@ def test_a_fits_cube_is_not_taken_for_one_image(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_pages(tmp_path / "b.fits").images, planes[:, ::-1])
 
 
-def test_avif_is_near_and_not_taken_for_lossless(tmp_path: Path) -> None:
-    pytest.importorskip("PIL._avif")
-    smooth = np.add.outer(np.arange(64), np.arange(64)).astype(np.uint8)
-    image = np.dstack([smooth, smooth // 2, 255 - smooth])
-    write_image(tmp_path / "a.avif", image)
-    assert np.abs(read_image(tmp_path / "a.avif").astype(int) - image).max() <= 12
-    with pytest.raises(ValueError, match=r"\.avif would lose the colors of the palette"):
-        write_image(tmp_path / "b.avif", smooth % 3, palette=RGB[0, :3])
-
-
 @pytest.mark.parametrize("deep", [False, True], ids=["8 bits", "16 bits"])
 def test_keep_metadata_keeps_a_wide_profile_and_its_colors(tmp_path: Path, deep: bool) -> None:
     wide = rgb_profile("gbr")  # as far from sRGB as can be

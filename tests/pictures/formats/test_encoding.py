@@ -53,12 +53,14 @@ def test_a_format_without_grey_or_bits_gets_a_wider_kind(tmp_path: Path, suffix:
     np.testing.assert_array_equal(written, grey if suffix == ".pgm" else np.dstack([grey] * 3))
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".jpeg"])
-def test_jpeg_is_near(tmp_path: Path, suffix: str) -> None:
+@pytest.mark.parametrize(("suffix", "error"), [(".jpg", 4), (".jpeg", 4), (".avif", 12)])
+def test_jpeg_and_avif_are_near(tmp_path: Path, suffix: str, error: int) -> None:
+    if suffix == ".avif":
+        pytest.importorskip("PIL._avif")
     smooth = np.add.outer(np.arange(64), np.arange(64)).astype(np.uint8)
     write_image(tmp_path / f"a{suffix}", np.dstack([smooth, smooth // 2, smooth]))
     image = read_image(tmp_path / f"a{suffix}").astype(int)
-    assert np.abs(image - np.dstack([smooth, smooth // 2, smooth])).max() <= 4
+    assert np.abs(image - np.dstack([smooth, smooth // 2, smooth])).max() <= error
 
 
 def indexed(k: int, bands: int = 3) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
@@ -136,6 +138,7 @@ def test_an_indexed_png_of_any_size_comes_back(case: tuple[NDArray[Any], NDArray
         ("a.xyz", RGB, None, r"suffix='\.xyz' must be one of \.png"),
         ("a", RGB, None, "suffix='' must be one of"),
         ("a.jpg", GREY % 2, RGB[0], r"\.jpg would lose the colors .* \.png, \.tif"),
+        ("a.avif", GREY % 2, RGB[0], r"\.avif would lose the colors of the palette"),
         ("a.jpg", RGBA, None, r"\.jpg cannot hold transparency; use one of \.png, \.tif"),
         ("a.bmp", DEEP, None, r"\.bmp cannot hold 16-bit gray images"),
         ("a.gif", RGB, None, r"\.gif cannot hold RGB images"),
