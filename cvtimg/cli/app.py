@@ -25,9 +25,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from io import StringIO
 
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
-    if given in ([], ["-h"], ["--help"], ["help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
-        return _tell(version() if given == ["--version"] else overview())
     try:
+        if given in ([], ["-h"], ["--help"], ["help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
+            print(version() if given == ["--version"] else overview(), flush=True)
+            return 0
         from cvtimg.cli.commands import command_of
 
         todo = command_of(given)(standalone_mode=False)
@@ -46,15 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = explain(error, given)
         _end_output()
         return status
-
-
-def _tell(text: str) -> int:
-    try:
-        print(text, flush=True)
-    except OSError:
-        _end_output()
-        return 1
-    return 0
 
 
 def _end_output() -> None:

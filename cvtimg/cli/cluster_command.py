@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
@@ -48,18 +46,14 @@ def cluster(given: Given) -> Todo:
     from cvtimg.tables.files import find_tables
 
     given.read = reading(given)
-    standard = partial(_output_of, labels_only=given.labels_only)
-    outputs = {"-o": given.output or standard, "--generators": given.generators, "--plot": given.plot}
+    ends = {".parquet": "-labels.parquet", ".zarr": "-labels.npy"}
+    usual = "-labels.csv" if given.labels_only else "-clusters.csv"
+    outputs = {"-o": given.output or (lambda source: "{}" + ends.get(source.suffix.lower(), usual))}
+    outputs |= {"--generators": given.generators, "--plot": given.plot}
     plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))
-
-
-def _output_of(source: Path, labels_only: bool) -> str:
-    """Return the pattern for the output of a table."""
-    kinds = {".parquet": "{}-labels.parquet", ".zarr": "{}-labels.npy"}
-    return kinds.get(source.suffix.lower(), "{}-labels.csv" if labels_only else "{}-clusters.csv")
 
 
 def reading(given: Given) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.cli.running import Todo, planned, read_beside
@@ -46,12 +46,17 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
+    from cvtimg.designs.expressions import computed
     from cvtimg.files.text_tables import csv_text
 
     factors = _factors(given)
     old = _existing(given, factors)
     stopwatch.lap("read")
-    arguments = given.arguments | _functions(given, factors)
+    names = [factor.name for factor in factors if not factor.is_category]
+    arguments = given.arguments
+    for option in ("feasible", "density"):
+        if (text := getattr(given, option)) is not None:
+            arguments[option] = computed(f"--{option}", text, names)
     if given.latin:  # the default, as far as it can be
         arguments["latin"] = None
     found = cvtimg.design(given.number, factors, existing=old, **arguments)
@@ -100,12 +105,3 @@ def _existing(given: Given, factors: list[Factor]) -> NDArray[np.float64] | None
         return None
     is_array = given.existing.suffix.lower() == ".npy"
     return read_beside(given.existing, lambda path: read_table(path).rows if is_array else read_runs(path, factors))
-
-
-def _functions(given: Given, factors: list[Factor]) -> dict[str, Any]:
-    """Return what computes the expressions of factors that are given."""
-    from cvtimg.designs.expressions import computed
-
-    names = [factor.name for factor in factors if not factor.is_category]
-    texts = {"feasible": given.feasible, "density": given.density}
-    return {option: computed(f"--{option}", text, names) for option, text in texts.items() if text is not None}

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, plan_each
 from cvtimg.cli.running import Todo, planned
 from cvtimg.options.record import Given
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info photos/ --noise"
 COLUMNS = (
@@ -47,13 +43,12 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     pixels = image.reshape(1, image.shape[0] * image.shape[1], -1)
     known = pixels[:, np.isfinite(pixels).all(axis=(0, 2))] if image.dtype.kind == "f" else pixels
     n_colors = color_samples(known).n_colors if known.size else 0
-    return {**header, "distinct_colors": n_colors, **(_noise(task, image, found.nodata) if given.noise else {})}
+    row = {**header, "distinct_colors": n_colors}
+    if given.noise:
+        from cvtimg.restoration import measure_noise
+        from cvtimg.restoration.compression import with_tables
 
-
-def _noise(task: Task, image: NDArray[Any], nodata: float | None) -> Row:
-    from cvtimg.restoration import measure_noise
-    from cvtimg.restoration.compression import with_tables
-
-    found = measure_noise([with_tables(image, task.source)], nodata=nodata)
-    values = found.levels[0], found.slope, found.neighbors
-    return {name: value if math.isfinite(value) else None for name, value in zip(NOISE_COLUMNS, values, strict=True)}
+        noise = measure_noise([with_tables(image, task.source)], nodata=found.nodata)
+        values = noise.levels[0], noise.slope, noise.neighbors
+        row |= zip(NOISE_COLUMNS, (value if math.isfinite(value) else None for value in values), strict=True)
+    return row

@@ -138,7 +138,12 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--plot" in task.outputs:
         _plot(found, kept, task.outputs["--plot"], given, image)
     if "--histograms" in task.outputs:
-        _draw_histograms(found, kept, task.outputs["--histograms"], given)
+        from cvtimg.halfedges import measure_triangles
+        from cvtimg.plotting import draw_histograms, save_plot
+
+        each = measure_triangles(found.points, found.triangles[kept[found.triangles].all(axis=1)])
+        values = {"cell width (km)": found.widths()[kept], "angle of triangles (degrees)": each.angles}
+        save_plot(task.outputs["--histograms"], draw_histograms, values, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
         "n": len(found.points),
@@ -164,12 +169,3 @@ def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: Any) -> 
     else:
         polygons = compress(cell_polygons(cells.vertices, cells.corners, cells.offsets), kept)
         save_plot(path, draw_map, list(polygons), widths, **more)
-
-
-def _draw_histograms(grid: SphereGrid, kept: Any, path: Path, given: Given) -> None:
-    from cvtimg.halfedges import measure_triangles
-    from cvtimg.plotting import draw_histograms, save_plot
-
-    each = measure_triangles(grid.points, grid.triangles[kept[grid.triangles].all(axis=1)])
-    values = {"cell width (km)": grid.widths()[kept], "angle of triangles (degrees)": each.angles}
-    save_plot(path, draw_histograms, values, overwrite=given.overwrite)

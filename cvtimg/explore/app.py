@@ -105,7 +105,7 @@ class Server:
         return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())
 
     async def _describe_picture(self, request: Request) -> Response:
-        return await _answered(lambda: self.store.files.picture(request.path_params["key"]).described())
+        return await _answered(lambda: self.store.picture(request.path_params["key"]).described())
 
     async def _open_palette(self, request: Request) -> Response:
         return await self._sent(request, self.store.open_palette)
@@ -145,7 +145,7 @@ class Server:
             if space not in SPACES:
                 raise UnfitRequestError("there is no such color space")
             name: SpaceName = space
-            curve = self.store.files.picture(key).curve(name, wait=True)
+            curve = self.store.picture(key).curve(name, wait=True)
             if curve is None:
                 raise UnfitRequestError("the energy curve cannot be computed")
             psnr = None if curve.psnr is None else [round(float(value), 2) for value in curve.psnr if value < 1e3]

@@ -30,7 +30,6 @@ class Name:
     text: str
 
     def run(self, values: Values) -> Any:
-        """Return its value."""
         first, *others = self.text.split(".")
         return reduce(getattr, others, values[first])
 
@@ -53,14 +52,12 @@ class Call:
     of: str = "cvtimg"
 
     def run(self, values: Values) -> Any:
-        """Call the function."""
         function = reduce(getattr, self.function.split("."), {"cvtimg": cvtimg, **values}[self.of])
         arguments = [_value(value, values) for value in self.arguments]
         return function(*arguments, **{name: _value(value, values) for name, value in self.keywords.items()})
 
     @property
     def text(self) -> str:
-        """The call in Python."""
         words = [*map(literal, self.arguments), *(f"{name}={literal(value)}" for name, value in self.keywords.items())]
         return f"{self.of}.{self.function}({', '.join(words)})"
 

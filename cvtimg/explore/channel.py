@@ -52,7 +52,6 @@ class Work(Generic[T]):
         Thread(target=self._run, args=(function,), daemon=True).start()
 
     def end(self) -> None:
-        """Wait no longer."""
         if not self.result.done():
             self._ended = True
             self.result.set_exception(OvertakenError())
@@ -93,7 +92,6 @@ class Channel:
         self._weighing: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
-        """Answer requests until the page goes."""
         await self._socket.accept("cvtimg")
         jobs = [asyncio.create_task(self._work(lane)) for lane in self._woken]
         try:
@@ -166,7 +164,7 @@ class Channel:
         size = opened.size if opened else tab.sheet or (1, 1)
         window = Window.of(view, size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
 
-        request = Request(opened, settings, self._store.files, window, tab.for_frames)
+        request = Request(opened, settings, self._store, window, tab.for_frames)
         same = (tab.name, opened and request.source.key, settings)
 
         def answered() -> tuple[bytes, Outcome | None, str]:
@@ -235,7 +233,7 @@ def _frame(asked: dict[str, Any]) -> int:
 
 def _opened(store: Store, asked: dict[str, Any]) -> Picture:
     """Return the picture of a request: of several the frame or page."""
-    return store.files.picture(str(asked.get("picture"))).frame(_frame(asked))
+    return store.picture(str(asked.get("picture"))).frame(_frame(asked))
 
 
 def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:

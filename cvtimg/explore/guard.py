@@ -36,7 +36,6 @@ class Credentials:
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """Names that the server has."""
         return f"127.0.0.1:{self.port}", f"localhost:{self.port}"
 
     def entrance(self, once: bool = False) -> str:
@@ -86,7 +85,6 @@ class Guard:
         }
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or refuse it."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return

@@ -44,19 +44,9 @@ class Window(NamedTuple):
         left, top = (max(int(value) // step * step, 0) for value in (left - across, top - down))
         return cls(left, top, min(math.ceil(right + across), width), min(math.ceil(bottom + down), height), step)
 
-    @property
-    def rows(self) -> slice:
-        """Rows to take."""
-        return slice(self.top, self.bottom, self.step)
-
-    @property
-    def columns(self) -> slice:
-        """Columns to take."""
-        return slice(self.left, self.right, self.step)
-
     def of_array(self, array: NDArray[Any]) -> NDArray[Any]:
         """Cut the window from an array (H, W, ...)."""
-        return np.ascontiguousarray(array[self.rows, self.columns])
+        return np.ascontiguousarray(array[self.top : self.bottom : self.step, self.left : self.right : self.step])
 
 
 def _step(n_pixels: int, most: int) -> int:
@@ -71,7 +61,6 @@ class Indexed:
     colors: NDArray[np.uint8]
 
     def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
-        """Return what describes the layer in a window, and its bytes."""
         indices = window.of_array(self.indices)
         # Counts of labels are 32-bit; few pixels are sent, as bytes where they fit.
         smallest = next(size for size in (1, 2, 4) if len(self.colors) <= 256**size)
@@ -87,7 +76,6 @@ class Pixels:
     pixels: NDArray[np.uint8]
 
     def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
-        """Return what describes the layer in a window, and its bytes."""
         pixels = window.of_array(self.pixels)
         rgba = np.full((*pixels.shape[:2], 4), 255, np.uint8)
         rgba[..., : pixels.shape[2]] = pixels
@@ -102,7 +90,6 @@ class Drawing:
     over: bool = False
 
     def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
-        """Return what describes the layer; drawings are sent whole."""
         return {"kind": "svg", "over": self.over}, [self.svg]
 
 
@@ -114,11 +101,11 @@ class Globe:
     edges: NDArray[np.uint32]
 
     def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
-        """Return what describes the layer; globes are sent whole."""
         about = {"kind": "globe", "corners": len(self.vertices)}
         return about, [self.vertices.astype("<f4").tobytes(), self.edges.astype("<u4").tobytes()]
 
 
+#: What is seen of a result. `cut` returns what describes it in a window, and its bytes; drawings and globes are whole.
 Layer: TypeAlias = Indexed | Pixels | Drawing | Globe
 
 

@@ -85,7 +85,6 @@ class Picture:
 
     @property
     def noun(self) -> str:
-        """What its images are called."""
         return "Page" if (self.whole_file or self).header.kind == "pages" else "Frame"
 
     @property
@@ -116,7 +115,6 @@ class Picture:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Height and width."""
         return self.array.shape[0], self.array.shape[1]
 
     @property
@@ -143,7 +141,6 @@ class Picture:
 
     @cached_property
     def samples(self) -> ColorSamples:
-        """Colors of all pixels."""
         return self._samples_in(self.whole(MOST_PIXELS))
 
     def whole(self, most: int) -> Window:
@@ -195,7 +192,6 @@ class Picture:
             curve.set_exception(error)
 
     def close(self) -> None:
-        """End what is computed in the background."""
         self._closed = True
         wait(list(self._curves.values()))
 
@@ -209,7 +205,6 @@ class Picture:
         return bands if self.has_alpha else bands[..., :3]
 
     def seen(self, window: Window) -> Pixels:
-        """Return the picture as it is shown."""
         return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
 
     def colors_seen(self, colors: NDArray[Any], *, alpha: bool) -> NDArray[np.uint8]:
@@ -223,7 +218,6 @@ class Picture:
         return rgba
 
     def described(self) -> dict[str, Any]:
-        """Return what the page tells of the picture."""
         height, width = self.size
         about = {"id": self.key, "name": Path(self.name).name, "path": self.name, "bytes": self.n_bytes}
         return {

@@ -57,7 +57,6 @@ class Recipe:
     always: str = ""
 
     def shown(self, output: Output, stem: str) -> dict[str, str]:
-        """Return what the page shows for a file."""
         name = output.pattern.format(stem)
         also = ["-o", safe_name(self.always.format(stem))] if self.always and output.option != "-o" else []
         command = shlex.join([*self.words, *also, output.option, safe_name(name)])

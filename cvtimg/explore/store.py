@@ -7,7 +7,8 @@ import secrets
 import shutil
 import tempfile
 import threading
-from collections import ChainMap, OrderedDict
+from collections import OrderedDict
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,7 +21,6 @@ from cvtimg._shared.messages import one_line
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
-from cvtimg.explore.tabs.base import OpenFiles
 from cvtimg.palettes.known import known_palettes
 
 #: Largest file that is taken.
@@ -50,7 +50,6 @@ class Store:
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
-        self.files = OpenFiles(self._pictures, ChainMap(self._palettes, KNOWN))
 
     def close(self) -> None:
         """End what is computed in the background, and remove the files that were sent."""
@@ -66,6 +65,19 @@ class Store:
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
 
+    def picture(self, key: str) -> Picture:
+        if key not in self._pictures:
+            raise UnfitRequestError("this image is no longer open; open it again")
+        return self._pictures[key]
+
+    def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
+        """Return the name and the colors of the palette that was chosen."""
+        if not keys:
+            raise UnfitRequestError("choose a palette, or open a file that has one")
+        if found := self._palettes.get(keys[0], KNOWN.get(keys[0])):
+            return found
+        raise UnfitRequestError("this palette is no longer open; open it again")
+
     def open_file(self, path: Path) -> Picture:
         """Open a picture of the command line; pages share it."""
         with self._lock:
@@ -75,7 +87,6 @@ class Store:
         return same or self._add(str(path), path)
 
     def open_sent(self, name: str, content: bytes) -> Picture:
-        """Open a picture that a page sent."""
         path = self._stored(name, content)
         try:
             picture = self._add(_plain(name), path)
@@ -119,13 +130,11 @@ class Store:
         return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
 
     def keep_result(self, outcome: Outcome) -> str:
-        """Keep a result for its files; return its key."""
         key = secrets.token_hex(8)
         self._keep(self._results, key, outcome, _MOST_RESULTS)
         return key
 
     def result(self, key: str) -> Outcome | None:
-        """Return a result, or None if it is gone."""
         return self._results.get(key)
 
     def _keep(self, kept: OrderedDict[str, T], key: str, value: T, most: int) -> None:

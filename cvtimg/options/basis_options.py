@@ -8,17 +8,10 @@ from cvtimg.options import common
 from cvtimg.options.common import file
 from cvtimg.options.record import Choice, Option, Whole, passed
 
-FILM = replace(
-    common.IMAGES, help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
-)
-
-
-PASSES = passed(
-    "passes", Whole(2, 64, even=True), "How often to read the input, an even number: more is more precise.", default=4
-)
-
 BASIS = (
-    FILM,
+    replace(
+        common.IMAGES, help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
+    ),
     Option(
         "number",
         Whole(1, 1 << 16, auto=True),
@@ -37,7 +30,12 @@ BASIS = (
     passed("n_cells", Whole(1, 1 << 16), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
     file("sheet", "Draw the mean and the modes as images.", common.lossless),
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
-    PASSES,
+    passed(
+        "passes",
+        Whole(2, 64, even=True),
+        "How often to read the input, an even number: more is more precise.",
+        default=4,
+    ),
     common.SEED,
     common.MAX_PIXELS,
     *common.RUN,

@@ -162,7 +162,7 @@ def opened(store: Store, pixels: NDArray[Any], name: str = "my scene.png", **opt
 def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, Any]) -> Request:
     checked = parse_settings(TABS[tab].controls, {**BASE[tab], **settings})
     window = Window.of(None, picture.size, 1 << 20)
-    return Request(None if TABS[tab].sheet else picture, checked, store.files, window)
+    return Request(None if TABS[tab].sheet else picture, checked, store, window)
 
 
 def check_equal(
@@ -279,7 +279,7 @@ def test_several_versions_give_the_same_file(settings: dict[str, Any], store: St
     for number in range(3):
         noisy = np.clip(scene + rng.normal(0, 9, scene.shape), 0, 255).astype(np.uint8)
         versions.append(opened(store, noisy, f"scan {number}.png").key)
-    picture = store.files.picture(versions[0])
+    picture = store.picture(versions[0])
     check_equal(store, "restore", picture, {"versions": versions, **settings})
 
 

@@ -295,7 +295,7 @@ def test_files_over_the_limit_are_refused_announced_or_not(page: TestClient, mon
 def test_names_of_files_that_are_sent_lead_nowhere(name: str, page: TestClient, server: Server) -> None:
     about = opened(page, png(np.zeros((4, 5))), name)
     assert not set(about["name"]) & set("/\\\x00\x1b")
-    path = server.store.files.picture(about["id"]).path
+    path = server.store.picture(about["id"]).path
     assert path.parent == Path(server.store._folder.name)
 
 
@@ -325,7 +325,7 @@ def test_the_oldest_picture_goes_and_its_file_with_it(
 ) -> None:
     monkeypatch.setattr(store, "_MOST_PICTURES", 2)
     first = opened(page, png(np.zeros((4, 5))))["id"]
-    path = server.store.files.picture(first).path
+    path = server.store.picture(first).path
     kept = [opened(page, png(np.zeros((4, 5))))["id"] for _ in range(2)]
     assert not path.exists()
     assert "no longer open" in request(page, first).about["error"]
@@ -403,7 +403,7 @@ def test_a_result_is_what_the_function_returns(page: TestClient, photograph: NDA
 
 def test_a_draft_is_near_the_result(page: TestClient, server: Server, photograph: NDArray[Any]) -> None:
     picture = opened(page, png(photograph))["id"]
-    server.store.files.picture(picture).curve("rgb", wait=True)
+    server.store.picture(picture).curve("rgb", wait=True)
     draft, exact = (request(page, picture, lane=lane, settings={"k": 9}) for lane in ("draft", "exact"))
     assert len(draft.colors) == len(exact.colors) == 9
     assert abs(draft.about["facts"]["psnr"] - exact.about["facts"]["psnr"]) < 0.3

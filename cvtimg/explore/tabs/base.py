@@ -14,28 +14,7 @@ from cvtimg.explore.controls import Brushed, Control, Settings, Switch, UnfitReq
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OpenFiles:
-    """What is open beside the picture itself: other pictures, and palettes by their names."""
-
-    pictures: Mapping[str, Picture]
-    palettes: Mapping[str, tuple[str, NDArray[np.uint8]]]
-
-    def picture(self, key: str) -> Picture:
-        """Return an open picture."""
-        if key not in self.pictures:
-            raise UnfitRequestError("this image is no longer open; open it again")
-        return self.pictures[key]
-
-    def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
-        """Return the name and the colors of the palette that was chosen."""
-        if not keys:
-            raise UnfitRequestError("choose a palette, or open a file that has one")
-        if keys[0] not in self.palettes:
-            raise UnfitRequestError("this palette is no longer open; open it again")
-        return self.palettes[keys[0]]
+from cvtimg.explore.store import Store
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +23,7 @@ class Request:
 
     opened: Picture | None  # The picture that is shown; None for tabs that need none
     settings: Settings  # Values of all controls of the tab
-    files: OpenFiles  # What else is open
+    store: Store  # What else is open
     window: Window  # The part that a draft has to show
     is_whole: bool = False  # Whether all frames are wanted if the picture is one of several
     step: int = 1  # Every how many pixels are used, for a draft

@@ -148,7 +148,7 @@ class ColorsTab(Tab):
         if settings["aim"] == "auto":
             more = ("-k", "auto")
         elif settings["aim"] == "palette":
-            more = ("--palette", request.files.palette(settings["palette"])[0])
+            more = ("--palette", request.store.palette(settings["palette"])[0])
         if "dither_strength" in (keywords := self.keywords(settings)):
             more += ("--dither-strength", f"{keywords['dither_strength']:g}")
         return Tab.words(self, request, *more)
@@ -183,7 +183,7 @@ class ColorsTab(Tab):
         keywords |= {name: Name(name) for name in maps}
         number: tuple[Any, ...] = ()
         if settings["aim"] == "palette":
-            keywords["palette"] = read_as(*request.files.palette(settings["palette"]), picture.array.dtype)
+            keywords["palette"] = read_as(*request.store.palette(settings["palette"]), picture.array.dtype)
         elif (own := self._own_palette(request)) is not None and "weights" not in keywords:
             keywords["palette"] = own
             keywords.pop("effort", None)
@@ -228,7 +228,7 @@ class ColorsTab(Tab):
         """Return a palette near the one that the exact result will have; None if none is found quickly."""
         settings, picture = request.settings, request.picture
         if settings["aim"] == "palette":
-            return to_depth(request.files.palette(settings["palette"])[1], picture.array.dtype)
+            return to_depth(request.store.palette(settings["palette"])[1], picture.array.dtype)
         curve = None if picture.has_alpha else picture.curve(settings["space"], wait=False)
         number = settings["k"]
         if settings["aim"] != "k":

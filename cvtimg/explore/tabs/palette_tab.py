@@ -166,7 +166,7 @@ def _given(request: Request) -> tuple[str, NDArray[np.uint8]]:
     """Return name and colors of the palette that is chosen or made."""
     settings = request.settings
     if settings["start"] == "given":
-        return request.files.palette(settings["palette"])
+        return request.store.palette(settings["palette"])
     if not settings["colors"]:
         raise UnfitRequestError("the palette is empty; add a color")
     return ",".join(settings["colors"]), rgb(settings["colors"])

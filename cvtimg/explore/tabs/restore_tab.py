@@ -145,7 +145,7 @@ class RestoreTab(Tab):
 
 
 def _versions(request: Request) -> list[Picture]:
-    chosen = [request.files.picture(key) for key in request.settings["versions"]]
+    chosen = [request.store.picture(key) for key in request.settings["versions"]]
     shown = request.picture  # of an animation the frame
     if request.settings["align"]:
         chosen.sort(key=lambda one: one is not (shown.whole_file or shown))  # the others are moved onto it
