@@ -75,15 +75,6 @@ def test_a_single_frame_is_read_by_its_number(tmp_path: Path, suffix: str) -> No
         read_image(path, page=6)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_every_frame_comes_back_with_a_palette_of_its_own(tmp_path: Path, suffix: str) -> None:
-    palettes = [RNG.integers(0, 256, (n_colors, 3), np.uint8) for n_colors in (256, 16, 255, 17, 16)]
-    frames = animation()
-    write_frames(tmp_path / f"a{suffix}", frames, palettes=palettes)
-    pairs = zip(frames.images, palettes, strict=True)
-    assert_same(tmp_path / f"a{suffix}", [palette[image] for image, palette in pairs])
-
-
 @pytest.mark.parametrize("suffix", [".png", ".webp"])
 @pytest.mark.parametrize("channels", [(), (3,), (4,)])
 def test_frames_without_palette_come_back(tmp_path: Path, suffix: str, channels: tuple[int, ...]) -> None:
