@@ -42,6 +42,10 @@ def test_masked_pixels_do_not_change_the_palette_and_become_transparent(few: Row
         palettes.append(read_palette("out.hex").tolist())
         np.testing.assert_array_equal(read_image("out.png")[..., 3] == 0, LEFT_OUT)
     assert palettes[0] == palettes[1] == quantize(COLORS[:, 10:], 5).palette.tolist()
+    tifffile.imwrite("pages.tif", np.stack([COLORS] * 3), photometric="rgb")
+    assert few("pages.tif", "-k", "4", "--mask", "mask.png", "-o", "out.tif")["left_out"] == 3 * LEFT_OUT.sum()
+    for page in read_pages("out.tif").images:
+        np.testing.assert_array_equal(page[..., 3] == 0, LEFT_OUT)
 
 
 def test_nodata_of_an_option_is_left_out_and_in_all_bands_only(few: RowOf) -> None:
@@ -117,16 +121,6 @@ def test_pages_leave_out_the_pixels_of_one_mask_or_of_as_many(few: RowOf) -> Non
             found.append(reduced[inside])
         np.testing.assert_array_equal(*found)
         assert len(np.unique(found[0])) == 4
-
-
-def test_left_out_pixels_of_8_bit_pages_become_transparent(few: RowOf) -> None:
-    write_image("mask.png", ~LEFT_OUT)
-    tifffile.imwrite("pages.tif", np.stack([COLORS] * 3), photometric="rgb")
-    assert few("pages.tif", "-k", "4", "--mask", "mask.png", "-o", "out.tif")["left_out"] == 3 * LEFT_OUT.sum()
-    pages = read_pages("out.tif")
-    assert pages.has_alpha
-    for page in pages.images:
-        np.testing.assert_array_equal(page[..., 3] == 0, LEFT_OUT)
 
 
 @pytest.mark.parametrize("mask", ["one.png", "all.gif"])

@@ -140,18 +140,20 @@ def test_the_border_of_what_is_left_out_is_no_edge_and_has_no_color(run: Run) ->
     assert len(feature["geometry"]["coordinates"]) == 2
 
 
+#: Pixels of 10 m in UTM zone 33, of which 7 is nodata.
+GEO = [
+    (33550, "d", 3, (10.0, 10.0, 0.0)),
+    (33922, "d", 6, (0.0, 0.0, 0.0, 500_000.0, 4_600_000.0, 0.0)),
+    (34735, "H", 8, (1, 1, 0, 1, 3072, 0, 1, 32633)),
+    (42113, "s", 0, "7"),
+]
+
+
 def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out(run: Run) -> None:
     image = np.zeros((6, 8), np.uint16)
     image[:, 4:] = 900
     image[0] = 7
-    keys = (1, 1, 0, 1, 3072, 0, 1, 32633)
-    tags = [
-        (33550, "d", 3, (10.0, 10.0, 0.0)),
-        (33922, "d", 6, (0.0, 0.0, 0.0, 500_000.0, 4_600_000.0, 0.0)),
-        (34735, "H", len(keys), keys),
-        (42113, "s", 0, "7"),
-    ]
-    tifffile.imwrite("geo.tif", image, extratags=tags)
+    tifffile.imwrite("geo.tif", image, extratags=GEO)
     (row,) = run("geo.tif", "-k", "2", "--contours", "a.geojson").rows
     assert row["left_out"] == 8
     whole = json.loads(Path("a.geojson").read_text())
@@ -164,9 +166,7 @@ def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out
 
 def test_labels_and_reduced_colors_of_a_geotiff_lie_where_it_does(run: Run) -> None:
     rgb = np.repeat(RGB, 2, axis=0)
-    scale, corner = (10.0, 10.0, 0.0), (0.0, 0.0, 0.0, 500_000.0, 4_600_000.0, 0.0)
-    tags = [(33550, "d", 3, scale), (33922, "d", 6, corner), (42113, "s", 0, "7")]
-    tifffile.imwrite("geo.tif", rgb, photometric="rgb", extratags=tags)
+    tifffile.imwrite("geo.tif", rgb, photometric="rgb", extratags=GEO)
     assert run("geo.tif", "-k", "2", "-o", "labels.tif", "--mean", "mean.tif").status == 0
     drawn = ["--strengths", "strengths.tif", "--edges", "edges.tif", "--overlay", "overlay.tif"]
     assert run("geo.tif", "--hierarchy", *drawn).status == 0

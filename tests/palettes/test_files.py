@@ -222,11 +222,6 @@ def test_a_damaged_palette_is_read_or_is_an_os_error(tmp_path: Path, suffix: str
     assert n_failed
 
 
-def test_a_missing_palette_is_said_so(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"a\.gpl: no such file"):
-        read_palette(tmp_path / "a.gpl")
-
-
 # --- pictures as palettes
 
 
@@ -235,10 +230,7 @@ def test_the_palette_of_an_indexed_picture_is_taken_with_entries_that_no_pixel_h
     np.testing.assert_array_equal(read_palette(tmp_path / "a.png"), RGB)
     write_image(tmp_path / "b.png", np.array([[1, 0]]), palette=RGBA)
     np.testing.assert_array_equal(read_palette(tmp_path / "b.png"), RGBA)
-
-
-def test_the_padding_of_a_gif_is_no_color(tmp_path: Path) -> None:
-    write_image(tmp_path / "a.gif", np.array([[2, 0, 1]]), palette=RGB)
+    write_image(tmp_path / "a.gif", np.array([[2, 0, 1]]), palette=RGB)  # whose padding is no color
     np.testing.assert_array_equal(read_palette(tmp_path / "a.gif"), RGB)
 
 

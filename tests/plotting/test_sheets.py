@@ -24,7 +24,9 @@ def distinct_colors(n_colors: int) -> Bytes:
 
 
 def noise(height: int, width: int, *channels: int) -> Bytes:
-    return np.random.default_rng(1).integers(0, 256, (height, width, *channels), dtype=np.uint8)
+    image = np.random.default_rng(1).integers(0, 256, (height, width, *channels), dtype=np.uint8)
+    image.flags.writeable = False  # no drawing changes what it shows
+    return image
 
 
 def single(image: Any, width: int, **options: Any) -> Bytes:
@@ -222,14 +224,6 @@ def test_rows_may_differ_in_length_and_be_empty() -> None:
     assert (sheet[STYLE.margin : STYLE.margin + 4, STYLE.margin + 30 :] == STYLE.background).all()
     assert contact_sheet([]).shape == (2 * STYLE.margin, 2 * STYLE.margin, 3)
     assert contact_sheet([], title="nothing").shape[1] == 2 * STYLE.margin
-
-
-def test_inputs_are_unchanged() -> None:
-    image, colors = noise(90, 80, 4), noise(5, 4)
-    copies = image.copy(), colors.copy()
-    contact_sheet([[Panel(image, ("a",), colors, np.ones(5))]], panel_width=50)
-    np.testing.assert_array_equal(image, copies[0])
-    np.testing.assert_array_equal(colors, copies[1])
 
 
 # Edges over a picture

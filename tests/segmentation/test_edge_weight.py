@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from reference import edge_weighted_energy
-from scipy import ndimage
 
 from cvtimg.segmentation.edge_weight import descend
 
@@ -75,17 +74,6 @@ def test_unknown_pixels_take_the_label_of_their_surroundings() -> None:
     end = descend(values, start, 2, edge_weight=0.01, weights=weights)
     np.testing.assert_array_equal(end.labels, truth)
     np.testing.assert_allclose(end.generators, [[1], [2]])
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_connected_segments_stay_in_one_piece(seed: int) -> None:
-    values = np.random.default_rng(seed).normal(size=(30, 40, 2)).astype(np.float32)
-    rows, columns = np.indices((30, 40))
-    labels = (rows // 10 * 4 + columns // 10 + 1).astype(np.int32)
-    end = descend(values, labels, 12, edge_weight=0.01, connected=True)
-    assert (end.labels != labels).sum() > 100
-    for segment in range(1, 13):
-        assert ndimage.label(end.labels == segment)[1] == 1
 
 
 def test_arguments_stay_as_they_were_and_results_cannot_be_changed() -> None:

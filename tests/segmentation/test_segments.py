@@ -222,13 +222,6 @@ def test_there_are_no_more_segments_than_colors() -> None:
     assert result.n_segments == 3
 
 
-def test_a_picture_of_many_bands_is_segmented() -> None:
-    rng = np.random.default_rng(0)
-    truth = np.repeat([0, 1, 2], 20)[None].repeat(50, axis=0)
-    image = (rng.random((3, 7)) * 1000 + [[0], [2000], [4000]])[truth] + rng.normal(0, 30, (50, 60, 7))
-    np.testing.assert_array_equal(segment(image, 3, edge_weight="auto").labels, truth + 1)
-
-
 @pytest.mark.parametrize("components", [False, True])
 @pytest.mark.parametrize("min_size", [2, 40, 3000, 10**6])
 def test_no_piece_below_the_least_size_remains(photograph: NDArray[Any], components: bool, min_size: int) -> None:
