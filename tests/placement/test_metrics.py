@@ -36,12 +36,3 @@ def test_corners_of_a_polygon_are_at_distance_1() -> None:
 def test_p_norms_are_those_of_numpy() -> None:
     for p in (1, 2, 3.5, 20, np.inf):
         np.testing.assert_allclose(as_gauge(p).lengths(STEPS), np.linalg.norm(STEPS, p, axis=1))
-
-
-def test_metrics_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"metric=0\.5 must be >= 1"):
-        as_gauge(0.5)
-    with pytest.raises(ValueError, match="metric='square' must be one of euclidean"):
-        as_gauge("square")
-    with pytest.raises(ValueError, match="convex polygon around the origin"):
-        as_gauge([[1, 1], [2, 1], [2, 2]])

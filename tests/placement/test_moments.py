@@ -105,12 +105,3 @@ def test_hundreds_of_generators_in_one_pixel() -> None:
     moments = PixelMoments(np.ones((40, 40)))(points)
     assert moments.masses.sum() == pytest.approx(1600)
     assert np.count_nonzero(moments.masses) > 10
-
-
-def test_a_density_is_checked_by_name() -> None:
-    with pytest.raises(ValueError, match=r"density must not be 0 everywhere"):
-        PixelMoments(np.zeros((3, 3)))
-    with pytest.raises(ValueError, match=r"density of shape \(3,\) must be \(H, W\)"):
-        PixelMoments([1, 2, 3])
-    with pytest.raises(ValueError, match=r"points of shape \(1, 3\) must be \(N, 2\)"):
-        PixelMoments([[1]])([[0, 0, 0]])

@@ -9,7 +9,6 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from cvtimg import tessellate
 from cvtimg.placement import Box, ImplicitRegion, PictureRegion, PolygonRegion, Region, as_density, as_region
 
 STAR = [
@@ -95,13 +94,6 @@ def test_samples_weigh_as_the_density(region: Region) -> None:
     assert samples.density.sum() == pytest.approx(expected, rel=0.02)
 
 
-@EVERY
-def test_tessellate_takes_samples_unchanged(region: Region) -> None:
-    found = tessellate(region.sample(2000), 5, effort="fast")
-    assert found.generators.shape == (5, region.n_dims)
-    assert found.masses.sum() == pytest.approx(region.measure)
-
-
 def test_corners() -> None:
     assert len(Box([0] * 3, [1] * 3).corners) == 8
     assert len(Box([0, 0], [1, 1], periodic=True).corners) == 0
@@ -135,51 +127,6 @@ def test_as_region_takes_what_stands_for_one() -> None:
     assert isinstance(as_region(np.ones((2, 2), bool)), PictureRegion)
     assert as_region(shapely.box(0, 0, 2, 3)).measure == 6
     assert as_region(np.array([[0.0, 0], [2, 0], [0, 2]])).measure == 2
-
-
-@pytest.mark.parametrize(
-    ("region", "message"),
-    [
-        (np.zeros((3, 3), bool), "mask must be True somewhere: the region is empty"),
-        ([[0, 0], [1, 1]], r"a ring of shape \(2, 2\) must be \(N, 2\)"),
-        ([[0, 0], [2, 2], [2, 0], [0, 2]], r"polygons must not cross themselves or each other, as they do at \(1, 1\)"),
-        ([[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]], r"a hole at \(5, 5\) must lie inside of its polygon"),
-        ([[0, 0], [1, 1], [2, 2]], "a Polygon of area 0 must be"),
-        ({"type": "Point", "coordinates": [0, 0]}, "GeoJSON type='Point' must be"),
-        (shapely.Point(0, 0), "a Point of area 0 must be a polygon"),
-    ],
-)
-def test_what_is_no_region_is_refused(region: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        as_region(region)
-
-
-def test_empty_regions_are_refused() -> None:
-    with pytest.raises(ValueError, match="function must be <= 0 somewhere within lower and upper: the region is empty"):
-        ImplicitRegion(lambda p: np.ones(len(p)), [0, 0], [1, 1])
-    with pytest.raises(ValueError, match=r"lower=\[1\.0\] must be less than upper=\[1\.0\]"):
-        Box(1, 1)
-    for side in (1e200, 1e-200):
-        with pytest.raises(ValueError, match=r"upper - lower=.* must be in 1e-60"):
-            Box([0, 0], [side, 1])
-    with pytest.raises(TypeError, match="region of type int must be a Region"):
-        as_region(3)
-
-
-@pytest.mark.parametrize(
-    ("density", "message"),
-    [
-        (0, "density=0.0 must be a finite number > 0"),
-        ([[1, np.nan]], "density must be finite: it contains NaN"),
-        ([[1, -1]], r"density in -1\.\.1 must be finite and >= 0"),
-        (lambda p: p[:, 0] - 10, r"density at \[0\.\d+, 0\.\d+\]=-9\.\d+ must be finite and >= 0"),
-        (lambda p: p[:, 0] * np.nan, r"density at \[.*\]=nan must be finite"),
-        (lambda p: 1.0, r"density returned shape \(\) and must return \(10,\)"),
-    ],
-)
-def test_a_density_is_refused_by_name(density: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Box([0, 0], [1, 1]).sample(10, density=density)
 
 
 def test_a_picture_is_interpolated_between_the_centers_of_pixels() -> None:

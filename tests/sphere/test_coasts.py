@@ -108,12 +108,3 @@ def test_a_grid_that_mirrors_itself_at_its_coast_is_made() -> None:
     grid = coastal_grid(642, np.broadcast_to(np.arange(60)[:, None] < 30, (60, 120)))
     assert grid.on_coast.any()
     assert straddling(grid) == 0
-
-
-def test_a_globe_without_a_coast_is_refused() -> None:
-    with pytest.raises(ValueError, match="n=3 must be an integer >= 4"):
-        coastal_grid(3, continents())
-    with pytest.raises(ValueError, match="land must not be 0 everywhere"):
-        coastal_grid(100, np.zeros((20, 40)))
-    with pytest.raises(ValueError, match="land must have a coast that cells can follow"):
-        coastal_grid(100, np.ones((20, 40)))

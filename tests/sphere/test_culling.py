@@ -187,22 +187,6 @@ def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
     assert (table["land"] == grid.on_land).all()
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: cull_land(GRID, lambda points: points[:, 2] < 2), "land must leave a cell of the sea"),
-        (lambda: cull_land(GRID, lambda points: points[:, 2]), "land must return booleans"),
-        (lambda: cull_land(GRID, LAND, straits=[[[0, 95]]]), "straits must be in degrees"),
-        (lambda: limit_area(GRID, Cap(3.3, 1.1, 1e-3)), "within must hold a point"),
-        (lambda: limit_area(GRID, LAND, layers=-1), "layers=-1 must be"),
-        (lambda: Box(0, 10, 10, 0), "north=0 must be above south"),
-    ],
-)
-def test_wrong_parts_are_named(make: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
 def test_the_land_of_the_earth_is_known() -> None:
     shape = shapely.geometry.shape(earth_land())
     for lon, lat, on_land in ((2, 48, True), (-30, 40, False), (181, 66.5, True), (0, -89, True), (50, 42, False)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from reference import sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
-from cvtimg.sphere import Cap, Refinement, SphereGrid, nested_grid
+from cvtimg.sphere import Cap, SphereGrid, nested_grid
 
 PARENT = sphere_grid(2562)
 
@@ -86,30 +85,3 @@ def test_a_density_says_where_new_points_gather() -> None:
 def test_points_of_any_grid_may_be_the_parent() -> None:
     grid = nested_grid(PARENT.points, 50, within=Cap(0, 0, 10), effort="fast")
     assert (grid.points[grid.fixed] == PARENT.points[~Cap(0, 0, 10)(PARENT.points)]).all()
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"n": 0}, "n=0 must be an integer >= 1"),
-        ({"within": Cap(3, 3, 0.01)}, "within must hold a point of the parent"),
-        ({"within": lambda x: x[:, 0] < 2}, "within must leave a point of the parent outside"),
-        ({"within": lambda x: x}, r"within returned shape \(2562, 3\)"),
-        ({"within": lambda x: x[:, 0]}, "within must return booleans"),
-        ({"effort": "some"}, "effort='some' must be one of"),
-        ({"parent": np.eye(3)}, "parent must have at least 4 points, not 3"),
-    ],
-)
-def test_bad_input_is_one_clear_error(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        nested_grid(**{"parent": PARENT, "n": 10, "within": Cap(0, 0, 20), **given})
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"lat": 100}, {"radius": 180.1}, {"lon": 400}, {"radius": 0}, {"ratio": 0.5}, {"width": -1}]
-)
-def test_caps_and_refinements_refuse_what_is_no_place(wrong: dict[str, float]) -> None:
-    for part in (Cap, partial(Refinement, ratio=2)):
-        if part is not Cap or not {"ratio", "width"} & set(wrong):
-            with pytest.raises(ValueError, match=next(iter(wrong))):
-                part(**{"lon": 0, "lat": 0, "radius": 10, **wrong})

@@ -95,22 +95,6 @@ def test_points_in_one_hemisphere_have_cells_that_cover_the_sphere() -> None:
     assert mesh.uniform_moments().sum(axis=0) == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (np.eye(3), "points must have at least 4 points, not 3"),
-        (2 * random_points(9), r"\|points\[\d\]\|=\d.* must be 1"),
-        (np.repeat(random_points(9), 2, axis=0), r"points \d+ and \d+ must be at least 1e-07 apart, not 0"),
-        (unit(np.concatenate([random_points(50), random_points(50) + 1e-9])), "must be at least 1e-07 apart"),
-        (np.stack([np.cos(np.arange(9)), np.sin(np.arange(9)), np.zeros(9)], axis=1), "not be all on one circle"),
-        (np.full((9, 3), np.nan), "points must be finite"),
-    ],
-)
-def test_points_without_a_triangulation_are_refused(points: Points, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        triangulate(points)
-
-
 def test_flips_follow_moving_points() -> None:
     mesh = SphereTriangulation(random_points(2000))
     for _ in range(5):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -69,21 +67,3 @@ def test_maps_of_any_longitudes_and_latitudes_are_maps_of_the_globe(west: int, f
     found = width_map(lon, lat, 100 + lat[:, None] + 10 * np.cos(np.radians(lon)))
     rows, columns = 87.5 - 5 * np.arange(36.0), 5 * np.arange(72.0) - 177.5
     np.testing.assert_allclose(found, 100 + rows[:, None] + 10 * np.cos(np.radians(columns)), atol=0.02)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: CellWidth(0), "width=0.0 must be a finite number > 0, in km"),
-        (lambda: CellWidth(lambda lon, lat: lon), "width at longitude .* must be finite and > 0 km"),
-        (lambda: CellWidth(lambda lon, lat: lon[1:]), "width returned shape"),
-        (lambda: CellWidth(np.zeros((2, 4))), "width must be finite and > 0 km everywhere"),
-        (lambda: CellWidth(30, [WidthCircle(0, 95, 1, 1)]), "lat=95 must be in -90..90"),
-        (lambda: WidthCircle(0, 0, 1, 1, transition=-1), "transition=-1 must be"),
-        (lambda: sphere_grid(), "n must be given, unless"),
-        (lambda: width_map([0, 90], [0, 1], np.ones((2, 2))), "lon must go around the globe"),
-    ],
-)
-def test_wrong_widths_are_named(make: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        make()

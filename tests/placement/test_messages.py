@@ -1,0 +1,76 @@
+"""What cannot be placed is refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from cvtimg import place_generators
+from cvtimg.placement import Box, ImplicitRegion, PixelMoments, as_gauge, as_region
+
+SQUARE, CUBE = Box([0, 0], [1, 1]), Box([0] * 3, [1] * 3)
+MASK = np.ones((4, 4), bool)
+
+
+def placed(region: Any = SQUARE, **options: Any) -> Callable[[], Any]:
+    return lambda: place_generators(region, 5, **options)
+
+
+def sampled(density: Any) -> Callable[[], Any]:
+    return lambda: SQUARE.sample(10, density=density)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (placed(MASK, density=np.ones((2, 3))), r"density of shape \(2, 3\) must be \(4, 4\)"),
+        (placed(CUBE, metric="triangle"), "metric='triangle' must be the power of a p-norm"),
+        (placed(fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]]), "fixed must be .* apart: number 1, .*, lies on number 0"),
+        (placed(CUBE, fixed=[[0.5] * 3] * 2), "fixed must be at least .* apart: number 1, .*, lies on number 0"),
+        (placed(MASK, fixed=[[1, 1]] * 2), "fixed must be at least .* apart: number 1"),
+        (placed(fixed=np.zeros((5, 2))), "fixed must have fewer than n_generators=5, not 5"),
+        (placed(on_boundary="all"), "on_boundary='all' must be one of auto"),
+        (placed(method="newton"), "method='newton' must be one of"),
+        (placed(effort="huge"), "effort='huge' must be one of"),
+        (placed(density=lambda p: 0 * p[:, 0]), "density must not be 0 everywhere in the region"),
+        (placed(fixed=[[np.nan, 0]]), "fixed must be finite"),
+        (placed(density="dense"), "density of type str must be a number, an image or a function"),
+        (lambda: as_region(np.zeros((3, 3), bool)), "mask must be True somewhere: the region is empty"),
+        (lambda: as_region([[0, 0], [1, 1]]), r"a ring of shape \(2, 2\) must be \(N, 2\)"),
+        (
+            lambda: as_region([[0, 0], [2, 2], [2, 0], [0, 2]]),
+            r"polygons must not cross themselves or each other, as they do at \(1, 1\)",
+        ),
+        (
+            lambda: as_region([[[0, 0], [1, 0], [1, 1]], [[5, 5], [6, 5], [6, 6]]]),
+            r"a hole at \(5, 5\) must lie inside of its polygon",
+        ),
+        (lambda: as_region([[0, 0], [1, 1], [2, 2]]), "a Polygon of area 0 must be"),
+        (lambda: as_region({"type": "Point", "coordinates": [0, 0]}), "GeoJSON type='Point' must be"),
+        (lambda: as_region(shapely.Point(0, 0)), "a Point of area 0 must be a polygon"),
+        (lambda: as_region(3), "region of type int must be a Region"),
+        (lambda: ImplicitRegion(lambda p: np.ones(len(p)), [0, 0], [1, 1]), "function must be <= 0 .* region is empty"),
+        (lambda: Box(1, 1), r"lower=\[1\.0\] must be less than upper=\[1\.0\]"),
+        (lambda: Box([0, 0], [1e200, 1]), r"upper - lower=.* must be in 1e-60"),
+        (lambda: Box([0, 0], [1e-200, 1]), r"upper - lower=.* must be in 1e-60"),
+        (sampled(0), "density=0.0 must be a finite number > 0"),
+        (sampled([[1, np.nan]]), "density must be finite: it contains NaN"),
+        (sampled([[1, -1]]), r"density in -1\.\.1 must be finite and >= 0"),
+        (sampled(lambda p: p[:, 0] - 10), r"density at \[0\.\d+, 0\.\d+\]=-9\.\d+ must be finite and >= 0"),
+        (sampled(lambda p: p[:, 0] * np.nan), r"density at \[.*\]=nan must be finite"),
+        (sampled(lambda p: 1.0), r"density returned shape \(\) and must return \(10,\)"),
+        (lambda: PixelMoments(np.zeros((3, 3))), "density must not be 0 everywhere"),
+        (lambda: PixelMoments([1, 2, 3]), r"density of shape \(3,\) must be \(H, W\)"),
+        (lambda: PixelMoments([[1]])([[0, 0, 0]]), r"points of shape \(1, 3\) must be \(N, 2\)"),
+        (lambda: as_gauge(0.5), r"metric=0\.5 must be >= 1"),
+        (lambda: as_gauge("square"), "metric='square' must be one of euclidean"),
+        (lambda: as_gauge([[1, 1], [2, 1], [2, 2]]), "convex polygon around the origin"),
+    ],
+)
+def test_wrong_arguments_are_named(make: Callable[[], Any], message: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
