@@ -5,4 +5,3 @@ from .stippling import stipple as stipple
 from .tones import disk_area as disk_area
 from .tones import ink_coverage as ink_coverage
 from .tours import find_tour as find_tour
-from .tours import tour_length as tour_length

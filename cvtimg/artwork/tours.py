@@ -46,11 +46,6 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 
-def tour_length(points: NDArray[np.float64], order: NDArray[np.intp]) -> float:
-    """Measure the path through points in this order."""
-    return float(np.hypot(*np.diff(points[order], axis=0).T).sum())
-
-
 def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
     n_points = len(points)

@@ -326,9 +326,7 @@ class _Reduced:
 
 def _pod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
     rows = found.coordinates
-    axes = np.zeros((1, n_modes, rows.shape[1]))
-    axes[0, : rows.shape[1]] = np.eye(rows.shape[1])[:n_modes]
-    labels = np.zeros(len(rows), np.int64)
+    labels, axes = np.zeros(len(rows), np.int64), np.eye(n_modes, rows.shape[1])[None]
     return _measured(rows, np.zeros((1, rows.shape[1])), axes, labels, np.zeros(0, np.int64))
 
 

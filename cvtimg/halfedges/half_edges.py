@@ -171,7 +171,8 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     sides = np.sort(
         [np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1), np.linalg.norm(b - a, axis=1)], axis=0
     )
-    areas = twice_areas(b - a, c - a) / 2
+    u, v, is_flat = b - a, c - a, places.shape[1] == 2
+    areas = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] if is_flat else np.linalg.norm(np.cross(u, v), axis=1)) / 2
     short, middle, long = sides
     with np.errstate(divide="ignore", invalid="ignore"):
         circumradii = np.where(areas > 0, short * middle * long / (4 * areas), np.inf)
@@ -181,10 +182,3 @@ def measure_triangles(points: ArrayLike, triangles: ArrayLike) -> TriangleMeasur
     least = np.degrees(np.arctan2(4 * areas, middle**2 + long**2 - short**2))
     largest = np.degrees(np.arctan2(4 * areas, short**2 + middle**2 - long**2))
     return TriangleMeasures(areas, least, largest, circumradii, qualities)
-
-
-def twice_areas(u: Points, v: Points) -> Values:
-    """Area of each parallelogram with sides u and v, (T, 2) or (T, 3)."""
-    if u.shape[1] == 2:
-        return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    return np.linalg.norm(np.cross(u, v), axis=1)

@@ -63,17 +63,3 @@ def test_hessians_of_quadratics_are_recovered_exactly() -> None:
     x, y = mesh.points.T
     found = RecoveredHessian(mesh.points, mesh.triangles, 3 * x * x - x * y + 2 * y * y + x - 4)
     assert np.abs(found(mesh.points) - [[6, -1], [-1, 4]]).max() < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("metric", "more", "message"),
-    [
-        (lambda p: np.zeros((len(p), 2, 2)), {"n": 50}, "must be finite and positive definite"),
-        (lambda p: np.full((len(p), 2, 2), np.nan), {"n": 50}, "must be finite and positive definite"),
-        (lambda p: np.ones(len(p)), {"n": 50}, r"metric of shape \(\d+,\) must be"),
-        (stretched, {"edge_length": 0.1}, "edge_length and metric must be"),
-    ],
-)
-def test_wrong_metrics_and_sizes_beside_them_are_named(metric, more, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        mesh_region(SQUARE, metric=metric, **more)

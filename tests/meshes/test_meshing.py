@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from cvtimg import mesh_labels, mesh_region
 from cvtimg.halfedges import edges_around, unique_edges
-from cvtimg.meshes import Mesh, MeshSize, measure_triangles
+from cvtimg.meshes import Mesh, MeshSize, measure_mesh, measure_triangles
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import PictureField
 from cvtimg.meshes.mending import Mending, mend
@@ -97,6 +97,7 @@ def test_of_small_meshes_the_best_effort_keeps_the_most_regular_one() -> None:
 
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
+KITE = [[0, 0], [2, 0], [3, 1], [0, 1]]
 
 
 @pytest.mark.parametrize(
@@ -339,6 +340,17 @@ def test_a_seed_gives_the_same_bits() -> None:
         ({"region": L_SHAPE, "n": 50, "effort": "most"}, "effort='most' must be one of"),
         ({"region": L_SHAPE, "size": "a"}, "size of type <U1 must be of integers"),
         ({"region": L_SHAPE, "n": 99, "fixed": [[0.5, 0.5], [0.5, 0.5 + 1e-12]]}, "fixed has points 0 and 1"),
+        ({"region": SQUARE, "n": 50, "metric": lambda p: np.zeros((len(p), 2, 2))}, "be finite and positive"),
+        ({"region": SQUARE, "n": 50, "metric": lambda p: np.full((len(p), 2, 2), np.nan)}, "be finite and positive"),
+        ({"region": SQUARE, "n": 50, "metric": lambda p: np.ones(len(p))}, r"metric of shape \(\d+,\) must be"),
+        ({"region": SQUARE, "edge_length": 0.1, "metric": lambda p: np.eye(2)}, "edge_length and metric must be"),
+        ({"region": SQUARE, "n": 60, "order": 3}, "order=3 must be 1 or 2"),
+        ({"region": ring(64), "n": 300, "periodic": "x"}, "periodic='x' must be for borders on the left"),
+        ({"region": KITE, "n": 300, "periodic": "x"}, r"the border from \[0.0, 1.0\] to \[0.0, 0.0\] must have a copy"),
+        ({"region": SQUARE, "n": 300, "periodic": "x", "fixed": [[0, 0.6]]}, "must have a copy on the other side"),
+        ({"region": SQUARE, "n": 300, "periodic": "z"}, "periodic='z' must be one of x, y, xy"),
+        ({"points": np.eye(3)[:, :2], "triangles": [[0, 1, 3]]}, r"triangles in 0\.\.3 must be in 0\.\.2"),
+        ({"points": [[0, 0], [1, 1], [2, 2]], "triangles": [[0, 1, 2]]}, "must have an area"),
         ({"labels": np.zeros((4, 4), int), "n": 9}, "labels must not be 0 everywhere"),
         ({"labels": np.array([[1, 2], [3, 4]]), "n": 8}, "n=8 must be at least 9"),
         ({"labels": 1 + np.indices((8, 8)).sum(axis=0) % 2, "n": 80}, "n=80 must be at least 81"),
@@ -348,7 +360,7 @@ def test_a_seed_gives_the_same_bits() -> None:
 )
 def test_wrong_arguments_are_named(arguments: dict[str, object], message: str) -> None:
     with pytest.raises((TypeError, ValueError), match=message):
-        (mesh_labels if "labels" in arguments else mesh_region)(**arguments)
+        {"labels": mesh_labels, "region": mesh_region, "points": measure_mesh}[next(iter(arguments))](**arguments)
 
 
 @pytest.mark.parametrize("mask", [np.ones((1, 1), bool), np.ones((1, 12), bool), np.eye(5, dtype=bool)])

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import shapely
@@ -63,17 +61,3 @@ def test_labels_are_periodic_where_their_borders_are() -> None:
     labels[:, -1] = labels[:, 0]
     mesh = mesh_labels(labels, edge_length=3, periodic="xy", effort="fast")
     assert shifts(mesh) == {(30, 0), (0, 24)}
-
-
-@pytest.mark.parametrize(
-    ("region", "arguments", "message"),
-    [
-        (shapely.Point(0, 0).buffer(1), {}, "periodic='x' must be for borders on the left and right that are copies"),
-        ([[0, 0], [2, 0], [3, 1], [0, 1]], {}, r"the border from \[0.0, 1.0\] to \[0.0, 0.0\] must have a copy"),
-        (CELL, {"fixed": [[0.1, 0.6]]}, "must have a copy on the other side"),
-        (CELL, {"periodic": "z"}, "periodic='z' must be one of x, y, xy"),
-    ],
-)
-def test_sides_that_are_no_copies_are_named(region: Any, arguments: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        mesh_region(region, n=300, **{"periodic": "x", **arguments})

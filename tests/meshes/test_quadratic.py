@@ -91,5 +91,3 @@ def test_other_programs_read_six_nodes(disk: Mesh, tmp_path: Path, suffix: str) 
 def test_formats_of_straight_triangles_are_refused(disk: Mesh, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"suffix='\.stl' must be one of \.vtu, \.msh"):
         disk.save(tmp_path / "a.stl")
-    with pytest.raises(ValueError, match="order=3 must be 1 or 2"):
-        mesh_region(ring(400), n=60, order=3)
