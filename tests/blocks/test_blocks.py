@@ -16,7 +16,7 @@ from reference import squared_distances
 from cvtimg import tessellate
 from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
 from cvtimg.blocks.rows import is_blocked
-from cvtimg.engine import Tessellation, block_descent
+from cvtimg.engine import Tessellation, block_descent, search
 
 dask = pytest.importorskip("dask")
 import dask.array as da  # noqa: E402
@@ -61,6 +61,12 @@ def test_it_is_a_tessellation_of_all_samples(n_generators: int) -> None:
     assert all(
         after <= before * (1 + 1e-7) for before, after in zip(result.energies, result.energies[1:], strict=False)
     )
+
+
+@pytest.mark.parametrize(("effort", "beyond"), [("fast", "fast"), ("balanced", "best"), ("best", "best")])
+def test_a_sample_of_many_more_rows_is_worth_the_best_search(effort: Any, beyond: Any) -> None:
+    assert search.effort_beyond(search.EFFORTS[effort], 9000, 1000) == search.EFFORTS[beyond]
+    assert search.effort_beyond(search.EFFORTS[effort], 1000, 1000) == search.EFFORTS[effort]
 
 
 def test_each_generator_is_the_mean_of_its_cell() -> None:
