@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tifffile
 from commands import RowOf
+from images import discs
 from numpy.typing import NDArray
 
 from cvtimg import find_edges, quantize, read_image, restore, segment
@@ -128,13 +129,10 @@ def test_objects_of_a_volume_are_counted_and_measured_in_its_unit(row_of: RowOf)
 
 
 def test_objects_keep_their_label_from_frame_to_frame(row_of: RowOf) -> None:
-    y, x = np.mgrid[:40, :70]
-    places = [{"a": 15, "b": 40}, {"b": 43, "c": 12}, {"b": 46, "c": 15}]  # a goes, and c comes where it was
-    frames = [
-        np.any([np.hypot(y - (28 if name == "c" else 12), x - at) < 7 for name, at in one.items()], axis=0)
-        for one in places
-    ]
-    series = np.stack([np.uint8(30 + 150 * one + RNG.integers(0, 9, y.shape)) for one in frames])
+    # One goes, and another comes where it was.
+    centers = [[(12, 15), (12, 40)], [(12, 43), (28, 12)], [(12, 46), (28, 15)]]
+    frames = np.stack([discs([(y, x, 7) for y, x in one], (40, 70)) > 0 for one in centers])
+    series = np.uint8(30 + 150 * frames + RNG.integers(0, 9, frames.shape))
     tifffile.imwrite("t.tif", series, imagej=True, metadata={"axes": "TYX"})
     row = row_of("segment", "t.tif", "--objects", "--track", "-o", "l.tif")
     assert row["tracks"] == 3

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import tifffile
 from commands import RowOf, Run
+from images import discs
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import find_contours, find_edges, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
-from cvtimg.elbow.curves import auto_count
 from cvtimg.labels import read_labels, region_table
 from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
@@ -203,15 +203,6 @@ def test_options_reach_the_segmentation(run: Run) -> None:
     assert np.bincount(np.load("l.npy").ravel())[1:].min() >= 10
 
 
-def test_auto_takes_the_number_of_segments_at_the_elbow_of_what_is_known(run: Run) -> None:
-    known = np.arange(50) < 30
-    write_image("mask.png", np.tile(known, (40, 1)))
-    (row,) = run("rgb.png", "-k", "auto", "--edge-weight", "0", "--mask", "mask.png", "-o", "l.npy").rows
-    number, curve = auto_count(RGB[:, known])
-    assert row["k"] == number == np.load("l.npy").max()
-    assert row["elbow"] == curve.elbows()
-
-
 @pytest.fixture
 def micrograph(run: Run) -> NDArray[np.uint16]:
     """Write stack.tif as ImageJ does: two channels in three planes, with pixels of 0.5 um."""
@@ -259,9 +250,8 @@ def test_intensities_are_columns_by_the_names_of_channels(run: Run, micrograph: 
 
 
 def test_objects_are_counted_without_settings_and_what_was_measured_is_told(run: Run) -> None:
-    down, right = np.mgrid[:40, :60]
-    discs = (np.hypot(down - 20, right - 16) < 9) | (np.hypot(down - 20, right - 40) < 9)
-    write_image("cells.png", np.uint8(40 + 150 * discs + RNG.integers(0, 9, discs.shape)))
+    inside = discs([(20, 16, 9), (20, 40, 9)], (40, 60)) > 0
+    write_image("cells.png", np.uint8(40 + 150 * inside + RNG.integers(0, 9, inside.shape)))
     outcome = run("cells.png", "--objects", "-o", "l.png", "--table", "t.csv")
     assert (outcome.rows[0]["k"], outcome.rows[0]["dark"]) == (2, False)
     assert outcome.rows[0]["radius"] == pytest.approx(9, abs=1)

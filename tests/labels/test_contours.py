@@ -32,11 +32,8 @@ def smooth_fields(n_fields: int, side: int, sigma: float) -> NDArray[np.float64]
 
 def pieces(labels: NDArray[Any]) -> list[tuple[int, NDArray[np.bool_]]]:
     """List the connected pieces of every label but 0: pixels that share a side."""
-    found = []
-    for label in np.unique(labels[labels > 0]):
-        numbers, n_pieces = ndimage.label(labels == label)
-        found += [(int(label), numbers == number) for number in range(1, n_pieces + 1)]
-    return found
+    numbers = measure.label(labels, background=0, connectivity=1)
+    return [(int(labels[numbers == n][0]), numbers == n) for n in range(1, numbers.max() + 1)]
 
 
 def assert_rings_are_simple(contours: Contours) -> None:

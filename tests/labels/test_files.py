@@ -18,16 +18,7 @@ from reference import inside_rings, signed_area
 from skimage.color import rgb2lab
 
 from cvtimg import find_contours
-from cvtimg.labels import (
-    CONTOUR_FORMATS,
-    Drawing,
-    Polygon,
-    read_labels,
-    region_table,
-    write_contours,
-    write_labels,
-    write_table,
-)
+from cvtimg.labels import CONTOUR_FORMATS, Drawing, read_labels, region_table, write_contours, write_labels, write_table
 from cvtimg.pictures import read_indices, write_image
 
 RNG = np.random.default_rng(4)
@@ -222,11 +213,3 @@ def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_
         write_contours(tmp_path / f"a{suffix}", drawing)
     with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson, \.zip"):
         write_contours(tmp_path / "a.dxf", drawing)
-
-
-def test_a_write_that_fails_leaves_nothing_behind(tmp_path: Path) -> None:
-    polygons = (*find_contours(LABELS).polygons, Polygon(9, ()))
-    drawing = Drawing(polygons, LABELS.shape, IMAGE[0], {label: {} for label in range(5)})
-    with pytest.raises(KeyError):
-        write_contours(tmp_path / "a.geojson", drawing)
-    assert not list(tmp_path.iterdir())

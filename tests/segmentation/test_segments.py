@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from images import discs
 from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label
@@ -105,15 +106,12 @@ def test_without_a_smallest_detail_a_clean_picture_has_next_to_no_edge_weight(ph
     assert segment(photograph, 2, smallest_detail=0).edge_weight < 10
 
 
-def discs(radius: float, contrast: float, noise: float = 0.0) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def drawn(radius: float, contrast: float, noise: float = 0.0) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Draw discs here and there on a dark ground, and a bright border to the right."""
-    down, right = np.mgrid[:120, :180]
     rng = np.random.default_rng(0)
-    inside = np.zeros(down.shape, bool)
-    for row, column in np.mgrid[20:120:40, 20:150:40].reshape(2, -1).T:
-        y, x = rng.uniform(-0.5, 0.5, 2)
-        inside |= np.hypot(down - row - y, right - column - x) <= radius
-    image = 20 + contrast * (inside | (right > 160)) + rng.normal(0, noise * contrast, inside.shape)
+    centers = np.mgrid[20:120:40, 20:150:40].reshape(2, -1).T
+    inside = discs([(*(center + rng.uniform(-0.5, 0.5, 2)), radius) for center in centers], (120, 180)) > 0
+    image = 20 + contrast * (inside | (np.arange(180) > 160)) + rng.normal(0, noise * contrast, inside.shape)
     return (image / 255).astype(np.float32), inside
 
 
@@ -124,7 +122,7 @@ def test_discs_smaller_than_the_smallest_detail_vanish_and_larger_ones_stay(
     detail: float, contrast: float, noise: float
 ) -> None:
     for radius, stays in ((max(detail - 1, 0.5), False), (detail + 1, True)):
-        image, inside = discs(radius, contrast, noise)
+        image, inside = drawn(radius, contrast, noise)
         found = segment(image, 2, smallest_detail=detail).labels == 2
         kept = found[inside].mean()
         assert kept > 0.5 if stays else kept < 0.1
@@ -313,9 +311,7 @@ def test_a_result_shows_and_saves_itself(photograph: NDArray[Any], bands: int, t
 @pytest.mark.parametrize("bands", [1, 3])
 def test_in_even_light_segments_are_those_of_the_things_not_of_the_lamp(bands: int) -> None:
     down, right = np.mgrid[:150, :200]
-    inside = np.zeros(down.shape, bool)
-    for row, column in np.mgrid[25:150:25, 25:200:25].reshape(2, -1).T:
-        inside |= np.hypot(down - row, right - column) < 6
+    inside = discs([(y, x, 6) for y in range(25, 150, 25) for x in range(25, 200, 25)], (150, 200)) > 0
     paper = np.where(inside[..., None], np.full(bands, 60.0), np.linspace(200, 220, bands))
     light = 0.3 + 0.7 * (right / 200) ** 2 + 0.2 * np.sin(down / 60)
     noise = np.random.default_rng(0).normal(0, 2, paper.shape)

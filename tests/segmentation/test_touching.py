@@ -49,6 +49,7 @@ def test_a_deeper_neck_is_needed_where_more_is_asked_for() -> None:
 def test_small_pieces_are_objects_too_and_nothing_has_none() -> None:
     mask = np.zeros((9, 9), bool)
     assert split_touching(mask).max() == 0
+    assert segment(np.full((8, 9), 7, np.uint8), 3, objects=True).n_segments == 0
     mask[1, 1] = mask[5, 5:7] = True
     np.testing.assert_array_equal(np.bincount(split_touching(mask).ravel()), [78, 1, 2])
 
@@ -77,13 +78,6 @@ def test_the_background_is_chosen_by_size_or_brightness(background: str, n_objec
         image = 255 - image
     result = segment(image, 2, objects=Objects(background, neck_depth=np.inf))
     assert result.n_segments == n_objects
-
-
-def test_an_image_of_one_color_has_no_objects() -> None:
-    result = segment(np.full((8, 9), 7, np.uint8), 3, objects=True)
-    assert result.n_segments == 0
-    assert not result.labels.any()
-    assert result.energy == 0
 
 
 def test_wrong_options_are_refused() -> None:
