@@ -119,6 +119,7 @@ def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[s
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
+    from cvtimg._shared.pixels import white_of
     from cvtimg.pictures.formats.converted import RAW_SUFFIXES
 
     if given.space is None and all(path.suffix.lower() in RAW_SUFFIXES for path in task.sources):
@@ -141,7 +142,9 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if not has_segments and not given.detail:
         said.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
     if not has_segments and not first.noisy:
-        said.append(f"no noise found: {_in_8_bits(first)} levels of 8 bits; --noise S sets it")
+        levels = first.noise * 255 / float(white_of(first.image.dtype))
+        written = ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
+        said.append(f"no noise found: {written} levels of 8 bits; --noise S sets it")
     said += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
     stopwatch.lap("write")
     return {
@@ -190,14 +193,6 @@ def _noise_like(result: Denoised) -> dict[str, Any]:
     middle = len(result.noise_shared) // 2
     levels = np.sqrt(np.diag(result.noise_shared[middle, middle])).tolist()
     return {"noise_like": "shared", "noise_bands": levels, "noise_neighbors": result.noise_neighbors, **grows}
-
-
-def _in_8_bits(result: Denoised) -> str:
-    """Write the noise of each version in levels of 8 bits; ? where it is unknown."""
-    from cvtimg._shared.pixels import white_of
-
-    levels = result.noise * 255 / float(white_of(result.image.dtype))
-    return ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
 
 
 def _check_room(task: Task, n_pages: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
     from cvtimg.segmentation.files import DividedStack
+
+
+#: Kinds of output that are images, one of each page, and those that hold a single page.
+_IMAGES, _OF_ONE = ("labels", "mean", "edges", "overlay", "strengths", "masks"), ("tree", "strengths")
 
 
 def outputs_of(given: Given) -> dict[str, Path | str]:
@@ -58,6 +62,12 @@ class Subject:
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
     in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
+
+    @property
+    def tree(self) -> RegionHierarchy:
+        """The tree of regions; what needs one is refused without --hierarchy."""
+        assert self.hierarchy is not None
+        return self.hierarchy
 
     @property
     def ignore(self) -> int | None:
@@ -113,21 +123,27 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
         kind = kind_of(option)
         if kind in _OF_ONE or path.suffix.lower() == ".svg":
             raise ValueError(f"has {n_pages} pages, and {option} holds one; --page, --t or --z selects one")
-        if (kind in _DRAWN or kind == "labels") and path.suffix.lower() not in PAGE_SUFFIXES:
+        if (kind in _IMAGES) and path.suffix.lower() not in PAGE_SUFFIXES:
             way = f"--write {kind}.tif" if option.startswith("--write") else f"{option} FILE.tif"
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
 def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: bool) -> None:
     """Write what was asked for; of several pages, all into one file."""
+    from cvtimg.labels import write_contours
+
     places = [{}] if found.pages is None else found.pages.places
     tree = found.results[0].hierarchy if found.pages is None else None
     each = zip(found.images, found.labels, places, strict=True)
     subjects = [Subject(task.source, image, own, found.header, given, tree, at, in_volume) for image, own, at in each]
     for option, path in task.outputs.items():
         kind = kind_of(option)
-        if kind in _WRITERS:
-            _WRITERS[kind](subjects, path, given.overwrite)
+        if kind == "tree":
+            subjects[0].tree.save(path, overwrite=given.overwrite)
+        elif kind == "contours":
+            write_contours(path, [subject.drawing for subject in subjects], overwrite=given.overwrite)
+        elif kind == "table":
+            _write_table(subjects, path, given.overwrite)
         elif found.pages is None:
             _write_image(kind, subjects[0], path, given.overwrite)
         else:
@@ -142,7 +158,7 @@ def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> No
     if kind == "labels":
         write_labels(path, subject.labels, metadata=subject.metadata(nodata=0), overwrite=overwrite)
         return
-    stored, _ = as_stored(_DRAWN[kind](subject, path), path.suffix)
+    stored, _ = as_stored(_drawn(kind, subject, path), path.suffix)
     write_image(path, stored, alpha=False, metadata=subject.metadata(), overwrite=overwrite)
 
 
@@ -162,53 +178,36 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
             bands = [one.image.reshape(*one.labels.shape, -1) for one in subjects]
             limits = limits_to_show([one[by.labels != by.ignore] for one, by in zip(bands, subjects, strict=True)])
             subjects = [replace(by, image=shown(one, limits)) for one, by in zip(bands, subjects, strict=True)]
-        images = [_DRAWN[kind](subject, path) for subject in subjects]
+        images = [_drawn(kind, subject, path) for subject in subjects]
     is_joined = pages.is_joined and kind == "mean"
     write_pages(path, replace(pages, images=tuple(images), has_alpha=False, is_joined=is_joined), overwrite=overwrite)
 
 
-def _mean(subject: Subject, path: Path) -> NDArray[Any]:
+def _drawn(kind: str, subject: Subject, path: Path) -> NDArray[Any]:
+    """Draw one of `_IMAGES`."""
+    import numpy as np
+
+    from cvtimg import find_edges
     from cvtimg.labels import mean_picture
 
-    return mean_picture(subject.labels, subject.image)
-
-
-def _edges(subject: Subject, path: Path) -> NDArray[Any]:
-    from cvtimg import find_edges
-
-    return find_edges(subject.labels, mode=subject.given.edge_mode, ignore=subject.ignore)
-
-
-def _overlay(subject: Subject, path: Path) -> NDArray[Any]:
+    given, image, labels = subject.given, subject.image, subject.labels
+    if kind == "mean":
+        return mean_picture(labels, image)
+    if kind == "edges":
+        return find_edges(labels, mode=given.edge_mode, ignore=subject.ignore)
+    if kind == "masks":  # 16 bits, without colors that would show them
+        if (most := int(labels.max())) > 65535:
+            raise ValueError(f"has {most} segments, and --masks holds 65535; -o FILE.tif holds more")
+        return labels.astype(np.uint16)
+    if kind == "strengths":  # how likely a person draws each edge
+        chances = subject.tree.find_edges(strength=True)
+        return np.rint(255 * chances).astype(np.uint8) if path.suffix.lower() == ".png" else chances
     from cvtimg.plotting.sheets import draw_edges
 
-    given, color = subject.given, tuple(bytes.fromhex(subject.given.line_color)[:3])
     # The fourth of four bands is not alpha: that has been removed.
-    image = subject.image[..., :3] if subject.image.shape[2:] == (4,) else subject.image
-    return draw_edges(image, subject.labels, color=color, thickness=given.line_width, ignore=subject.ignore)
-
-
-def _masks(subject: Subject, path: Path) -> NDArray[Any]:
-    """Return labels in 16 bits, without colors that would show them."""
-    import numpy as np
-
-    if (most := int(subject.labels.max())) > 65535:
-        raise ValueError(f"has {most} segments, and --masks holds 65535; -o FILE.tif holds more")
-    return subject.labels.astype(np.uint16)
-
-
-def _strengths(subject: Subject, path: Path) -> NDArray[Any]:
-    """Return how likely a person draws each edge, for a picture in 8 bits."""
-    import numpy as np
-
-    chances = _tree_of(subject).find_edges(strength=True)
-    return np.rint(255 * chances).astype(np.uint8) if path.suffix.lower() == ".png" else chances
-
-
-def _write_contours(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
-    from cvtimg.labels import write_contours
-
-    write_contours(path, [subject.drawing for subject in subjects], overwrite=overwrite)
+    image = image[..., :3] if image.shape[2:] == (4,) else image
+    color = tuple(bytes.fromhex(given.line_color)[:3])
+    return draw_edges(image, labels, color=color, thickness=given.line_width, ignore=subject.ignore)
 
 
 def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
@@ -239,30 +238,3 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
         table = volume_table(volume, image, pixel_size=header.pixel_size, channels=header.channels)
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables
-
-
-def _tree_of(subject: Subject) -> RegionHierarchy:
-    assert subject.hierarchy is not None  # the kinds of output that need a tree are refused without one
-    return subject.hierarchy
-
-
-def _write_tree(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
-    _tree_of(subjects[0]).save(path, overwrite=overwrite)
-
-
-#: Kinds of output that are images, one of each page, and how these are drawn.
-_DRAWN: dict[str, Callable[[Subject, Path], NDArray[Any]]] = {
-    "mean": _mean,
-    "edges": _edges,
-    "overlay": _overlay,
-    "strengths": _strengths,
-    "masks": _masks,
-}
-#: Other kinds, and how they are written for all pages.
-_WRITERS: dict[str, Callable[[Sequence[Subject], Path, bool], None]] = {
-    "contours": _write_contours,
-    "table": _write_table,
-    "tree": _write_tree,
-}
-#: Kinds that hold a single page.
-_OF_ONE = ("tree", "strengths")

@@ -47,16 +47,12 @@ def sphere(given: Given) -> Todo:
     given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
     given.below = None if str(given.over) == "none" else given.over
-    pictures = [given.density, given.coast, given.parent, given.below]
     given.area = None if given.region is None else _area(given.region)
-    pictures += [
-        None if str(given.land) == "earth" else given.land,
-        given.area if isinstance(given.area, Path) else None,
-    ]
-    pictures += [part[0] for part in given.finer if isinstance(part[0], Path)]
-    pictures += [given.width] if isinstance(given.width, Path) else []
+    land = None if str(given.land) == "earth" else given.land
+    read = (given.density, given.coast, given.parent, given.below, land, given.area, given.width)
+    files = [one for one in (*read, *(part[0] for part in given.finer)) if isinstance(one, Path)]
     outputs = {"-o": given.output, "--plot": given.plot, "--histograms": given.histograms}
-    plan = plan_one((), outputs, also_read=pictures)
+    plan = plan_one((), outputs, also_read=files)
     return planned(plan, _sphere, COLUMNS, given)
 
 

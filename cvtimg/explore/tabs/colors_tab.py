@@ -27,7 +27,7 @@ from cvtimg.explore.controls import (
     controls_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import N_CURVE, SMALL, Picture
+from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing, reading
 from cvtimg.options.common import color_bits
@@ -132,8 +132,9 @@ class ColorsTab(Tab):
             ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
             images = [Output(label, "-o", "{}-quantized" + end) for label, end in ends.items()]
             return images if request.settings["per_frame"] else [*images, *_palettes(N_PIXELS_OF_ALL)]
-        suffix = _suffix(request.picture)
-        suffixes = [suffix] if suffix != ".png" else [".png", ".webp", ".gif"]
+        shape, dtype = request.picture.array.shape, request.picture.array.dtype
+        in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
+        suffixes = [".png", ".webp", ".gif"] if in_png else [".npy"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
         return [*images, *_palettes(N_PIXELS), *self.map_outputs(request)]
 
@@ -267,13 +268,6 @@ class ColorsTab(Tab):
             colors = np.append(colors, np.zeros((1, 4), np.uint8), axis=0)
         psnr = result.psnr if math.isfinite(result.psnr) else None
         return Indexed(indices, colors), {"k": len(result.palette), "psnr": psnr, "counts": counts.tolist()}
-
-
-def _suffix(picture: Picture) -> str:
-    """Return the suffix of a format that holds the samples of a picture."""
-    shape, dtype = picture.array.shape, picture.array.dtype
-    deep = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
-    return ".png" if deep else ".npy"
 
 
 def _bits(settings: Settings) -> dict[str, Any]:

@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call, Line, Name, Named, literal
 from cvtimg.explore.controls import Choice, Control, Number, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer
-from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 from cvtimg.halfedges import edges_around, unique_edges
@@ -73,7 +71,9 @@ class MeshTab(Tab):
     def lines(self, request: Request) -> list[Line]:
         settings, picture, keywords = request.settings, request.picture, self.keywords(request.settings)
         if settings["of"] == "picture":
-            labels = _stored_labels(picture)
+            if picture.page:
+                raise UnfitRequestError("all pages of a mask are meshed together, as a volume, by the command line")
+            labels = picture.kept("labels", lambda: read_labels(picture.path))
             values = np.unique(labels)
             is_mask = len(values) <= 2 and bool(values[0] == 0)  # black and one more value, as the command sees it
             read = Line("labels", Named(f"cvtimg.labels.read_labels({literal(picture.name)})", labels))
@@ -91,12 +91,6 @@ class MeshTab(Tab):
         about = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
         facts = {"k": len(result.points), "noun": "vertices", "about": about}
         return Drawing(_drawn(result, request.picture.size), over=True), facts
-
-
-def _stored_labels(picture: Picture) -> NDArray[np.int32]:
-    if picture.page:
-        raise UnfitRequestError("all pages of a mask are meshed together, as a volume, by the command line")
-    return picture.kept("labels", lambda: read_labels(picture.path))
 
 
 def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:

@@ -25,7 +25,7 @@ from cvtimg.explore.controls import (
     words_of,
 )
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import SMALL, Picture
+from cvtimg.explore.opened import SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
@@ -142,7 +142,7 @@ class PaletteTab(Tab):
         indices = np.argsort(order).astype(np.uint32)[result.indices]
         psnr = result.psnr if np.isfinite(result.psnr) else None
         facts = {"k": len(order), "psnr": psnr, "counts": counts[order].tolist()}
-        return Indexed(indices, _seen(request.picture, result)[order]), facts
+        return Indexed(indices, request.picture.colors_seen(result.palette, alpha=result.alpha)[order]), facts
 
 
 def _order_lines(settings: Settings) -> list[Line]:
@@ -170,13 +170,3 @@ def _given(request: Request) -> tuple[str, NDArray[np.uint8]]:
     if not settings["colors"]:
         raise UnfitRequestError("the palette is empty; add a color")
     return ",".join(settings["colors"]), rgb(settings["colors"])
-
-
-def _seen(picture: Picture, result: Quantized) -> NDArray[np.uint8]:
-    """(K, 4) colors to show, of a result in the depth of the picture or in eight bits."""
-    if result.palette.dtype == picture.array.dtype:
-        return picture.colors_seen(result.palette, alpha=result.alpha)
-    colors = result.palette if result.palette.shape[1] > 2 else result.palette[:, [0, 0, 0]]
-    rgba = np.full((len(colors), 4), 255, np.uint8)
-    rgba[:, : min(colors.shape[1], 4)] = colors[:, :4]
-    return rgba

@@ -84,6 +84,7 @@ class SphereTab(Tab):
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
+        _n_points(settings)  # are they too many?
         keywords = self.keywords(settings)
         if density := _density(settings):
             keywords["density"] = density
@@ -95,10 +96,6 @@ class SphereTab(Tab):
         number = min(_n_points(settings), self.most_drafted)
         call = Call("sphere_grid", (number,), self.lines(replace(request, settings=settings))[0].value.keywords)
         return Outcome(*self.seen(request, {"result": call.run({})}))
-
-    def exact(self, request: Request) -> Outcome:
-        _n_points(request.settings)  # are they too many?
-        return Tab.exact(self, request)
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: SphereGrid = values["result"]
