@@ -12,7 +12,7 @@ from reference import shoelace
 from skimage import data
 from skimage.segmentation import slic
 
-from cvtimg import mosaic, read_image, stipple
+from cvtimg import mosaic, read_image
 from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
 
@@ -112,21 +112,6 @@ def test_a_palette_restricts_the_colors() -> None:
     assert {tuple(color) for color in found.tolist()} <= {tuple(color) for color in palette.tolist()}
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n_cells": 0}, "n_cells=0 must be in 1..4"),
-        ({"n_cells": 5}, "n_cells=5 must be in 1..4"),
-        ({"n_cells": 1, "shape": "triangles"}, "n_cells=1 must be an integer >= 2"),
-        ({"n_cells": 1, "shape": "squares"}, "shape='squares' must be one of cells, triangles"),
-        ({"n_cells": 2, "palette": [[1, 2, 3]]}, "palette of 3 channels must have 1"),
-    ],
-)
-def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        mosaic(np.zeros((2, 2), np.uint8), **options)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("shape", ["cells", "triangles"])
 def test_files_hold_each_tile_once(tmp_path: Path, shape: str) -> None:
     result = mosaic(PHOTO, 40, shape=shape, effort="fast")
@@ -183,16 +168,3 @@ def test_translucent_tiles_are_drawn_once(tmp_path: Path) -> None:
     mosaic(PHOTO, 40, effort="fast").save(tmp_path / "b.svg")
     assert "<use" not in (tmp_path / "a.svg").read_text()
     assert "<use" in (tmp_path / "b.svg").read_text()
-
-
-@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan")])
-def test_drawings_of_no_size_are_refused(scale: float) -> None:
-    image = np.arange(64, dtype=np.uint8).reshape(8, 8)
-    for drawing in (mosaic(image, 3, effort="fast"), stipple(image, 3)):
-        with pytest.raises(ValueError, match="scale="):
-            drawing.draw(scale=scale)
-
-
-def test_images_that_single_precision_does_not_hold_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"image in 0\.\.1e\+300 must be in"):
-        mosaic(np.linspace(0, 1e300, 64).reshape(8, 8), 3)

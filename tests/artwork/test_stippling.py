@@ -145,28 +145,6 @@ def test_the_drawing_has_the_light_of_the_image() -> None:
     assert drawn.mean() == pytest.approx(1 - 0.6 * ink_coverage(RAMP).mean(), abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n_dots": 0}, "n_dots=0 must be in 1..19200, the number of pixels"),
-        ({"n_dots": 9, "dots": "square"}, "dots='square' must be one of equal, sized"),
-        ({"n_dots": 9, "max_ink": 0}, "max_ink=0 must be > 0"),
-        ({"n_dots": 9, "max_ink": 1.2}, "max_ink=1.2 must be > 0 and <= 1"),
-        ({"n_dots": 9, "white_cutoff": -1}, "white_cutoff=-1 must be in 0..1"),
-        ({"n_dots": 9, "radius_range": (1, 2)}, 'needs dots="sized"'),
-        ({"n_dots": 9, "dots": "sized", "radius_range": (3, 2)}, "the least first"),
-        ({"dot_diameter": 0.001}, r"dot_diameter=0.001 must be at least 0.\d+ pixels"),
-        ({"dot_diameter": -1}, "dot_diameter"),
-        ({"dot_diameter": 2, "n_dots": 50}, "dot_diameter takes no n_dots"),
-        ({"dot_diameter": 2, "dots": "sized"}, "dots of one size"),
-        ({"tones": "dark"}, "tones"),
-    ],
-)
-def test_wrong_arguments_are_named(options: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        stipple(RAMP, **options)  # type: ignore[arg-type]
-
-
 def test_a_light_drawing_keeps_the_order_of_tones_and_covers_a_third_at_most() -> None:
     light = ink_coverage(PHOTO, tones="light")
     true = ink_coverage(PHOTO)

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from cvtimg.artwork.stipples import draw_dots
-from cvtimg.artwork.tones import disk_area, ink_coverage, linear_light
+from cvtimg.artwork.tones import disk_area, ink_coverage
 
 GRAYS = np.array([[0, 60, 128, 188, 255]], np.uint8)
 
@@ -56,18 +56,3 @@ def test_a_lattice_of_disks_of_this_area_covers_the_share(coverage: float) -> No
     radius = np.sqrt(area * spacing**2 * np.sqrt(0.75) / np.pi)
     drawn = draw_dots(points, np.full(len(points), radius), (round(20 * spacing * np.sqrt(0.75)), 400))
     assert drawn.mean() == pytest.approx(coverage, abs=0.003)
-
-
-@pytest.mark.parametrize(
-    ("image", "message"),
-    [
-        (np.array([[2.0]]), "must be in 0..1"),
-        (np.array([[-5]]), "must be in 0..65535"),
-        (np.array([[np.nan]]), "must be finite"),
-        (np.zeros((2, 2, 5), np.uint8), "of 5 channels must have 1, 2, 3 or 4"),
-        (np.zeros((0, 2)), "none of them 0"),
-    ],
-)
-def test_what_has_no_tone_is_refused(image: np.ndarray, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        linear_light(image)

@@ -39,9 +39,3 @@ def test_the_tour_is_the_same_in_any_unit_and_starts_at_the_corner() -> None:
     order = find_tour(points)
     assert np.array_equal(order, find_tour(1024 * points))
     assert np.hypot(*points[order[0]]) <= np.hypot(*points[order[-1]])
-
-
-@pytest.mark.parametrize("points", [[[0, 1, 2]], [[np.nan, 0]], []])
-def test_what_are_no_points_is_refused(points: list[list[float]]) -> None:
-    with pytest.raises(ValueError, match="points"):
-        find_tour(points)
