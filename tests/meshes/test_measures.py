@@ -2,15 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from reference import ring
 from scipy.spatial import Delaunay
 
 from cvtimg.meshes import measure_mesh, measure_triangles
 
 
 def hexagon() -> tuple[np.ndarray, np.ndarray]:
-    turns = np.arange(6) * np.pi / 3
-    points = np.vstack([[0, 0], np.stack([np.cos(turns), np.sin(turns)], axis=1)])
-    return points, np.array([[0, 1 + k, 1 + (k + 1) % 6] for k in range(6)])
+    return np.vstack([[0, 0], ring(6)]), np.array([[0, 1 + k, 1 + (k + 1) % 6] for k in range(6)])
 
 
 def test_a_hexagon_of_equilateral_triangles_is_perfect() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from reference import ring
 
 from cvtimg import place_generators
 from cvtimg.placement import (
@@ -117,8 +118,8 @@ def test_boundary_points_are_found_or_spread_and_hold_the_corners(region: Any) -
 
 
 def test_points_are_spread_along_the_boundary_of_an_implicit_region() -> None:
-    ring = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 1.5) - 0.5, [-2.5, -3], [3, 2.5])
-    points = place_generators(ring, 60, on_boundary=30, effort="fast").points[:30]
+    annulus = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 1.5) - 0.5, [-2.5, -3], [3, 2.5])
+    points = place_generators(annulus, 60, on_boundary=30, effort="fast").points[:30]
     radii = np.hypot(*points.T)
     outer = np.abs(radii - 2) < 1e-9
     assert outer.sum() == 20
@@ -193,8 +194,7 @@ def test_measures_of_a_cubic_grid_are_known_by_samples() -> None:
 
 def test_measures_by_samples_agree_with_those_of_polygons() -> None:
     disk = ImplicitRegion(lambda p: np.hypot(*p.T) - 1, [-1, -1], [1, 1])
-    turn = np.linspace(0, 2 * np.pi, 400, endpoint=False)
-    polygon = PolygonRegion([np.stack([np.cos(turn), np.sin(turn)], axis=1)])
+    polygon = PolygonRegion([ring(400)])
     points = place_generators(polygon, 20).points
     sampled, exact = measure_cells(points, disk), measure_cells(points, polygon)
     for name in ("h", "chi", "h_ratio", "gap_ratio", "area_ratio", "tau"):

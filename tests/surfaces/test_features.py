@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference import cube
+from reference import cube, ring
 
 from cvtimg import surface_points
 from cvtimg.halfedges import boundary_edges, edges_around, measure_triangles, unique_edges
@@ -53,9 +53,7 @@ def test_corners_edges_and_faces_of_a_cube_are_kept() -> None:
 
 
 def test_points_divide_circles_evenly() -> None:
-    turns = np.arange(48) * np.pi / 24
-    circle = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    rings = np.concatenate([np.c_[circle, np.full(48, z)] for z in (0.0, 1)]).reshape(2, 48, 3)
+    rings = np.concatenate([np.c_[ring(48), np.full(48, z)] for z in (0.0, 1)]).reshape(2, 48, 3)
     walls = rings.transpose(1, 0, 2).reshape(-1, 3)
     ends = np.array([[0, 2 * i, 2 * i - 2] for i in range(2, 48)])
     faces = np.concatenate([grid(48, 2, wraps=True), ends, ends[:, ::-1] + 1])
