@@ -184,7 +184,6 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
 
 
 def _drawn(kind: str, subject: Subject, path: Path) -> NDArray[Any]:
-    """Draw one of `_IMAGES`."""
     import numpy as np
 
     from cvtimg import find_edges

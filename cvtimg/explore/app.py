@@ -88,18 +88,15 @@ class Server:
         return RedirectResponse(f"/#session={self._own.session}", 303)  # what is behind # is never sent
 
     async def _about(self, request: Request) -> Response:
-        given = [path.name for path in self._paths]
-        palettes = [{"id": name, "name": name} for name in KNOWN]
-        return JSONResponse(
-            {
-                "tabs": [tab.described() for tab in TABS.values()],
-                "given": given,
-                "keep": self._keep,
-                "megapixels": most_pixels() // 10**6,
-                "megabytes": MOST_BYTES // 10**6,
-                "palettes": palettes,
-            }
-        )
+        about = {
+            "tabs": [tab.described() for tab in TABS.values()],
+            "given": [path.name for path in self._paths],
+            "keep": self._keep,
+            "megapixels": most_pixels() // 10**6,
+            "megabytes": MOST_BYTES // 10**6,
+            "palettes": [{"id": name, "name": name} for name in KNOWN],
+        }
+        return JSONResponse(about)
 
     async def _open_picture(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())

@@ -79,7 +79,6 @@ class Control:
         return {"kind": self.kind or type(self).__name__.lower(), **told}
 
     def refuse(self, value: Any, allowed: str) -> UnfitRequestError:
-        """Return the error for a value that is not allowed."""
         return UnfitRequestError(f"{self.label}: {str(value)[:40]!r} must be {allowed}")
 
 
@@ -246,7 +245,6 @@ class Brushed(Edits):
         return []
 
     def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
-        """Return the (H, W) image."""
         image = np.full(size, self.base, np.uint8)
         for stroke in map(Edit.parse, strokes):
             brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))

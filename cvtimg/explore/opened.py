@@ -95,12 +95,10 @@ class Picture:
 
     @property
     def words(self) -> list[str]:
-        """The words by which commands read it."""
         return [safe_name(self.name), *(["--page", str(self.page)] if self.page else [])]
 
     @property
     def python(self) -> str:
-        """The expression by which Python reads it."""
         return f"cvtimg.read_image({literal(self.name)}{f', page={self.page}' if self.page else ''})"
 
     def frame(self, number: int) -> Picture:

@@ -41,7 +41,6 @@ class Output:
         return f"{self.option.strip('-')}.{self.pattern.partition('.')[2]}"
 
     def writing(self, file: Any) -> Call:
-        """Return the call that writes it to a file."""
         return replace(self.call, arguments=(file, *self.call.arguments))
 
 

@@ -121,18 +121,6 @@ def test_lock_takes_a_palette_file_beside_free_colors(
     assert Path("house.pal").read_text() == before
 
 
-def test_a_palette_of_16_colors_keeps_4_bits_where_pixels_are_transparent(run: RowOf) -> None:
-    image = np.zeros((20, 20, 4), np.uint8)
-    image[5:] = [200, 100, 50, 255]
-    write_image("in.png", image)
-    Path("a.hex").write_text("\n".join(f"{level:02x}{level:02x}{level:02x}" for level in range(0, 256, 17)))
-    row = run("in.png", "--palette", "a.hex")
-    assert (row["k"], "one is put first" in row["warning"]) == (16, True)
-    with Image.open("out.png") as written:
-        assert written.info["transparency"] == 0
-    assert Path("out.png").read_bytes()[24] == 4  # bits
-
-
 def test_without_an_aim_images_are_for_eyes_and_the_output_says_so(
     run: RowOf, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -6,7 +6,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -497,20 +497,16 @@ def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
     assert "--mask" not in page.inner_text("#command")
 
 
-@pytest.mark.parametrize(
-    ("end", "noun", "reads"),
-    [(".png", "Frame", ("cvtimg segment spin.png --page 4",)), (".tif", "Page", ("cvtimg segment spin.tif --page 4",))],
-)
-def test_frames_and_pages_are_scrubbed(end: str, noun: str, reads: Sequence[str], visit: Go, folder: Path) -> None:
+def test_frames_are_scrubbed(visit: Go, folder: Path) -> None:
     from PIL import Image
 
     with Image.open(folder / "photo.png") as photo:
         frames = [photo.rotate(30 * turn) for turn in range(4)]
-    frames[0].save(folder / f"spin{end}", save_all=True, append_images=frames[1:], duration=80)
+    frames[0].save(folder / "spin.png", save_all=True, append_images=frames[1:], duration=80)
     one = visit()
     page = one.page
     assert page.is_hidden("#film")
-    page.set_input_files("#open", folder / f"spin{end}")
+    page.set_input_files("#open", folder / "spin.png")
     one.until("document.getElementById('framename').textContent === '1 / 4'")
     one.settled()
     quality = "document.getElementById('facts').textContent.match(/[0-9.]+ dB/)?.[0]"
@@ -519,15 +515,15 @@ def test_frames_and_pages_are_scrubbed(end: str, noun: str, reads: Sequence[str]
     page.keyboard.press("End")
     one.until(f"{quality} && {quality} !== '{first}'")
     one.settled()
-    assert page.inner_text("#filmname") == noun
+    assert page.inner_text("#filmname") == "Frame"
     assert page.inner_text("#framename") == "4 / 4"
-    assert page.inner_text("#command") == f"cvtimg quantize spin{end} -k 16 -o spin-quantized{end}"
+    assert page.inner_text("#command") == "cvtimg quantize spin.png -k 16 -o spin-quantized.png"
     page.check("#c-per_frame")
     one.settled()
     assert "--palette-per-frame" in page.inner_text("#command")
     one.choose("segments")
     one.settled()
-    assert all(text in page.inner_text("#command") for text in reads)
+    assert "cvtimg segment spin.png --page 4" in page.inner_text("#command")
     page.select_option("#pictures", label="photo.png")
     one.settled()
     assert page.is_hidden("#film")

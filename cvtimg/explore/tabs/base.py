@@ -125,7 +125,6 @@ class Tab:
         ]
 
     def map_lines(self, request: Request) -> list[Line]:
-        """Return the lines by which these images are read."""
         files = {one.name: literal(one.pattern.format(request.stem)) for one in self._brushed(request)}
         maps = self.maps(request)
         return [Line(name, Named(f"cvtimg.read_image({file})", maps[name])) for name, file in files.items()]

@@ -158,7 +158,6 @@ def _ordered(name: str) -> Formula:
 
 
 def _is_found(settings: Settings) -> bool:
-    """Whether the palette is found in the picture."""
     return settings["start"] in ("image", "main")
 
 
