@@ -14,7 +14,7 @@ from cvtimg._shared.extras import needs
 from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.runner import check_plan
-from cvtimg.cli.running import Todo, planned, running_of, selected
+from cvtimg.cli.running import Todo, only, planned, running_of, selected
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -123,7 +123,8 @@ def quantize(given: Given) -> Todo:
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
     from cvtimg.quantization import QuantizeOptions, Reading, UnfitOptionError, Writing, quantize_file
 
-    how, reading, writing = (_taken(options, record) for record in (QuantizeOptions, Reading, Writing))
+    records = (QuantizeOptions, Reading, Writing)
+    how, reading, writing = (only(options, [field.name for field in fields(record)]) for record in records)
     engine: Any = {name: value for name, value in options.items() if name not in {**how, **reading, **writing}}
     try:
         result = quantize_file(
@@ -140,11 +141,6 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     # PNG has palettes of 8 bits only.
     deep = task.output.suffix.lower() == ".png" and result.results[0].palette.itemsize == 2 and result.n_colors <= 256
     return result.summary() | ({"warning": _DEEP} if deep else {})
-
-
-def _taken(options: Mapping[str, Any], record: Any) -> dict[str, Any]:
-    names = {field.name for field in fields(record)}
-    return {name: value for name, value in options.items() if name in names}
 
 
 def _name(source: Path, *, given: Given) -> str:

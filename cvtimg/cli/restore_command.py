@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, plan_one
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import Todo, planned
+from cvtimg.cli.running import Todo, only, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -212,16 +212,12 @@ def _check_room(task: Task, n_pages: int) -> None:
             raise ValueError(f"has {n_pages} pages to restore one by one: {way}")
 
 
-def _without(arguments: Mapping[str, Any], others: Collection[str]) -> dict[str, Any]:
-    return {name: value for name, value in arguments.items() if name not in others}
-
-
 def _restored(read: VersionFiles, given: Given) -> Denoised:
     from cvtimg import denoise, restore
     from cvtimg.restoration import is_drawing
     from cvtimg.restoration.compression import with_tables
 
-    align = given.motion if given.align else False
+    align, arguments = given.motion if given.align else False, given.arguments
     about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha}
     images: list[Any] = read.images
     try:
@@ -231,9 +227,9 @@ def _restored(read: VersionFiles, given: Given) -> Denoised:
             is_flat = is_drawing(images[: 1 if align else None], nodata=given.nodata, **about)
         if not is_flat:
             images = [with_tables(image, name) for image, name in zip(images, read.names, strict=True)]
-            return denoise(images, align=align, **about, **_without(given.arguments, FOR_SEGMENTS))
-        some = _without(given.arguments, FOR_PATCHES if given.effort != "auto" else {*FOR_PATCHES, "effort"})
-        return restore(images, align=align, **about, **some)
+            return denoise(images, align=align, **about, **only(arguments, arguments.keys() - FOR_SEGMENTS))
+        others = FOR_PATCHES if given.effort != "auto" else {*FOR_PATCHES, "effort"}
+        return restore(images, align=align, **about, **only(arguments, arguments.keys() - others))
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
 

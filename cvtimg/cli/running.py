@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -32,6 +32,11 @@ def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str]
     report.quiet |= sends  # a table would mix with the output
     running = replace(running_of(given), **how, around=partial(_as_asked, given=given))
     return partial(run, plan, partial(work, given=given), report, running)
+
+
+def only(arguments: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """Return those of some arguments that a function takes."""
+    return {name: value for name, value in arguments.items() if name in names}
 
 
 def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.cli.running import Todo, only, planned
 from cvtimg.cli.segment_outputs import check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
@@ -147,7 +147,7 @@ def _way(given: Given) -> Callable[..., Segmentation]:
         number = None if given.number == "auto" else given.number
         return partial(by_tree, n_regions=number, threshold=given.threshold, **space)
     if given.superpixels:
-        return partial(cvtimg.superpixels, n_superpixels=given.number, **_chosen(options, ("space", "compactness")))
+        return partial(cvtimg.superpixels, n_superpixels=given.number, **only(options, ("space", "compactness")))
     if given.number is None:
         return partial(count_objects, background=given.background, min_size=given.min_size or None)
     objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
@@ -165,16 +165,12 @@ def _detail(task: Task, given: Given) -> dict[str, float]:
     return {"smallest_detail": size.pixels(given.smallest_detail)}
 
 
-def _chosen(options: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if name in names}
-
-
 def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.segmentation import segment_file
 
     for option in (["-k auto"] if given.number == "auto" else []) + given.chosen(*_WHOLE):
         raise ValueError(f"is read in tiles, and {option} needs the whole image in memory")
-    options = _chosen(given.arguments, _IN_TILES)
+    options = only(given.arguments, _IN_TILES)
     options |= {"mask": given.mask, "nodata": given.nodata, "overwrite": given.overwrite, **_detail(task, given)}
     result = segment_file(task.source, task.output, given.number, max_pixels=given.max_pixels, **options)
     stopwatch.lap("all")
