@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 EffortName: TypeAlias = Literal["fast", "balanced", "best"]
 AutoEffortName: TypeAlias = Literal["auto", "fast", "balanced", "best"]
 MethodName: TypeAlias = Literal["lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"]
-InitName: TypeAlias = Literal["split", "k-means++", "maximin", "random"]
+InitName: TypeAlias = Literal["split", "k-means++", "random"]
 SpaceName: TypeAlias = Literal["rgb", "linear", "lab", "oklab"]
 AveragingName: TypeAlias = Literal["before", "after"]
 DitherName: TypeAlias = Literal["floyd-steinberg", "edge-aware", "blue-noise", "bayer", "compact"]

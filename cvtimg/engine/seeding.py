@@ -162,22 +162,6 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
     return points.rows(np.array(chosen))
 
 
-def maximin(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Take the point nearest to the mean, then repeatedly the point farthest from those taken."""
-    # Nothing is drawn from `rng`. T. Gonzalez, Theoretical Computer Science 38 (1985), doi
-    # 10.1016/0304-3975(85)90224-5.
-    weighted = points.density > 0
-    from_mean = _distances(points, np.zeros(points.n_dims), np.full(len(weighted), np.inf, np.float32))
-    chosen = [int(np.argmin(np.where(weighted, from_mean, np.inf)))]
-    nearest = np.where(weighted, np.inf, 0).astype(np.float32)
-    while len(chosen) < n_generators:
-        nearest = _distances(points, points.rows(chosen[-1:])[0], nearest)
-        chosen.append(int(np.argmax(nearest)))
-        if nearest[chosen[-1]] == 0:
-            raise TooFewSamplesError(n_generators, len(chosen) - 1)
-    return points.rows(np.array(chosen))
-
-
 def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw distinct points by density."""
     n_weighted = int(np.count_nonzero(points.density))
@@ -188,7 +172,7 @@ def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArr
 
 
 #: The registry of seedings: the values of `init` and ``--init``.
-SEEDINGS: dict[str, Seeding] = {"split": split, "k-means++": kmeans_plus_plus, "maximin": maximin, "random": random}
+SEEDINGS: dict[str, Seeding] = {"split": split, "k-means++": kmeans_plus_plus, "random": random}
 
 
 class TooFewSamplesError(ValueError):

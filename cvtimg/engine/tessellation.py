@@ -115,9 +115,8 @@ def tessellate(
     method : {"lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"} or Method, optional
         How generators move. By default "transfer" if `volume_power` is not 0; otherwise "optimal1d", the global
         optimum, for samples of one dimension if neither `locked` nor initial generators are given; otherwise "lloyd".
-    init : {"split", "k-means++", "maximin", "random"} or (K, D) array
-        Initial generators. "split" and "maximin" are deterministic. From an array the iteration starts without a
-        search.
+    init : {"split", "k-means++", "random"} or (K, D) array
+        Initial generators. "split" is deterministic. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
         All efforts first search over fewer points: means of neighboring colors, or some of the rows of a table. "fast"
         then moves the generators at most 4 times. "balanced" also breathes in the search, which leaves most local

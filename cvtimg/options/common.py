@@ -13,7 +13,7 @@ from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodNa
 from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, late, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
-PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt, .aseprite or .png"
+PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt or .png"
 
 
 def color(text: str) -> str:

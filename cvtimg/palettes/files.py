@@ -18,7 +18,6 @@ from cvtimg._shared.pixels import peak
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
-from cvtimg.palettes.formats.aseprite import read_aseprite, write_aseprite
 from cvtimg.palettes.formats.picture import read_picture, write_picture
 from cvtimg.palettes.known import known_palette
 from cvtimg.palettes.swatches import Swatches
@@ -45,7 +44,6 @@ PALETTE_FORMATS = {
     ".svg": PaletteFormat(text.read_svg, text.write_svg),
     ".pal": PaletteFormat(text.read_jasc, text.write_jasc),
     ".txt": PaletteFormat(text.read_paintnet, text.write_paintnet),
-    ".aseprite": PaletteFormat(read_aseprite, write_aseprite),
     ".png": PaletteFormat(read_picture, write_picture),
 }
 
@@ -56,8 +54,8 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     Parameters
     ----------
     path : str or path-like
-        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .scss, .svg (fills), .pal (JASC, RIFF),
-        .txt (paint.net) or .aseprite; any other file is read as an image. Or the name of a palette: "cga", "game-boy",
+        Ends in .gpl (GIMP), .json, .hex (Lospec), .act or .ase (Adobe), .css, .scss, .svg (fills), .pal (JASC, RIFF)
+        or .txt (paint.net); any other file is read as an image. Or the name of a palette: "cga", "game-boy",
         "nes", "pico-8", "web-safe"; or the colors themselves, as "#102030,#f0e0d0".
 
     Returns

@@ -44,7 +44,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         Number of generators, at most the number of samples.
     method : str
         How generators move: a name in `cvtimg.engine.METHODS`.
-    init : {"split", "k-means++", "maximin", "random"} or (n_clusters, n_features) array
+    init : {"split", "k-means++", "random"} or (n_clusters, n_features) array
         Initial generators. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
         How much work to spend on finding a low energy.

@@ -45,7 +45,7 @@ def test_another_seed_gives_other_generators(name: str, points: Points) -> None:
     assert (seeds(name, points, 9, seed=5) != seeds(name, points, 9, seed=6)).any()
 
 
-@pytest.mark.parametrize("name", ["k-means++", "random", "maximin"])
+@pytest.mark.parametrize("name", ["k-means++", "random"])
 def test_samples_of_no_density_are_never_taken(name: str) -> None:
     rows = np.arange(100, dtype=np.float64)[:, None]
     density = (np.arange(100) % 10 == 0).astype(float)
@@ -75,13 +75,7 @@ def test_split_divides_at_the_mean_across_the_main_axis() -> None:
     )
 
 
-def test_maximin_takes_the_farthest_point() -> None:
-    points = pack(np.array([[0.0], [4.0], [5.0], [11.0]]), np.ones(4))
-    taken = (seeds("maximin", points, 3) + points.frame.center)[:, 0]
-    np.testing.assert_allclose(taken, [5, 11, 0], atol=1e-6)
-
-
-@pytest.mark.parametrize(("name", "factor"), [("split", 1.5), ("k-means++", 1.5), ("maximin", 4), ("random", 3)])
+@pytest.mark.parametrize(("name", "factor"), [("split", 1.5), ("k-means++", 1.5), ("random", 3)])
 def test_seeds_are_within_a_factor_of_a_converged_energy(name: str, factor: float, points: Points) -> None:
     rows, density = points.rows(), points.density[: points.n_points]
     generators = seeds(name, points, 16)

@@ -32,15 +32,6 @@ def ase(*colors: tuple[bytes, tuple[float, ...]], group: str = "ab", last: int =
     return struct.pack(">4sHHI", b"ASEF", 1, 0, len(blocks)) + b"".join(blocks)
 
 
-def of_sprite(*chunks: tuple[int, bytes], head: bytes = bytes(122)) -> bytes:
-    body = b"".join(struct.pack("<IH", 6 + len(chunk), kind) + chunk for kind, chunk in chunks)
-    frame = struct.pack("<IHHH2xI", 16 + len(body), 0xF1FA, len(chunks), 100, len(chunks)) + body
-    return struct.pack("<IH", 128 + len(frame), 0xA5E0) + head + frame
-
-
-NEW = bytes.fromhex("03000000 00000000 02000000 0000000000000000") + b"".join(
-    struct.pack("<H4B", 0, *color, 255) for color in RGB.tolist()
-)
 SQUARES = "".join(
     f'<rect x="{40 * n}" y="0" width="40" height="40" fill="{code}"><title>{code}</title></rect>\n'
     for n, code in enumerate(("#000000", "#c8102e", "#ffffff"))
@@ -76,12 +67,7 @@ def test_what_is_written_is_in_the_words_of_the_format(tmp_path: Path) -> None:
     write_palette(tmp_path / "a.png", RGB)
     with Image.open(tmp_path / "a.png") as image:
         np.testing.assert_array_equal(np.asarray(image.convert("RGB"))[16, 16::32], RGB)
-    write_palette(tmp_path / "a.aseprite", RGB)
-    content = (tmp_path / "a.aseprite").read_bytes()
-    # A layer, without which no sprite opens, follows the colors.
-    layer = content[144 + 6 + len(NEW) + 6 :]
-    assert content == of_sprite((0x2019, NEW), (0x2004, layer), head=content[6:128])
-    assert set(PALETTE_FORMATS) == {*WRITTEN, ".png", ".aseprite"}
+    assert set(PALETTE_FORMATS) == {*WRITTEN, ".png"}
 
 
 @pytest.mark.parametrize("suffix", PALETTE_FORMATS)
@@ -110,7 +96,6 @@ def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
 # --- files of other programs
 
 ENTRIES = [[1, 2, 3], [250, 128, 0]]
-OLD_SPRITE = of_sprite((4, struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 128, 0])))
 
 
 @pytest.mark.parametrize(
@@ -133,8 +118,6 @@ OLD_SPRITE = of_sprite((4, struct.pack("<HBB", 1, 0, 2) + bytes([1, 2, 3, 250, 1
         ("jasc.pal", b"JASC-PAL\r\n0100\r\n2\r\n1 2 3\r\n250 128 0\r\n", ENTRIES),
         ("riff.pal", b"RIFF\x18\0\0\0PAL data\x0c\0\0\0\0\3\2\0\1\2\3\0\xfa\x80\0\0", ENTRIES),
         ("paint.txt", b"; paint.net Palette File\r\n;\r\nFF010203\r\nFFFA8000\r\n", ENTRIES),
-        ("old.aseprite", OLD_SPRITE, ENTRIES),
-        ("sprite.ase", OLD_SPRITE, ENTRIES),
         ("names.css", b":root { --a: #010203; --font: serif; --b: #fa8000 }", ENTRIES),
     ],
 )
@@ -193,7 +176,6 @@ def test_every_color_model_of_an_ase_is_read(tmp_path: Path) -> None:
         ("a.txt", b"FF11223", "has a color 'FF11223'"),
         ("a.pal", b"JASC", "is not a JASC or RIFF palette"),
         ("a.pal", b"JASC-PAL\n0100\n1\n1 2 x", "has a line that is not three or four numbers"),
-        ("a.aseprite", b"sprite", "is not an Aseprite sprite"),
     ],
 )
 def test_a_file_that_is_no_palette_is_named_with_the_reason(

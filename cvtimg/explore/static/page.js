@@ -12,7 +12,7 @@ import {Steps} from "/steps.js";
 import {Viewer} from "/viewer.js";
 
 const $ = id => document.getElementById(id);
-const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt|aseprite)$/i;
+const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
 const state = {tabs: [], tab: "colors", settings: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};

@@ -32,9 +32,8 @@ from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
 from cvtimg.quantization import Quantized, main_palette, map_to_palette
 
 _FORMATS = {
-    ".gpl": "GIMP, Inkscape, Krita (.gpl)",
+    ".gpl": "GIMP, Inkscape, Krita, Aseprite (.gpl)",
     ".ase": "Adobe (.ase)",
-    ".aseprite": "Aseprite (.aseprite)",
     ".act": "Photoshop color table (.act)",
     ".css": "CSS variables",
     ".scss": "SCSS variables",

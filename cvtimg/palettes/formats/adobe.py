@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.palettes.formats.aseprite import is_sprite, read_aseprite
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -53,12 +52,7 @@ def write_act(swatches: Swatches) -> bytes:
 
 
 def read_ase(content: bytes) -> NDArray[np.uint8]:
-    """Read all swatches, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50.
-
-    Aseprite sprites, which have the same suffix, are read as well.
-    """
-    if is_sprite(content):
-        return read_aseprite(content)
+    """Read all swatches, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50."""
     magic, *_, n_blocks = _HEADER.unpack_from(content)
     if magic != _MAGIC:
         raise UnfitContentError("is not an Adobe Swatch Exchange file: it must begin with ASEF")
