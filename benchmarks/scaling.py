@@ -18,6 +18,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from math import log, sqrt
@@ -64,11 +65,7 @@ def call(module: str, name: str, *arguments: Any, **options: Any) -> Any:
     return getattr(import_module(module), name)(*arguments, **options)
 
 
-def verb(name: str, *arguments: Any, **options: Any) -> Any:
-    """Call a function of cvtimg."""
-    return call("cvtimg", name, *arguments, **options)
-
-
+verb = partial(call, "cvtimg")
 #: What is measured, at a share of its size: first the input is made, which is not counted.
 VERBS: dict[str, tuple[Callable[[float], Any], Callable[[Any, float], Any]]] = {
     "quantize": (scene, lambda image, share: verb("quantize", image, 256)),
