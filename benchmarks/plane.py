@@ -13,14 +13,12 @@ import argparse
 import resource
 import time
 from functools import partial
-from typing import Any
 
 import numpy as np
 from common import DATA, SAMPLES, Rows, cpu_seconds, parser, run, timed
 from numpy.typing import NDArray
 from PIL import Image
 
-Row = dict[str, Any]
 PASSES = {1: (1000, 1000), 12: (3000, 4000)}
 COUNTS = (1000, 20_000, 100_000)
 
