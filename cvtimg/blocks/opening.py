@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,43 +111,22 @@ def _zarr_array(place: str) -> Any:
 
 
 def _npy_array(place: str) -> Any:
-    with _opened(place) as file:
-        shape, in_columns, dtype = _npy_header(place, file)
-        start = file.tell()
-    check_shape(place, shape, len(shape) in (1, 2) and 0 not in shape, "(N,) or (N, D) with N, D >= 1")
-    check_that(place, not (in_columns and len(shape) == 2 and is_remote(place)), "be in order of rows, not of columns")
-    width = math.prod(shape[1:])
-    length = block_length(width * dtype.itemsize)
-    bounds = [*range(0, shape[0], length), shape[0]]
-    reader = partial(_fetch_rows, start=start, width=width, dtype=dtype) if is_remote(place) else _map_rows
-    reads = [partial(reader, place, begin, end) for begin, end in pairwise(bounds)]
-    return _joined(reads, np.diff(bounds).tolist(), (width,), dtype)
-
-
-def _npy_header(place: str, file: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    readers: Any = np.lib.format
+    check_that(place, not is_remote(place), "be a .zarr array or a .parquet file: .npy files are read on this machine")
     try:
-        first = readers.read_magic(file)[0] == 1
-        header: tuple[tuple[int, ...], bool, np.dtype[Any]]
-        header = (readers.read_array_header_1_0 if first else readers.read_array_header_2_0)(file)
+        stored = np.lib.format.open_memmap(place, mode="r")
     except ValueError as error:
         raise OSError(f"{place}: is not a .npy file of numbers ({error})") from error
-    return header
+    check_shape(place, stored.shape, stored.ndim in (1, 2) and 0 not in stored.shape, "(N,) or (N, D) with N, D >= 1")
+    width = math.prod(stored.shape[1:])
+    length = block_length(width * stored.itemsize)
+    bounds = [*range(0, len(stored), length), len(stored)]
+    reads = [partial(_map_rows, place, begin, end) for begin, end in pairwise(bounds)]
+    return _joined(reads, np.diff(bounds).tolist(), (width,), stored.dtype)
 
 
 def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
     rows = np.array(np.load(place, mmap_mode="r")[begin:end])
     return rows.reshape(len(rows), -1)
-
-
-def _fetch_rows(place: str, begin: int, end: int, *, start: int, width: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    row_bytes = width * dtype.itemsize
-    with _opened(place) as file:
-        file.seek(start + begin * row_bytes)
-        content = file.read((end - begin) * row_bytes)
-    if len(content) < (end - begin) * row_bytes:
-        raise OSError(f"{place}: is truncated")
-    return np.frombuffer(content, dtype).reshape(-1, width)
 
 
 def _opened(place: str) -> Any:

@@ -60,7 +60,9 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
     ]
     free = np.arange(n_points + len(existing)) >= len(existing)
     descend, stopping = (l_bfgs, EFFORTS[effort].exact) if cube.exact else (over_relaxed, EFFORTS[effort].sampled)
-    terms = Terms(stopping, free, None if cube.periodic else _within)
+    terms = Terms(
+        stopping, free, None if cube.periodic else lambda points, before: np.clip(points, _MARGIN, 1 - _MARGIN)
+    )
     ends = [descend(cube, np.concatenate([existing, start]), terms) for start in starts]
     ends.sort(key=lambda end: end.energies[-1])
     found = [end.generators[len(existing) :] for end in ends]
@@ -162,10 +164,6 @@ def _tessellated(
         start, effort = found.generators[len(existing) :], "balanced"
     found = tessellate(samples, n_all, density=weights, locked=locked, init=start, effort=effort, rng=rng)
     return found.generators[len(existing) :]
-
-
-def _within(points: _Floats, before: _Floats) -> _Floats:
-    return np.clip(points, _MARGIN, 1 - _MARGIN)
 
 
 def _latin(points: _Floats, existing: _Floats) -> _Floats:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -31,14 +30,6 @@ _MACHINES = {
     "5,6,5": "16 bits: small displays",
     "6": "18 bits: VGA",
 }
-
-
-def _images() -> Sequence[str]:
-    return [*common.lossless(), ".zarr"]
-
-
-def _unless_none(name: str) -> str | None:
-    return None if name == "none" else name
 
 
 def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
@@ -125,7 +116,7 @@ QUANTIZE = (
         "or compact, for a small file.",
         metavar="NAME",
         default="none",
-        to=_unless_none,
+        to=lambda name: None if name == "none" else name,
     ).on_page("Dither"),
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength", step=0.05
@@ -163,7 +154,7 @@ QUANTIZE = (
         needs=("number",),
         excludes=("psnr", "max_bytes", "palette", "weight_map"),
     ),
-    common.output(common.IMAGE_OUTPUT, _images, standard=".png"),
+    common.output(common.IMAGE_OUTPUT, lambda: [*common.lossless(), ".zarr"], standard=".png"),
     common.OUT_DIR,
     Option(
         "ext",

@@ -84,7 +84,8 @@ class SegmentsTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        ignore, name = None if _has_objects(request.settings) else 0, Path(request.picture.name).name
+        counts = request.settings["way"] == "segments" and request.settings["pieces"] == "objects"
+        ignore, name = None if counts else 0, Path(request.picture.name).name
         return [*_outputs(ignore, name), *self.map_outputs(request)]
 
     def lines(self, request: Request) -> list[Line]:
@@ -169,10 +170,6 @@ def _known(picture: Picture) -> NDArray[np.bool_] | None:
         return picture.known
     seen: NDArray[np.bool_] = picture.plain[..., 3] > 0
     return seen if picture.known is None else seen & picture.known
-
-
-def _has_objects(settings: Settings) -> bool:
-    return bool(settings["way"] == "segments" and settings["pieces"] == "objects")
 
 
 def _cut_text(settings: Settings) -> str:
