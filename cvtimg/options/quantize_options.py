@@ -32,6 +32,14 @@ _MACHINES = {
 }
 
 
+def _images() -> list[str]:
+    return [*common.lossless(), ".zarr"]
+
+
+def _unless_none(name: str) -> str | None:
+    return None if name == "none" else name
+
+
 def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
     """(L, 3) colors, or (L, 4) if some have transparency, each once."""
     import numpy as np
@@ -116,7 +124,7 @@ QUANTIZE = (
         "or compact, for a small file.",
         metavar="NAME",
         default="none",
-        to=lambda name: None if name == "none" else name,
+        to=_unless_none,
     ).on_page("Dither"),
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
         "Dither strength", step=0.05
@@ -154,7 +162,7 @@ QUANTIZE = (
         needs=("number",),
         excludes=("psnr", "max_bytes", "palette", "weight_map"),
     ),
-    common.output(common.IMAGE_OUTPUT, lambda: [*common.lossless(), ".zarr"], standard=".png"),
+    common.output(common.IMAGE_OUTPUT, _images, standard=".png"),
     common.OUT_DIR,
     Option(
         "ext",

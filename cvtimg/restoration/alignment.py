@@ -254,7 +254,8 @@ class _Pair:
             slopes = np.stack([map_coordinates(slope, at, order=1, mode="nearest") for slope in self.other_slopes])
             along_x, along_y = half * (self.slopes + gain * (current[:2, :2].T @ slopes)) / 2
             apart = gain * seen + offset - self.values
-            weights = weights * _robust(apart, _scale(apart[weights > 0]))
+            outlying = _OUTLYING * _scale(apart[weights > 0])  # differences that have half the weight
+            weights = weights * np.reciprocal(1 + np.square(apart / outlying)).astype(np.float32, copy=False)
             along = x * along_x + y * along_y
             columns = [along_x, along_y, x * along_y - y * along_x, along, x * along_x - y * along_y]
             columns += [y * along_x + x * along_y, x * along, y * along]
@@ -294,11 +295,6 @@ def _scale(apart: Floats) -> float:
     """Return the standard deviation, > 0, of differences some of which are not noise."""
     size = np.abs(apart)
     return max(1.4826 * float(np.median(size)), 1e-6 * float(size.max()), 1e-30)
-
-
-def _robust(apart: Floats, scale: float) -> Floats:
-    """Weight of differences: half at some standard deviations."""
-    return np.reciprocal(1 + np.square(apart / (_OUTLYING * scale))).astype(np.float32, copy=False)
 
 
 def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:
