@@ -210,15 +210,15 @@ class State:
         return tuple(energies), converged
 
     def _begin(self) -> None:
-        """Count neighbors."""
         steps, margin = self.disc
         for top, bottom in self._strips:
             labels, others, stale = self._image.rows(top, bottom, margin)[2:]
+            beyond = max(0, -(-int(steps.max()) // labels.shape[1]) - margin)  # rows from which steps lead out
 
-            def count(first: int, last: int, labels: Any = labels, others: Any = others) -> None:
-                _segments.count_others(labels, steps, margin, first, last, others)
+            def count(first: int, last: int, labels: Any = labels, others: Any = others, beyond: int = beyond) -> None:
+                _segments.count_others(labels, steps, margin, first + beyond, last + beyond, others)
 
-            in_parts(count, bottom - top, work=labels.size * len(steps) / 8)
+            in_parts(count, bottom - top - 2 * beyond, work=labels.size * len(steps) / 8)
             stale[:] = 1
         self._count()
 
