@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from cvtimg._shared.threads import one_blas_thread
 from cvtimg.bases.snapshots import Snapshots
 
 
@@ -33,21 +33,21 @@ class Sketch:
         return max(self.variance - float((self.coordinates**2).sum()), 0.0)
 
 
+@one_blas_thread
 def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generator) -> Sketch:
     """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number."""
     rank = min(rank, snapshots.n_snapshots, snapshots.n_dims)
     directions = rng.standard_normal((snapshots.n_dims, rank), np.float32).astype(snapshots.dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.
     center = np.asarray(snapshots.read(0, 1), snapshots.dtype).reshape(-1)
-    with threadpool_limits(1, "blas"):
-        for _ in range(passes // 2):
-            values, mean, variance = _products(snapshots, directions, center)
-            center = mean.astype(snapshots.dtype)
-            basis = np.linalg.qr(values)[0]
-            rows = _combined(snapshots, basis.astype(snapshots.dtype), center)
-            directions = np.linalg.qr(rows.T)[0].astype(snapshots.dtype)
-        left, lengths, right = np.linalg.svd(rows, full_matrices=False)
-        coordinates = (basis @ left) * lengths
+    for _ in range(passes // 2):
+        values, mean, variance = _products(snapshots, directions, center)
+        center = mean.astype(snapshots.dtype)
+        basis = np.linalg.qr(values)[0]
+        rows = _combined(snapshots, basis.astype(snapshots.dtype), center)
+        directions = np.linalg.qr(rows.T)[0].astype(snapshots.dtype)
+    left, lengths, right = np.linalg.svd(rows, full_matrices=False)
+    coordinates = (basis @ left) * lengths
     return Sketch(coordinates, right.astype(snapshots.dtype), mean, variance)
 
 

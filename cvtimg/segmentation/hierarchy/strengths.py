@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, one_blas_thread
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
@@ -139,6 +139,7 @@ def global_strengths(
     return np.einsum("bk,k->b", steps, np.sqrt(eigenvalues[0] / eigenvalues))
 
 
+@one_blas_thread  # for the bits must not depend on how many there are
 def _slow_vectors(
     pairs: NDArray[np.int32], weights: NDArray[np.float64], masses: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -146,7 +147,6 @@ def _slow_vectors(
     from scipy.sparse import coo_array, csc_array, diags_array
     from scipy.sparse.csgraph import connected_components
     from scipy.sparse.linalg import eigsh
-    from threadpoolctl import threadpool_limits
 
     n_regions = len(masses)
     ends = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -157,13 +157,11 @@ def _slow_vectors(
     roots = np.sqrt(masses / masses.mean())
     scale = diags_array(1 / roots)
     matrix = csc_array(scale @ (diags_array(stiffness) - springs) @ scale)
-    # One thread, for the bits must not depend on how many there are.
-    with threadpool_limits(1, user_api="blas"):
-        if n_vectors >= n_regions - 1:  # all of them
-            values, vectors = np.linalg.eigh(matrix.toarray())
-        else:
-            start = roots + 0.1 * np.cos(1.7 * np.arange(n_regions))
-            shift = -1e-4 * stiffness.mean()
-            values, vectors = eigsh(matrix, k=n_vectors, sigma=shift, which="LM", v0=start, tol=1e-4)
+    if n_vectors >= n_regions - 1:  # all of them
+        values, vectors = np.linalg.eigh(matrix.toarray())
+    else:
+        start = roots + 0.1 * np.cos(1.7 * np.arange(n_regions))
+        shift = -1e-4 * stiffness.mean()
+        values, vectors = eigsh(matrix, k=n_vectors, sigma=shift, which="LM", v0=start, tol=1e-4)
     order = np.argsort(values)[n_still:n_vectors]
     return np.maximum(values[order], 1e-9), vectors[:, order] / roots[:, None]
