@@ -12,6 +12,7 @@ from cvtimg._shared.checks import (
     check_choice,
     check_count,
     check_in_range,
+    check_needs,
     check_places,
     check_shape,
     check_that,
@@ -106,8 +107,9 @@ def place_generators(
     >>> sorted(placement.points.round(3).tolist())
     [[0.5, 0.5], [1.5, 0.5]]
     """
-    weight, gauge = as_density(density), as_gauge(metric)
-    where = as_region(np.ones(np.shape(density), bool) if region is None else region)  # type: ignore[arg-type]
+    weight, gauge, shape = as_density(density), as_gauge(metric), np.shape(density)  # type: ignore[arg-type]
+    check_needs("region=None", region is None, "an image as density", len(shape) > 0)
+    where = as_region(np.ones(shape, bool) if region is None else region)
     flat = not isinstance(gauge, PolygonGauge) or where.n_dims == 2
     check_in_range("metric", metric, flat, "the power of a p-norm where the region is not in the plane")
     check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")

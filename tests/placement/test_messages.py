@@ -28,6 +28,7 @@ def sampled(density: Any) -> Callable[[], Any]:
     ("make", "message"),
     [
         (placed(MASK, density=np.ones((2, 3))), r"density of shape \(2, 3\) must be \(4, 4\)"),
+        (placed(None, density=1.0), "region=None needs an image as density"),
         (placed(CUBE, metric="triangle"), "metric='triangle' must be the power of a p-norm"),
         (placed(fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]]), "fixed must be .* apart: number 1, .*, lies on number 0"),
         (placed(CUBE, fixed=[[0.5] * 3] * 2), "fixed must be at least .* apart: number 1, .*, lies on number 0"),
