@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cvtimg.cli.overview import COMMANDS, described, recorded
+
 ROOT = Path(__file__).parent.parent
 GALLERY = ROOT / "examples" / "gallery"
 
@@ -53,21 +55,20 @@ def test_every_figure_of_the_pages_has_a_script() -> None:
         assert path.stem in drawn | measured or path.stem.split("_")[0] in drawn, path.name
 
 
-@pytest.mark.slow
 def test_a_manual_page_has_every_option_and_example(command_line: Any) -> None:
-    for command in command_line.commands():
-        page = command_line.as_manual(command).replace("\\-", "-").replace("\\(aq", "'")
-        options = [one for some in command.options.values() for one in some]
-        assert len(options) > 2
+    for command in map(described, COMMANDS):
+        page = command_line.as_manual(command).replace("\\-", "-").replace("\\(aq", "'").replace("\\e", "\\")
+        names = [name for options in command.panels.values() for name in recorded(options)]
+        assert len(names) > 2
         assert command.examples
-        for text in (command.summary, *(names for names, _ in options), *command.examples):
+        for text in (command.paragraphs[0][:-1], *names, *map(str.strip, command.examples)):
             assert text in page
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("groff") is None, reason="needs groff")
 def test_groff_reads_the_manual_pages_without_a_warning(command_line: Any) -> None:
-    for command in command_line.commands():
+    for command in map(described, COMMANDS):
         words = ["groff", "-man", "-ww", "-Tutf8", "-z"]
         done = subprocess.run(words, input=command_line.as_manual(command), capture_output=True, text=True, timeout=20)
         assert done.returncode == 0
