@@ -147,6 +147,7 @@ segment pages.tif --objects --track -o l.tif | without T to track objects along
 segment series.tif --objects --track -o l.tif | objects are tracked with --volume, or in one plane, --z N
 segment clear.png -k 2 | clear.png: has no pixel that counts: all are transparent
 restore a.png black.png -k 2 -o out.png | black.png has size (20, 40) and a.png has (24, 32)
+restore a.png b.png -k 2 -o out.png --weights 1 | weights of shape (1,) must be (2,)
 restore a.png wrong.gpl -k 2 -o out.png | wrong.gpl: cannot be read
 restore a.png b.png --mask black.png --mask black.png -k 2 -o out.png | black.png of shape (20, 40)
 restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
@@ -173,6 +174,7 @@ sphere -n 100 -o a.nc --density black.png | --density black.png must not be 0 ev
 sphere -n 100 -o a.nc --refine black.png,3 | --refine black.png must not be 0 everywhere
 sphere -n 100 -o a.nc --density nan.tif | --density nan.tif must be finite
 sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everywhere
+sphere -n 9 -o a.nc --parent few.csv --within 0,0,60 | must have at least 4 points
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
 sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
 mesh wrong.geojson -n 9 | wrong.geojson: is not a .geojson file of polygons
@@ -223,6 +225,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "box.csv": "name,low,high\nspeed,0,30\nheat,20,90\n",
         "odd.csv": "name,low,high,kind,levels,unit\na,0,1,odd,,\n",
         "far.csv": "x1,x2\n5,5\n",
+        "few.csv": "x,y,z\n1,0,0\n0,1,0\n0,0,1\n",
         "off.csv": "x,y,z\n1,0,0\n0,3,0\n0,0,1\n-1,0,0\n0,-1,0\n0,0,-1\n",
     }
     for name, text in texts.items():

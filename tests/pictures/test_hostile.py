@@ -58,6 +58,13 @@ def test_pages_and_bands_are_right_from_files_and_pipes(tmp_path: Path, name: st
     assert hostile.judge(path, piped=True) == "error"
 
 
+def test_a_size_that_is_no_number_is_an_error_of_one_line(tmp_path: Path) -> None:
+    path, files = tmp_path / "size.tif", dict(hostile.made())
+    for name in ("size-1.tif", "size-7.tif"):
+        path.write_bytes(files[name])
+        assert hostile.judge(path) == "error"
+
+
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     name=st.deferred(lambda: st.sampled_from(sorted(seeds()))),
