@@ -1,44 +1,41 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The compiled passes over patches in groups: covariances, filters, the image made of patches, groups cut in two.
 
-Nothing here checks its arguments or decides. Each argument is marked IN, OUT or INOUT. H x W is the size of
-an image in pixels, N their number, C that of bands, P = 25 C that of the values of a patch, R = P rounded up to a
-multiple of 16, G the number of groups, and M the number of patches of the largest, rounded up to a multiple of 4. Each
-pass works on the groups, or rows, from `first` until `last`.
+Nothing here checks its arguments or decides. Each argument is marked IN, OUT or INOUT. H x W is the size of an image in
+pixels, N their number, C that of bands, P = 25 C that of the values of a patch and G the number of groups. Each pass
+works on the groups, or rows, from `first` until `last`. To the BLAS, rows are columns.
 """
 from libc.stdint cimport int32_t, int64_t, uint8_t
+from libc.string cimport memcpy
+from scipy.linalg.cython_blas cimport sgemm, ssyrk
+from scipy.linalg.cython_lapack cimport spotrf, spotri
 
 import numpy as np
 
 cdef extern from "patches.h" nogil:
-    int REACH, SIDE, LANES, ROWS_AT_ONCE
+    Py_ssize_t halve_group(const float *, int, int32_t *, Py_ssize_t, uint8_t *, int32_t *)
 
-    struct picture:
-        const float *values
-        Py_ssize_t width, padded_width
-        int n_bands
-
-    struct patch_functions_s "patch_functions":
-        void (*measure)(picture, const int32_t *, Py_ssize_t, Py_ssize_t, float *, float *, float *) noexcept nogil
-        void (*make)(float *, Py_ssize_t, float, float *) noexcept nogil
-        void (*filter)(
-            picture, picture, float, const int32_t *, Py_ssize_t, Py_ssize_t, const float *, const float *, float *,
-            float *, float *,
-        ) noexcept nogil
-        Py_ssize_t (*halve)(const float *, int, int32_t *, Py_ssize_t, uint8_t *, int32_t *) noexcept nogil
-
-    const patch_functions_s *patch_functions()
-
-cdef const patch_functions_s *functions = patch_functions()
+cdef enum:
+    SIDE = 5
 
 
-cdef inline picture as_picture(const float[:, :, ::1] image) noexcept nogil:
-    cdef picture result
-    result.values = &image[0, 0, 0]
-    result.padded_width = image.shape[1]
-    result.width = image.shape[1] - SIDE + 1
-    result.n_bands = <int>image.shape[2]
-    return result
+cdef void take_patches(
+    const float[:, :, ::1] image, const int32_t *pixels, Py_ssize_t n, float *patches
+) noexcept nogil:
+    """Copy the patches around some pixels: their rows one after the other, the bands of each pixel side by side."""
+    cdef Py_ssize_t width = image.shape[1] - SIDE + 1, row = SIDE * image.shape[2], i, y
+    for i in range(n):
+        for y in range(SIDE):
+            memcpy(patches, &image[pixels[i] // width + y, pixels[i] % width, 0], row * sizeof(float))
+            patches += row
+
+
+cdef void mirror(float[:, ::1] matrix) noexcept nogil:
+    """Make a matrix symmetric by what is on and right of its diagonal."""
+    cdef Py_ssize_t i, j
+    for i in range(matrix.shape[0]):
+        for j in range(i):
+            matrix[i, j] = matrix[j, i]
 
 
 def halve_groups(
@@ -57,7 +54,7 @@ def halve_groups(
     with nogil:
         for g in range(first, last):
             start = starts[g]
-            cuts[g] = start + functions.halve(
+            cuts[g] = start + halve_group(
                 &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[0], &second[0],
             )
 
@@ -67,32 +64,52 @@ def measure_groups(
     const int32_t[::1] order,        # IN (N,): pixels of the groups, one group after the other
     const int64_t[::1] bounds,       # IN (G + 1,): where each group begins in `order`
     float[:, ::1] means,             # OUT (G, P)
-    float[:, :, ::1] covariances,    # OUT (last - first, R, R): 0 from P on
+    float[:, :, ::1] covariances,    # OUT (G, P, P)
     Py_ssize_t first,                # IN
     Py_ssize_t last,                 # IN
 ):
     """Measure the mean and the covariance of the patches of each group."""
-    cdef picture from_image = as_picture(image)
-    cdef Py_ssize_t g
-    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), covariances.shape[2]), np.float32)
+    cdef int n, size = <int>means.shape[1]
+    cdef Py_ssize_t g, i, j
+    cdef float share, nothing = 0
+    cdef double[::1] sums = np.empty(size)
+    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), size), np.float32)
     with nogil:
         for g in range(first, last):
-            functions.measure(
-                from_image, &order[bounds[g]], bounds[g + 1] - bounds[g], means.shape[1], &patches[0, 0],
-                &means[g, 0], &covariances[g - first, 0, 0],
-            )
+            n = <int>(bounds[g + 1] - bounds[g])
+            share = 1 / <float>n
+            take_patches(image, &order[bounds[g]], n, &patches[0, 0])
+            sums[:] = 0
+            for i in range(n):
+                for j in range(size):
+                    sums[j] += patches[i, j]
+            for j in range(size):
+                means[g, j] = <float>(sums[j] / n)
+            for i in range(n):
+                for j in range(size):
+                    patches[i, j] -= means[g, j]
+            ssyrk("L", "N", &size, &n, &share, &patches[0, 0], &size, &nothing, &covariances[g, 0, 0], &size)
+            mirror(covariances[g])
 
 
 def make_filters(
-    float[:, :, ::1] covariances,  # INOUT (G, R, R): 0 from P on; used up
-    const double[::1] variances,   # IN (G,): of the noise
-    float[:, :, ::1] filters,      # OUT (G, P, R)
+    float[:, :, ::1] matrices,    # INOUT (G, P, P): a covariance C, which becomes the filter I - v (C + v I)^-1
+    const double[::1] variances,  # IN (G,): v, of the noise
 ):
-    """Make the Wiener filter of each group."""
-    cdef Py_ssize_t g
+    """Make the Wiener filter of each group: I, where C + v I is not positive in float32 as nothing is noise."""
+    cdef int bad, size = <int>matrices.shape[1]
+    cdef Py_ssize_t g, i, j
     with nogil:
-        for g in range(filters.shape[0]):
-            functions.make(&covariances[g, 0, 0], filters.shape[1], <float>variances[g], &filters[g, 0, 0])
+        for g in range(matrices.shape[0]):
+            for i in range(size):
+                matrices[g, i, i] += <float>variances[g]
+            spotrf("L", &size, &matrices[g, 0, 0], &size, &bad)
+            if not bad:
+                spotri("L", &size, &matrices[g, 0, 0], &size, &bad)
+            for i in range(size):
+                for j in range(i, size):
+                    matrices[g, i, j] = (i == j) - (0 if bad else <float>variances[g] * matrices[g, i, j])
+            mirror(matrices[g])
 
 
 def filter_groups(
@@ -102,21 +119,31 @@ def filter_groups(
     const int32_t[::1] order,        # IN (N,)
     const int64_t[::1] bounds,       # IN (G + 1,)
     const float[:, ::1] means,       # IN (G, P)
-    const float[:, :, ::1] filters,  # IN (G, P, R)
+    const float[:, :, ::1] filters,  # IN (G, P, P)
     float[:, ::1] patches,           # OUT (N, P)
     Py_ssize_t first,                # IN
     Py_ssize_t last,                 # IN
 ):
     """Filter the patches of each group about their mean."""
-    cdef picture from_image = as_picture(image), from_change = as_picture(change)
-    cdef Py_ssize_t g, most = (np.max(np.diff(bounds)) + ROWS_AT_ONCE - 1) // ROWS_AT_ONCE * ROWS_AT_ONCE
-    cdef float[:, :, ::1] scratch = np.empty((2, most, filters.shape[2]), np.float32)
+    cdef int n, size = <int>means.shape[1]
+    cdef Py_ssize_t g, i, j
+    cdef float one = 1, nothing = 0
+    cdef float[:, :, ::1] seen = np.empty((2, np.max(np.diff(bounds)), size), np.float32)
     with nogil:
         for g in range(first, last):
-            functions.filter(
-                from_image, from_change, <float>steps[g], &order[bounds[g]], bounds[g + 1] - bounds[g],
-                means.shape[1], &means[g, 0], &filters[g, 0, 0], &scratch[0, 0, 0], &scratch[1, 0, 0], &patches[0, 0],
+            n = <int>(bounds[g + 1] - bounds[g])
+            take_patches(image, &order[bounds[g]], n, &seen[0, 0, 0])
+            take_patches(change, &order[bounds[g]], n, &seen[1, 0, 0])
+            for i in range(n):
+                for j in range(size):
+                    seen[0, i, j] += <float>steps[g] * seen[1, i, j] - means[g, j]
+            sgemm(
+                "N", "N", &size, &n, &size, &one, <float *>&filters[g, 0, 0], &size, &seen[0, 0, 0], &size, &nothing,
+                &seen[1, 0, 0], &size,
             )
+            for i in range(n):
+                for j in range(size):
+                    patches[order[bounds[g] + i], j] = seen[1, i, j] + means[g, j]
 
 
 def join_patches(

@@ -121,7 +121,7 @@ class _Filters:
 
     block: PatchBlock
     means: Floats  # (G, P): mean patches
-    matrices: Floats  # (G, P, R): filters; columns from P on are 0
+    matrices: Floats  # (G, P, P): filters
     variances: _Doubles  # (G,): of the noise
     trust: Floats  # (G, 25): weight of the pixels of filtered patches
 
@@ -133,8 +133,7 @@ class _Filters:
         image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
         image = np.ascontiguousarray(image, np.float32)
         size = SIDE**2 * image.shape[2]
-        columns = -(-size // 16) * 16
-        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, columns), np.float32)
+        means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
         noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
         shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
         # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
@@ -145,25 +144,25 @@ class _Filters:
             for start in range(first, last, chunk):
                 stop = min(start + chunk, last)
                 here = slice(start, stop)
-                padded = np.empty((stop - start, columns, columns), np.float32)
-                covariances = padded[:, :size, :size]
-                _patches.measure_groups(image, groups.order, groups.bounds, means, padded, start, stop)
+                _patches.measure_groups(image, groups.order, groups.bounds, means, matrices, start, stop)
+                covariances, variance = matrices[here], variances[here]
                 if whiten is not None:
                     covariances[:] = whiten @ covariances @ whiten.T
                 if noise is None:
                     covariances *= _GAIN
                 else:
-                    _lessen_noise(padded, noise[here], variances[here])
+                    _lessen_noise(covariances, noise[here], variance)
                 diagonal = np.einsum("gii->gi", covariances)
-                diagonal += np.maximum(_RIDGE * variances[here], _PRECISE * diagonal.sum(axis=1))[:, None]
-                _make_filters(padded, variances[here], matrices[here])
+                diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
+                _patches.make_filters(covariances, variance)
                 if factor is not None and whiten is not None:
-                    matrices[here, :, :size] = (whiten.T @ matrices[here, :, :size] @ factor.T).astype(np.float32)
+                    covariances[:] = whiten.T @ covariances @ factor.T
 
         in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
         # The variance that remains at each place of a patch, as a share of that of the noise.
-        inner = matrices[:, :, :size]
-        left = np.einsum("gii->gi", inner) if shared is None else np.einsum("gij,ij->gj", inner, np.float32(shared))
+        left = (
+            np.einsum("gii->gi", matrices) if shared is None else np.einsum("gij,ij->gj", matrices, np.float32(shared))
+        )
         left = left.reshape(len(left), SIDE**2, -1).mean(axis=2)
         trust = usual / variances[:, None] / (left + _LEFT)
         return cls(block, means, matrices, variances, trust.astype(np.float32))
@@ -203,14 +202,6 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
-def _make_filters(covariances: Floats, variances: _Doubles, filters: Floats) -> None:
-    """Make the (G, P, R) Wiener filters of covariances, (G, R, R), which are used up."""
-    _patches.make_filters(covariances, variances, filters)
-    # Where noise is so far below what is shown that float32 cannot invert a covariance, everything passes.
-    singular = ~np.isfinite(filters.sum(axis=(1, 2)))
-    filters[singular] = np.eye(*filters.shape[1:], dtype=np.float32)
-
-
 def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:
     """(G, P) variance of the noise at each place of the patches of each group."""
     usual = precision.mean() / max((precision > 0).mean(), 1e-30)
@@ -220,14 +211,13 @@ def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles
 
 
 def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles) -> None:
-    """Turn (G, R, R) covariances of noisy patches, 0 from P on, into those of what they show."""
+    """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
-    size = noise.shape[1]
-    diagonal = np.einsum("gii->gi", covariances)[:, :size]
+    diagonal = np.einsum("gii->gi", covariances)
     diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
     bends = _BENT * variances
-    filters = np.empty_like(covariances[:, :size])
     for _ in range(2):
-        _make_filters(covariances.copy(), bends, filters)
-        covariances[:, :size] -= bends[:, None, None].astype(np.float32) * filters
+        filters = covariances.copy()
+        _patches.make_filters(filters, bends)
+        covariances -= bends[:, None, None].astype(np.float32) * filters
