@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from cvtimg.segmentation.result import Segmentation
 
 EXAMPLES = """\
+  cvtimg segment photo.jpg --overlay regions.png
   cvtimg segment bone.png -k 2 --edges edges.png --overlay overlay.png
   cvtimg segment nuclei.tif --objects --overlay outlines.png --table nuclei.csv
   cvtimg segment stack.tif --objects --volume -o labels.tif --table cells.csv
   cvtimg segment cells.tif -k 2 --smallest-detail 2 --objects --min-size 30 --table cells.csv
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
-  cvtimg segment photo.jpg -k auto --edges edges.png
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
   cvtimg segment photo.jpg --hierarchy --overlay regions.png --strengths edges.png --tree photo.npz
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
@@ -49,7 +49,10 @@ COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "out
 
 
 def segment(given: Given) -> Todo:
-    """Divide images into N segments of similar color.
+    """Divide images into N segments of similar color, or into regions.
+
+    With -k N, pixels of similar color are a segment, wherever they are. Without it, a segment is a connected region as
+    a person would draw it, as with --hierarchy.
 
     Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, transparent ones,
     and the background of --objects. If no output is named, the labels of one input go to NAME-labels.png beside it;
@@ -70,8 +73,10 @@ def segment(given: Given) -> Todo:
     """
     counts = given.objects and given.number is None
     if given.number is None:
-        if not (given.hierarchy or given.objects):
-            raise WrongUsageError("-k is needed without --hierarchy and --objects: a number of segments, or auto")
+        given.hierarchy = given.hierarchy or not given.objects
+        of_colors = [name for name, option in given.options.items() if "hierarchy" in option.excludes]
+        if given.hierarchy and (settings := given.chosen("volume", *of_colors)):
+            raise WrongUsageError(f"{settings[0]} needs -k: a number of segments, or auto")
         if counts and (settings := given.chosen(*_MEASURED)):
             raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
         given.number = None if counts else "auto"

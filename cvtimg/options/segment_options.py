@@ -33,7 +33,7 @@ SEGMENT = (
     Option(
         "number",
         Whole(1, common.MAX_COLORS, auto=True),
-        "Number of segments; auto picks it at the elbow of the energy. With --hierarchy: auto by default.",
+        "Number of segments; auto picks it at the elbow of the energy. Without it, regions as by --hierarchy.",
         "--segments -k",
     ).on_page("Segments", slider=(2, 64), log=True, default=4),
     common.output(
@@ -176,7 +176,7 @@ SEGMENT = (
         metavar="NAME,...",
     ),
     switch(
-        "hierarchy", "Divide into connected regions, as people see them; -k is optional.", excludes=("volume",)
+        "hierarchy", "Divide into connected regions, as people see them; the default without -k.", excludes=("volume",)
     ).on_page("connected regions"),
     Option(
         "threshold",

@@ -96,7 +96,7 @@ sphere -o a.nc --cell-width 30km --refine 1,2,3 | must be LON,LAT,RADIUS,WIDTH
 sphere -n 99 -o a.nc --plot a.png --view 10 100 | '100' must be a number in -90..90; two are needed
 sphere -n 99 -o a.nc --region 1,2 | --region 1,2 must be WEST,SOUTH,EAST,NORTH
 sphere -n 99 -o a.nc --radius moon | 'moon' must be a number > 0, or mpas, cesm
-segment a.png --edges e.png | -k is needed without --hierarchy
+segment a.png --edge-weight 3 | --edge-weight needs -k
 segment a.png -k 3 --write tree | 'tree' must be one of
 segment a.png -k 3 --hierarchy --threshold 0.4 | --threshold and -k N exclude each other
 mesh a.png -n 9 -o a.txt | .vtu

@@ -15,7 +15,7 @@ from images import discs
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from cvtimg import find_contours, find_edges, read_image, write_image
+from cvtimg import find_contours, find_edges, read_image, segment_hierarchy, write_image
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
@@ -54,6 +54,11 @@ def test_what_is_named_is_written_or_else_labels_beside_the_input(run: Run) -> N
     assert brightness == sorted(brightness)
     assert run("rgb.png", "-k", "2", "--table", "t.csv", "--edges", "e.png").status == 0
     assert listing() == {"rgb.png", "rgb-labels.png", "t.csv", "e.png"}
+
+
+def test_without_a_number_segments_are_the_regions_of_the_tree(run: Run) -> None:
+    assert run("rgb.png", "-o", "regions.npy").status == 0
+    np.testing.assert_array_equal(np.load("regions.npy"), segment_hierarchy(RGB).cut())
 
 
 def test_every_output_agrees_with_the_labels(run: Run) -> None:
