@@ -36,7 +36,7 @@ _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", 
           "objects", "edit")  # fmt: skip
 #: Options that counting without -k does not take.
 _MEASURED = ("neck_depth", "object_border", "smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
-COLUMNS = ("input", "k", "edge_weight", "energy", "seconds", "output")
+COLUMNS = ("input", "k", "edge_weight", "regions", "edge_length", "seconds", "output")
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
