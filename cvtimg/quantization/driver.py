@@ -6,7 +6,8 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cached_property, partial
+from itertools import repeat
 from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
@@ -33,11 +34,13 @@ from cvtimg.quantization.dithering import STRENGTH
 from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
 from cvtimg.quantization.palette_search import (
     EngineOptions,
+    Merged,
     Palette,
     best_of,
     check_room,
     find_palette,
     fixed_colors,
+    merged_colors,
     ramp_of,
 )
 from cvtimg.quantization.remapping import MAX_COLORS
@@ -51,11 +54,14 @@ class _Aiming:
     number: int = 32
     decibels: float = 2.0  # for twice the colors
     bytes_per_pixel: float = 0.05  # likewise, or for half the price of a bit
-    points: float = 4.5  # of visual quality for twice the colors,
-    points_by_price: float = 5.0  # and lost to the price of a bit, to this power:
+    # Of most photographs: the visual quality of endlessly many colors, what is lost with 256 of them, and with fewer as
+    # the energy grows, and what the price of a bit, to a power, takes, less of few colors.
+    points: float = 91.2
+    points_by_error: float = 7.7
+    points_by_price: float = 5.0
     power: float = 1.5
-    power_by_bits: float = 3.0  # of few colors a price takes less
-    usual: float = 83.5  # of most photographs, where bits cost nothing
+    power_by_bits: float = 3.0
+    most_unlike: float = 8.0  # times as much, or as little, is lost to colors by other images
     trial_matches: int = 4  # enough to tell a quality within half a point
     # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
     # and lose gentle texture, which the measure does not see.
@@ -64,9 +70,9 @@ class _Aiming:
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
-    near: float = 0.5  # to the quality with few matches is near enough to go on with all
-    n_trials: int = 4
-    n_results: int = 4
+    near: float = 1.0  # to the quality with few matches is near enough to go on with all
+    n_cheap: int = 2
+    n_trials: int = 5  # with those
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -282,7 +288,8 @@ def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) 
         if source.size(result) <= max_bytes:
             return result
     if how.dither == "compact":
-        prices, at_price = _AIMING.all_prices, partial(_by_price(how, source), source, how.n_colors)
+        palettes, prices = _Palettes(how, source), _AIMING.all_prices
+        at_price = partial(palettes.mapped, source, palettes.most)
         ladder = Ladder(prices, at_price, source.size, growth, lambda price: -math.log2(price))
         fitting, _ = ladder.climb(max_bytes + 1, first=prices[0])
         if fitting is not None:
@@ -315,61 +322,94 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    aiming, mapped, sample = _AIMING, _by_price(how, source), source.sample()
-    most: Any = how.n_colors or len(np.asarray(how.palette))
-    if how.palette is None and all(one.n_colors <= most for one in source.counted):
-        exact = mapped(source, how.n_colors, aiming.prices[-1])
+    aiming, palettes, sample = _AIMING, _Palettes(how, source), source.sample()
+    if how.palette is None and all(one.n_colors <= palettes.most for one in source.counted):
+        exact = palettes.mapped(source, palettes.most, aiming.prices[-1])
         if not exact.energy:
             return _seen(source, exact)
-    found: dict[tuple[Any, float], Any] = {}
+    found: dict[tuple[int, float], Any] = {}
 
-    @cache
-    def trial(rung: tuple[Any, float]) -> Any:
-        return _seen(sample, mapped(sample, *rung, n_matches=aiming.trial_matches)).quality
-
-    def result(rung: tuple[Any, float]) -> Any:
-        found[rung] = _seen(source, mapped(source, *rung))
+    def result(rung: tuple[int, float]) -> Any:
+        found[rung] = _seen(source, palettes.mapped(source, *rung))
         return found[rung].quality
 
-    numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), most)
+    def best() -> Any:
+        return max(found.values(), key=lambda one: one.quality)
+
+    def trial(rung: tuple[int, float]) -> Any:
+        if how.rate.coder == "lzw":  # of which few paths tell little
+            return result(rung)
+        return _seen(sample, palettes.mapped(sample, *rung, n_matches=aiming.trial_matches)).quality
+
+    numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
     fewer = [(number, aiming.prices[0]) for number in numbers if how.palette is None]
-    rungs = [*fewer, *((how.n_colors, price) for price in aiming.prices)]
-    line = Ladder(rungs, trial, float, 1.0, lambda rung: _expected(rung, most))
-    least = how.quality_range[1]
+    rungs = [*fewer, *((palettes.most, price) for price in aiming.prices)]
+    line = Ladder(rungs, trial, float, 1.0, palettes.expected)
+    wanted = how.quality_range[1] + aiming.close / 2
     with part(0, 0.5):
+        first = rungs[-1] if how.quality is None else line.at(wanted)
+        seen = trial(first)
         if how.quality is None:
-            least = min(aiming.same, trial(line.rungs[-1]) - aiming.below_best)
-        wanted = least + aiming.close / 2
-        first = line.at(0 if how.quality is None else wanted - aiming.usual)
-        rung, line = line.seek(wanted, first, aiming.near, aiming.n_trials)
+            wanted = min(aiming.same, seen - aiming.below_best) + aiming.close / 2
+        palettes.expect(first, seen)
+        rung = line.at(wanted)
+        if abs(seen - wanted) > aiming.near and rung != first:
+            line.seen[line.place(first)] = seen
+            rung = line.seek(wanted, rung, aiming.near, aiming.n_cheap - 1)
     with part(0.5, 1):
-        n_results, step = 1 if how.quality is None else aiming.n_results, 1
-        rung, line = replace(line, result=result).seek(wanted, rung, aiming.close / 2, n_results)
-        reaching = [one for one in found.values() if one.quality >= least]
-        while how.quality is not None and not reaching and line.rungs[-1] not in found:
-            rung, step = line.at(line.place(rung) + step), 2 * step
-            reaching = [found[rung]] if line.result(rung) >= least else []
-    return min(reaching or found.values(), key=lambda one: one.quality if reaching else -one.quality)
+        n_left, least, step = aiming.n_trials - max(1, len(line.seen)), wanted - aiming.close / 2, aiming.close
+        line = replace(line, result=result)
+        rung = line.seek(wanted, rung, aiming.close / 2, 1 if how.quality is None else n_left)
+        while best().quality < least and how.quality is not None and rungs[-1] not in found:
+            above = line.at(max(map(line.place, found)) + step)
+            rung, step = line.seek(wanted, above if rung in found else rung, 0, 1), 2 * step
+    return min((one for one in found.values() if one.quality >= least), key=lambda one: one.quality, default=best())
 
 
-def _expected(rung: tuple[Any, float], most: int) -> float:
-    """Return what a quality is expected to be, less that of most colors where bits cost nothing."""
-    fewer = math.log2((rung[0] or most) / most)
-    lost = rung[1] ** _AIMING.power * (math.log2(most) / 8) ** _AIMING.power_by_bits
-    return _AIMING.points * fewer - _AIMING.points_by_price * lost
+class _Palettes:
+    """Palettes of the most colors for a source, and of fewer, and the quality that is expected of them."""
 
+    def __init__(self, how: QuantizeOptions, source: Source) -> None:
+        self.most: Any = how.n_colors or len(np.asarray(how.palette))
+        self._how, self._counted, self._lost = how, source.counted, _AIMING.points_by_error
+        self._found = {self.most: [*map(finder(how), source.counted)]}
 
-def _by_price(how: QuantizeOptions, source: Source) -> Callable[..., Any]:
-    """Return what maps pixels to a number of colors that are found for a source, at a price of bits."""
+    @cached_property
+    def _merged(self) -> list[Merged]:
+        fixed = [fixed_colors(samples, self._how.locked)[1] for samples in self._counted]
+        return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed)]
 
-    @cache
-    def palettes(n_colors: Any) -> list[Palette]:
-        return [*map(finder(replace(how, n_colors=n_colors)), source.counted)]
+    def mapped(self, pixels: Source, n_colors: int, price: float, n_matches: int | None = None) -> Any:
+        """Map pixels to a number of colors, at a price of bits."""
+        if n_colors not in self._found:
+            self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
+        return pixels.mapped(self._found[n_colors], replace(self._how, price=price, n_matches=n_matches))
 
-    def mapped(pixels: Source, n_colors: Any, price: float, n_matches: int | None = None) -> Any:
-        return pixels.mapped(palettes(n_colors), replace(how, price=price, n_matches=n_matches))
+    def _fewer(self, merged: Merged, samples: ColorSamples, n_colors: int) -> Palette:
+        """Find fewer colors from those that neighbors become: so quality hardly ever falls where colors are added."""
+        engine: Any = self._how.engine
+        for start in merged.starts[self.most - n_colors :][:1]:
+            engine = {**engine, "init": start}
+        return finder(replace(self._how, n_colors=n_colors, engine=engine))(samples)
 
-    return mapped
+    def _error(self, n_colors: int) -> float:
+        """Return the error of a number of colors, as a multiple of that of 256 colors."""
+        # In three dimensions errors fall with the power 2/3 of the number.
+        n_merges = self.most - n_colors
+        least, energy = np.sum([(one.energies[0], one.energies[: n_merges + 1][-1]) for one in self._merged], axis=0)
+        growth = energy / least if least else (self.most / n_colors) ** (2 / 3)
+        return float(growth * (MAX_ENTRIES / self.most) ** (2 / 3))
+
+    def expected(self, rung: tuple[int, float]) -> float:
+        """Return the quality that is expected of a number of colors, at a price of bits."""
+        paid = rung[1] ** _AIMING.power * (math.log2(self.most) / 8) ** _AIMING.power_by_bits
+        return _AIMING.points - _AIMING.points_by_price * paid - self._lost * self._error(rung[0])
+
+    def expect(self, rung: tuple[int, float], seen: float) -> None:
+        """Let so much be lost to colors that the quality seen was expected."""
+        usual, unlike = _AIMING.points_by_error, _AIMING.most_unlike
+        lost = self._lost + (self.expected(rung) - seen) / self._error(rung[0])
+        self._lost = min(max(lost, usual / unlike), usual * unlike)
 
 
 def _seen(source: MeasuredSource, result: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -349,6 +349,42 @@ def shared_palette(
     if samples is None:
         refuse("images", [], "at least one")
     return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
+
+
+class Merged(NamedTuple):
+    """Energies of a palette whose neighbors are merged, two at a time, and starts for searches of so few colors."""
+
+    energies: Sequence[float]
+    starts: Sequence[NDArray[np.float64]]
+
+
+def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merged:
+    """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay."""
+    tessellation = palette.tessellation
+    if tessellation is None:
+        return Merged([0.0], ())
+    n_fixed = max(0, len(fixed) + len(tessellation.generators) - n_colors)  # clear ones are no generators
+    places, masses = tessellation.generators[n_fixed:].copy(), tessellation.masses[n_fixed:].copy()
+    energies, starts, left = [tessellation.energy], [places.copy()], np.ones(len(places), np.bool_)
+
+    def rises(one: NDArray[np.intp]) -> NDArray[np.float64]:
+        shares = masses[one, None] * masses / np.maximum(masses[one, None] + masses, np.finfo(float).tiny)
+        found = shares * ((places[one, None] - places) ** 2).sum(axis=2)
+        found[:, ~left] = np.inf
+        found[np.arange(len(one)), one] = np.inf
+        return found
+
+    costs = rises(np.arange(len(places)))
+    while len(starts) < len(places):
+        one, other = divmod(int(costs.argmin()), len(places))
+        energies.append(energies[-1] + costs[one, other])
+        places[one] = np.average(places[[one, other]], axis=0, weights=masses[[one, other]])
+        masses[one] += masses[other]
+        left[other] = False
+        costs[other] = costs[:, other] = np.inf
+        costs[one] = costs[:, one] = rises(np.array([one]))
+        starts.append(places[left])
+    return Merged(energies, starts if places.shape[1] > 1 else ())  # grays are best searched as a whole
 
 
 def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:

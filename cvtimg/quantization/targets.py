@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Generic, TypeVar
+
+import numpy as np
 
 from cvtimg._shared.progress import first_few, tell
 
 R = TypeVar("R")
 
 #: Places between which a secant is taken, so that noise does not matter, and the farthest step along it.
-_APART, _FARTHEST = 1.0, 16.0
+_APART, _FARTHEST = 1.0, 48.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,7 @@ class Ladder(Generic[R]):
     figure: Callable[[R], float]
     growth: float  # of the figure where the place grows by 1, roughly; two trials replace it
     place: Callable[[Any], float] = math.log2  # of a rung on the line
+    seen: dict[float, float] = field(default_factory=dict)  # figures by places, which `seek` adds to
 
     def climb(self, target: float, first: Any) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
         """Return the highest rung below a target and the lowest that reaches it, with their results.
@@ -63,23 +67,37 @@ class Ladder(Generic[R]):
             return bisect_left(self.rungs, guess, key=self.place)
         return bisect_right(self.rungs, guess, key=self.place) - 1
 
-    def seek(self, target: float, first: Any, within: float, most: int) -> tuple[Any, Ladder[R]]:
-        """Follow the secant until a figure is so near to a target, and return the rung to go on to, with a better line.
+    def seek(self, target: float, first: Any, within: float, most: int) -> Any:
+        """Follow a line until a figure is so near to a target, and return the rung to go on to.
 
         The figures of neighbors need not grow. It ends, too, at rungs where it was before, and after so many trials.
         """
-        rung, growth, seen = first, self.growth, dict[float, float]()
+        rung, been, missed = first, set[float](), 0.0
         for _ in first_few(range(most)):
-            place = self.place(rung)
-            seen[place] = figure = self.figure(self.result(rung))
-            for other in [other for other in seen if abs(other - place) > _APART][-1:]:
-                secant = (figure - seen[other]) / (place - other)
-                growth = min(max(secant, self.growth / 2), self.growth * 4)
-            rung = self.at(place + min(max((target - figure) / growth, -_FARTHEST), _FARTHEST))
-            if abs(target - figure) <= within or self.place(rung) in seen:
+            place, before = self.place(rung), missed
+            been.add(place)
+            self.seen[place] = figure = self.figure(self.result(rung))
+            missed = target - figure
+            # After two on the same side, aim twice as far beyond the target: else the figures creep towards it.
+            rung = self.at(self._toward(target + 2 * missed if missed * before > 0 else target))
+            if self.place(rung) in been and self.seen[self.place(rung)] > target:
+                rung = self.rungs[max(self._at(rung) - 1, 0)]
+            if abs(missed) <= within or self.place(rung) in been:
                 break
         tell(1)
-        return rung, replace(self, growth=growth)
+        return rung
+
+    def _toward(self, target: float) -> float:
+        """Return where a line through two places that were seen reaches a target: around it, or else nearest to it."""
+        places = sorted(self.seen)
+        around = [ends for ends in pairwise(places) if self.seen[ends[0]] < target <= self.seen[ends[1]]]
+        if around:
+            return float(np.interp(target, [self.seen[place] for place in around[0]], around[0]))
+        near, *others = places if self.seen[places[0]] >= target else places[::-1]
+        growth = self.growth
+        for other in [other for other in others if abs(other - near) > _APART][:1]:
+            growth = min(max((self.seen[other] - self.seen[near]) / (other - near), growth / 4), growth * 4)
+        return near + min(max((target - self.seen[near]) / growth, -_FARTHEST), _FARTHEST)
 
     def at(self, place: float) -> Any:
         """Return the first rung from a place on, or the last one."""

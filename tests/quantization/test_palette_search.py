@@ -17,6 +17,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg.colors import SPACES, color_samples, merge_samples
 from cvtimg.colors.spaces import to_space
 from cvtimg.quantization import main_palette, map_to_palette
+from cvtimg.quantization.palette_search import merged_colors
 
 LOCKED = np.array([[255, 0, 0], [1, 2, 3]], np.uint8)
 
@@ -99,6 +100,18 @@ def test_figures_are_in_srgb_whatever_the_space(photograph: NDArray[Any]) -> Non
     for space in SPACES:
         result = quantize(photograph[::2, ::2], 9, space=space)
         assert result.energy == pytest.approx(reference.seen_energy(photograph[::2, ::2], result.image))
+
+
+def test_merged_neighbors_begin_palettes_as_good_as_searched_ones() -> None:
+    samples = color_samples(read_image("sample_images/coffee.png")[100:228, 180:308])
+    merged = merged_colors(find_palette(samples, 64), 64, samples.colors[:0])
+    assert (np.diff(merged.energies) > 0).all()
+    mean = np.average(samples.colors, axis=0, weights=samples.density)
+    assert merged.energies[-1] == pytest.approx(samples.density @ ((samples.colors - mean) ** 2).sum(axis=1), rel=0.01)
+    for n_colors in (40, 9):
+        found = [find_palette(samples, n_colors, init=init) for init in (merged.starts[64 - n_colors], "split")]
+        energies = [one.tessellation.energy for one in found if one.tessellation]
+        assert energies[0] < 1.05 * energies[1]
 
 
 def test_weights_count_as_repeated_pixels(photograph: NDArray[Any]) -> None:
