@@ -22,6 +22,9 @@ cdef extern from "nearest.h" nogil:
         void (*two)(
             const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
             int32_t *nearest, int32_t *second, float *gap) noexcept nogil
+        void (*scores)(
+            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+            float *scores) noexcept nogil
         void (*group)(
             const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
             const float *generators, const float *half_norms, int n_generators, int32_t *nearest) noexcept nogil
@@ -138,23 +141,26 @@ def accumulate(
             search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
 
 
-def move_often(
+def descend_sets(
     const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)
+    double spread,                    # IN: sum of density times squared distance to the origin
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
     double lightest,                  # IN: least density > 0; a cell of less than half of it is empty
+    double tolerance,                 # IN: a set rests when a move lowers its energy by at most this fraction
+    Py_ssize_t most,                  # IN: or after so many moves
     double[:, :, ::1] generators,     # INOUT (n_sets, K, D)
-    double[:, :, ::1] sums,           # INOUT (n_sets, K, D + 1): density times (point, 1) of the cells
-    int32_t[:, ::1] labels,           # INOUT (n_sets, n_tiles * LANES): the cells; at first -1, and all sums 0
+    double[:, :, ::1] sums,           # OUT (n_sets, K, D + 1), at first 0: density times (point, 1) of the cells
+    int32_t[:, ::1] labels,           # OUT (n_sets, n_tiles * LANES), at first -1: the cells
     float[:, ::1] single,             # OUT (K, D): scratch
     float[::1] half_norms,            # OUT (K,): scratch
-    double[:, ::1] energies,          # OUT (n_sets, n_moves): after each move, less the spread of the points
+    double[::1] energies,             # OUT (n_sets,)
 ):
-    """Move the generators of each set to the means of their cells and find new cells, `n_moves` times.
+    """Find the cells of each set, and move its generators to their means until it rests.
 
-    The generator of an empty cell stays, and so do all at first. Only points that change cells are summed.
+    The generator of an empty cell stays. Only points that change cells are summed.
     """
-    cdef Py_ssize_t n_sets = generators.shape[0], n_moves = energies.shape[1], n_tiles = tiles.shape[0]
+    cdef Py_ssize_t n_sets = generators.shape[0], n_tiles = tiles.shape[0]
     cdef Py_ssize_t s, n, t, k, d, i, p
     cdef int dims = tiles.shape[1], n_generators = generators.shape[1]
     cdef int32_t nearest[LANES]
@@ -162,7 +168,7 @@ def move_often(
     cdef int32_t before
     with nogil:
         for s in range(n_sets):
-            for n in range(n_moves):
+            for n in range(most + 1):
                 for k in range(n_generators):
                     if k >= n_locked and sums[s, k, dims] > 0.5 * lightest:
                         for d in range(dims):
@@ -188,14 +194,17 @@ def move_often(
                         sums[s, nearest[i], dims] += density[p]
                         if before >= 0:
                             sums[s, before, dims] -= density[p]
-                total = 0
+                total = spread
                 for k in range(n_generators):
                     norm = cross = 0
                     for d in range(dims):
                         norm = norm + generators[s, k, d] * generators[s, k, d]
                         cross = cross + generators[s, k, d] * sums[s, k, d]
                     total = total + sums[s, k, dims] * norm - 2 * cross
-                energies[s, n] = total
+                moved = energies[s] - total
+                energies[s] = max(total, 0)
+                if n > 0 and moved <= tolerance * (total + moved):
+                    break
 
 
 def distances_to_own(
@@ -224,67 +233,124 @@ def distances_to_own(
 def transfer(
     const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
-    int32_t[::1] labels,            # INOUT (n_tiles * LANES,)
-    double[::1] masses,             # INOUT (K,), positive
-    double[:, ::1] means,           # INOUT (D, K)
-    double[::1] energies,           # INOUT (K,): of each cell about its mean
-    double[::1] squares,            # OUT (K,): scratch
+    int32_t[:, ::1] labels,         # INOUT (n_sets, n_tiles * LANES)
+    double[:, ::1] masses,          # INOUT (n_sets, K)
+    double[:, :, ::1] means,        # INOUT (n_sets, K, D)
+    double[:, ::1] energies,        # INOUT (n_sets, K): of each cell about its mean
+    float[:, ::1] scores,           # OUT (K, LANES): scratch
+    float[:, ::1] single,           # OUT (K, D): scratch
+    float[::1] half_norms,          # OUT (K,): scratch
     Py_ssize_t n_locked,            # IN: the means of the first cells stay in place
     double power,                   # IN: a cell counts by its share of the mass to this power
     double total,                   # IN: mass of all cells
+    double tolerance,               # IN: the last sweep of a set lowers the weighted energy by at most this fraction
+    Py_ssize_t most,                # IN: or it is this one
 ):
     """Move each point to the cell where the weighted energy is least, one after the other; return how many moved."""
-    cdef Py_ssize_t n_points = density.shape[0], dims = tiles.shape[1], n_cells = masses.shape[0]
-    cdef Py_ssize_t p, d, k, own, best, n_moved = 0
-    cdef double mass, step, before, after, change, gain, least, own_change
+    cdef Py_ssize_t s, n, n_moved = 0
+    cdef double before
     with nogil:
-        for p in range(n_points):
+        for s in range(labels.shape[0]):
+            for n in range(most):
+                before = _weighted(masses[s], energies[s], power, total)
+                n_moved = _sweep(
+                    tiles, density, labels[s], masses[s], means[s], energies[s], scores, single, half_norms, n_locked,
+                    power, total)
+                if before - _weighted(masses[s], energies[s], power, total) <= tolerance * before:
+                    break
+    return n_moved
+
+
+cdef double _weighted(double[::1] masses, double[::1] energies, double power, double total) noexcept nogil:
+    cdef double sum = 0
+    cdef Py_ssize_t k
+    for k in range(masses.shape[0]):
+        sum += cell_weight(masses[k] / total, power) * energies[k]
+    return sum
+
+
+cdef Py_ssize_t _sweep(
+    const float[:, :, ::1] tiles, const double[::1] density, int32_t[::1] labels, double[::1] masses,
+    double[:, ::1] means, double[::1] energies, float[:, ::1] scores, float[:, ::1] single, float[::1] half_norms,
+    Py_ssize_t n_locked, double power, double total,
+) noexcept nogil:
+    cdef Py_ssize_t dims = tiles.shape[1], n_cells = masses.shape[0], t, p, d, i, k, own, best, n_moved = 0
+    cdef double mass, square, far, before, after, change, gain, least, own_change
+    for k in range(n_cells):
+        square = 0
+        for d in range(dims):
+            single[k, d] = <float>means[k, d]
+            square = square + <double>single[k, d] * single[k, d]
+        half_norms[k] = <float>(0.5 * square)
+    for t in range(tiles.shape[0]):
+        search.scores(&tiles[t, 0, 0], <int>dims, &single[0, 0], &half_norms[0], <int>n_cells, &scores[0, 0])
+        for i in range(LANES):
+            p = t * LANES + i
             mass = density[p]
             own = labels[p]
             if mass == 0 or masses[own] <= mass:
                 continue  # the last point of a cell stays: there are as many cells as asked for
-            for k in range(n_cells):
-                squares[k] = 0
-            for d in range(dims):
-                for k in range(n_cells):
-                    step = tiles[p // LANES, d, p % LANES] - means[d, k]
-                    squares[k] += step * step
+            square = _square(tiles, t, i, means, own)
             before = cell_weight(masses[own] / total, power)
             after = cell_weight((masses[own] - mass) / total, power)
-            own_change = mass * squares[own]
+            own_change = mass * square
             if own >= n_locked:
                 own_change *= masses[own] / (masses[own] - mass)
             gain = after * own_change + (before - after) * energies[own]
-            least = gain * (1 - 1e-12)  # less is rounding, and might go round in circles
+            least = gain
             best = own
             for k in range(n_cells):
-                change = mass * squares[k]
-                if k >= n_locked:
-                    change *= masses[k] / (masses[k] + mass)
-                if power != 0:
-                    before = cell_weight(masses[k] / total, power)
-                    after = cell_weight((masses[k] + mass) / total, power)
-                    change = after * change + (after - before) * energies[k]
-                if change < least and k != own:
+                # As far as the means are where the sweep began; the best one is measured exactly below.
+                far = max(square + 2 * (scores[k, i] - scores[own, i]), 0)
+                if k == own or (power == 0 and mass * far * masses[k] >= least * (masses[k] + mass)):
+                    continue
+                change = _growth(mass, far, masses[k], energies[k], k < n_locked, power, total)
+                if change < least:
                     least = change
                     best = k
             if best == own:
                 continue
+            square = _square(tiles, t, i, means, best)
+            change = _growth(mass, square, masses[best], energies[best], best < n_locked, power, total)
+            if change >= gain * (1 - 1e-12):  # less is rounding, and might go round in circles
+                continue
             n_moved += 1
             labels[p] = <int32_t>best
             energies[own] -= own_change
-            change = mass * squares[best]
-            if best >= n_locked:
-                change *= masses[best] / (masses[best] + mass)
-            energies[best] += change
+            energies[best] += mass * square * (1 if best < n_locked else masses[best] / (masses[best] + mass))
             for d in range(dims):
                 if own >= n_locked:
-                    means[d, own] -= (tiles[p // LANES, d, p % LANES] - means[d, own]) * mass / (masses[own] - mass)
+                    means[own, d] -= (tiles[t, d, i] - means[own, d]) * mass / (masses[own] - mass)
                 if best >= n_locked:
-                    means[d, best] += (tiles[p // LANES, d, p % LANES] - means[d, best]) * mass / (masses[best] + mass)
+                    means[best, d] += (tiles[t, d, i] - means[best, d]) * mass / (masses[best] + mass)
             masses[own] -= mass
             masses[best] += mass
     return n_moved
+
+
+cdef inline double _square(
+    const float[:, :, ::1] tiles, Py_ssize_t t, Py_ssize_t i, const double[:, ::1] means, Py_ssize_t k
+) noexcept nogil:
+    """Return the squared distance of a point to a mean."""
+    cdef double step, square = 0
+    cdef Py_ssize_t d
+    for d in range(tiles.shape[1]):
+        step = tiles[t, d, i] - means[k, d]
+        square = square + step * step
+    return square
+
+
+cdef inline double _growth(
+    double mass, double square, double cell_mass, double energy, bint locked, double power, double total
+) noexcept nogil:
+    """Return by how much the weighted energy of a cell grows with a point at this squared distance of its mean."""
+    cdef double change = mass * square, after
+    if not locked:
+        change *= cell_mass / (cell_mass + mass)
+    if power == 0:
+        return change
+    after = cell_weight((cell_mass + mass) / total, power)
+    return after * change + (after - cell_weight(cell_mass / total, power)) * energy
 
 
 def squared_distances(

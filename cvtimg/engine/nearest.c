@@ -100,6 +100,22 @@ INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *
     }
 }
 
+INLINE void score_all(const float *restrict tile, int dims, const float *restrict generators,
+                      const float *restrict half_norms, int n_generators, float *restrict scores)
+{
+    float score[GENERATORS_AT_ONCE][LANES];
+    int k = 0;
+
+    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
+        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
+        memcpy(scores + (ptrdiff_t)k * LANES, score, sizeof score);
+    }
+    for (; k < n_generators; k++) {
+        score_generators(tile, dims, generators, half_norms, k, 1, score);
+        memcpy(scores + (ptrdiff_t)k * LANES, score, sizeof score[0]);
+    }
+}
+
 struct nearest_pair {
     float least[LANES], next[LANES];
     int32_t index[LANES], next_index[LANES];
@@ -375,6 +391,8 @@ INLINE void sum_tile(const float *restrict tile, int dims, const double *restric
 #define NEAREST_TWO(D) \
     nearest_two(tile, D ? D : dims, generators, half_norms, n_generators, nearest, second, gap)
 
+#define SCORES(D) score_all(tile, D ? D : dims, generators, half_norms, n_generators, scores)
+
 #define NEAREST_IN_GROUP(D) \
     nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
 
@@ -392,6 +410,12 @@ static void two(const float *tile, int dims, const float *generators, const floa
     BY_DIMS(dims, NEAREST_TWO)
 }
 
+static void scores(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+                   float *scores)
+{
+    BY_DIMS(dims, SCORES)
+}
+
 static void group(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, ptrdiff_t width,
                   const float *generators, const float *half_norms, int n_generators, int32_t *nearest)
 {
@@ -407,4 +431,4 @@ static void sum(const float *tile, int dims, const double *density, const int32_
 
 #define JOIN(first, second) first##second
 #define NAME(simd) JOIN(nearest_, simd)
-const struct nearest_functions NAME(SIMD) = {one, two, group, sum};
+const struct nearest_functions NAME(SIMD) = {one, two, scores, group, sum};

@@ -13,12 +13,12 @@ from cvtimg.engine.methods.lloyd import lloyd, lloyd_of_sets
 from cvtimg.engine.methods.macqueen import macqueen
 from cvtimg.engine.methods.optimal1d import optimal1d
 from cvtimg.engine.methods.probabilistic import Probabilistic
-from cvtimg.engine.methods.transfer import transfer
+from cvtimg.engine.methods.transfer import transfer, transfer_of_sets
 
 #: The registry of methods: the values of `method` and ``--method``. The first that can do a job is the default.
 METHODS: dict[str, Method] = {
     "lloyd": Method(lloyd, of_sets=lloyd_of_sets),
-    "transfer": Method(transfer, takes_power=True),
+    "transfer": Method(transfer, takes_power=True, of_sets=transfer_of_sets),
     "macqueen": Method(macqueen),
     "probabilistic": Method(Probabilistic()),
     "optimal1d": Method(optimal1d, takes_locked=False, exact_in_one_dimension=True),

@@ -10,15 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.iteration import iterate
+from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
-
-#: Moves of sets between two looks at whether they rest.
-_MOVES = 2
 
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
@@ -48,23 +45,12 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 
 def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
     """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
-    stopping = conditions.stopping
-    ends, energies = np.empty_like(sets), np.empty(len(sets))
-    moving, cells = np.arange(len(sets)), _SetsOfCells.none(points, sets)
-    for _ in range(-(-stopping.max_iterations // _MOVES)):
-        *_, before, last = cells.move(points, conditions.n_locked, _MOVES).T
-        ends[moving], energies[moving] = cells.generators, last
-        falling = before - last > stopping.tolerance * before
-        if not falling.any():
-            break
-        moving, cells = moving[falling], _SetsOfCells(*(values[falling] for values in cells))
-    return Ends(ends, energies)
+    return Cells.after(points, sets, conditions.stopping, conditions.n_locked).ends
 
 
 def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (n, K) masses of the cells of (n, K, D) sets, and (n, M) squared distances to the own generator."""
-    cells = _SetsOfCells.none(points, sets)
-    cells.move(points, 0, 1)
+    cells = Cells.after(points, sets, Stopping(tolerance=0, max_iterations=0))
     distances = np.empty(cells.labels.shape)
 
     def measure(start: int, stop: int) -> None:
@@ -75,31 +61,29 @@ def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDA
     return cells.sums[:, :, -1], distances
 
 
-class _SetsOfCells(NamedTuple):
-    """Sets of generators (n, K, D), and the moments (n, K, D + 1) and labels (n, M) of their cells."""
+class Cells(NamedTuple):
+    """Sets of generators with their energies, and the moments (n, K, D + 1) and labels (n, M) of their cells."""
 
-    generators: NDArray[np.float64]
+    ends: Ends
     sums: NDArray[np.float64]
     labels: NDArray[np.int32]
 
     @classmethod
-    def none(cls, points: Points, sets: NDArray[np.float64]) -> _SetsOfCells:
-        """Return sets whose cells have no points yet."""
+    def after(cls, points: Points, sets: NDArray[np.float64], stopping: Stopping, n_locked: int = 0) -> Cells:
+        """Move the generators until they rest; with no iterations, only find their cells."""
         n_sets, n_generators, n_dims = sets.shape
-        sums = np.zeros((n_sets, n_generators, n_dims + 1))
-        return cls(sets.copy(), sums, np.full((n_sets, len(points.density)), -1, np.int32))
-
-    def move(self, points: Points, n_locked: int, n_moves: int) -> NDArray[np.float64]:
-        """Move generators and cells in place; return the (n, n_moves) energies."""
-        n_sets, n_generators, n_dims = self.generators.shape
-        energies = np.empty((n_sets, n_moves))
+        ends = Ends(sets.copy(), np.zeros(n_sets))
+        cells = cls(
+            ends, np.zeros((n_sets, n_generators, n_dims + 1)), np.full((n_sets, len(points.density)), -1, np.int32)
+        )
         lightest = points.density[points.density > 0].min()
+        rule = points.energy_about_origin, n_locked, lightest, stopping.tolerance, stopping.max_iterations
 
-        def move(start: int, stop: int) -> None:
+        def descend(start: int, stop: int) -> None:
             own = slice(start, stop)
             scratch = np.empty((n_generators, n_dims), np.float32), np.empty(n_generators, np.float32)
-            moments = self.generators[own], self.sums[own], self.labels[own]
-            _kernels.move_often(points.tiles, points.density, n_locked, lightest, *moments, *scratch, energies[own])
+            moments = ends.generators[own], cells.sums[own], cells.labels[own]
+            _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, ends.energies[own])
 
-        in_parts(move, n_sets, work=n_sets * n_moves * points.tiles.size / 8 * n_generators)
-        return np.maximum(points.energy_about_origin + energies, 0.0)
+        in_parts(descend, n_sets, work=n_sets * points.tiles.size * n_generators)
+        return cells

@@ -12,10 +12,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.iteration import Stopping
 from cvtimg.engine import _kernels
-from cvtimg.engine.methods._iteration import Conditions, Iteration
+from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
+from cvtimg.engine.methods.lloyd import Cells
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
 from cvtimg.engine.seeding import refill
+
+_ONCE = Stopping(tolerance=0, max_iterations=1)
+_NEVER = Stopping(tolerance=0, max_iterations=0)
 
 
 def transfer(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
@@ -32,18 +37,36 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
         energies.append(weighted_energy(masses, parts, conditions.volume_power))
         if conditions.ended(energies) or n_moved == 0:
             return Iteration(means, energies, n_moved == 0 or conditions.stopping.converged(energies), labels)
-        n_moved = _kernels.transfer(
-            points.tiles,
-            points.density,
-            labels,
-            masses,
-            np.ascontiguousarray(means.T),
-            parts,
-            np.empty(len(parts)),
-            conditions.n_locked,
-            conditions.volume_power,
-            masses.sum(),
-        )
+        n_moved = _sweep(points, labels[None], masses[None], means[None], parts[None], conditions.until(_ONCE))
+
+
+def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
+    """Sweep over the points from each of (n, K, D) sets of generators, until each rests; empty cells may fill."""
+    cells = Cells.after(points, sets, _NEVER)
+    masses = cells.sums[:, :, -1].copy()
+    free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
+    means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=sets.copy(), where=free[:, :, None])
+    parts = np.stack([cell_energies(points, *own) for own in zip(means, cells.labels, strict=True)])
+    _sweep(points, cells.labels, masses, means, parts, conditions)
+    power = conditions.volume_power
+    return Ends(means, np.array([weighted_energy(*own, power) for own in zip(masses, parts, strict=True)]))
+
+
+def _sweep(
+    points: Points,
+    labels: NDArray[np.int32],
+    masses: NDArray[np.float64],
+    means: NDArray[np.float64],
+    parts: NDArray[np.float64],
+    conditions: Conditions,
+) -> int:
+    """Transfer points between the cells of n sets, in place; return how many moved last."""
+    (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
+    scratch = (np.empty((n_cells, n), np.float32) for n in (_kernels.TILE, n_dims))
+    rule = conditions.n_locked, conditions.volume_power, masses[0].sum(), stopping.tolerance, stopping.max_iterations
+    state = labels, masses, means, parts, *scratch, np.empty(n_cells, np.float32)
+    n_moved: int = _kernels.transfer(points.tiles, points.density, *state, *rule)
+    return n_moved
 
 
 def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], volume_power: float) -> float:
