@@ -132,7 +132,7 @@ def test_a_command_passes_at_most_15_functions_before_the_search_begins(
     cvtimg.write_image(tmp_path / "in.png", np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8))
     assert main([verb, str(tmp_path / "in.png"), "-k", "16", "-o", str(tmp_path / "out.png"), "--quiet"]) == 0
     deepest = max(ways, key=len)
-    assert deepest.index("cvtimg.engine.search.search") <= 15, deepest
+    assert deepest.index("cvtimg.engine.tessellation.tessellate") < 15, deepest
     assert len(deepest) <= 23, deepest
 
 

@@ -7,6 +7,7 @@ Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the childr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,10 @@ from cvtimg.engine.methods.lloyd import masses_and_distances
 from cvtimg.engine.points import Points
 from cvtimg.engine.seeding import SEEDINGS, kmeans_plus_plus, random
 
-#: When children rest: the best end descends further afterwards.
-_RESTING = Stopping(tolerance=3e-3, max_iterations=100)
-#: Energies nearer to each other than this fraction are taken to be of the same tessellation.
-_SAME = 1e-6
+#: When children rest: those that are left descend further afterwards.
+_RESTING = Stopping(tolerance=1e-3, max_iterations=100)
+#: Energies nearer to each other than this fraction, of sets at rest, are taken to be of the same tessellation.
+_SAME = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,7 @@ class Evolution:
     n_kept: int  # tessellations that become parents
     n_children: int  # in each generation
     patience: int  # evolution ends after so many children without an improvement
-    most: int  # and after so many in all, or more of fewer than 32 columns, where they cost less
+    most: int  # and after so many in all of 32 columns; as many as cost the same of fewer or more
     n_candidates: int = 4  # generators of a child, drawn at random, of which the one that is missed least is replaced
 
 
@@ -45,13 +46,13 @@ def evolve(
     effort: Evolution,
 ) -> NDArray[np.float64]:
     """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
-    descend, resting = method.descend_all, conditions.until(_RESTING)
+    descend, resting, n_best = method.descend_all, conditions.until(_RESTING), effort.n_kept // 2
     # Those of k-means++ have rare samples that are far away, which others miss; these cost less.
-    seedings = [SEEDINGS[init]] + [kmeans_plus_plus] * (effort.n_kept // 3)
+    seedings = [SEEDINGS[init]] + [partial(kmeans_plus_plus, n_draws=1)] * n_best
     seedings += [random] * (effort.n_kept - len(seedings))
     free = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     elders = descend(points, np.stack([np.concatenate([fixed, some]) for some in free]), resting)
-    most = effort.most * max(1, 32 // points.n_dims)
+    most = effort.most * 32 // points.n_dims
     n_idle = n_born = 0
     while True:
         elders = _survivors(elders, effort.n_kept)
@@ -64,8 +65,9 @@ def evolve(
         n_idle = 0 if improved else n_idle + effort.n_children
         elders = Ends(*(np.concatenate(both) for both in zip(elders, children, strict=True)))
         tell(n_idle / effort.patience)
-    # Transfers of single points lower many ends of Lloyd's method further.
-    ends = METHODS["transfer"].descend_all(points, elders.generators, resting)
+    # The best one at rest need not be the best one at the end. Transfers of single points lower many ends further.
+    elders = _survivors(descend(points, elders.generators, conditions), n_best)
+    ends = METHODS["transfer"].descend_all(points, elders.generators, conditions)
     best: NDArray[np.float64] = ends.generators[ends.energies.argmin()]
     return best
 
@@ -91,7 +93,7 @@ def _children(points: Points, elders: Ends, effort: Evolution, conditions: Condi
     masses, distances = masses_and_distances(points, children)
     every = np.arange(n_children)
     candidates = rng.integers(n_locked, n_generators, (n_children, effort.n_candidates))
-    costs = _merging_costs(children, masses)[every[:, None], candidates]
+    costs = _merging_costs(children, masses, candidates)
     replaced = candidates[every, costs.argmin(axis=1)]
     cumulative = np.cumsum(points.density * distances, axis=1)
     draws = cumulative[:, -1:] * rng.random((n_children, 1))
@@ -99,16 +101,17 @@ def _children(points: Points, elders: Ends, effort: Evolution, conditions: Condi
     return children
 
 
-def _merging_costs(sets: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by how much the energy rises, about, if a generator of (n, K, D) sets is merged with its neighbor."""
+def _merging_costs(
+    sets: NDArray[np.float64], masses: NDArray[np.float64], candidates: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Return by how much the energy rises, about, if each (n, c) candidate of (n, K, D) sets joins its neighbor."""
     # J. Ward, J. American Statistical Association 58 (1963), doi 10.1080/01621459.1963.10500845.
-    norms = np.einsum("nkd,nkd->nk", sets, sets)
-    apart = norms[:, :, None] + norms[:, None] - 2 * np.einsum("nkd,njd->nkj", sets, sets)
-    both = masses[:, :, None] + masses[:, None]
-    shared = np.divide(masses[:, :, None] * masses[:, None], both, out=np.zeros_like(both), where=both > 0)
-    costs = shared * apart
-    same = np.arange(sets.shape[1])
-    costs[:, same, same] = np.inf
+    every = np.arange(len(sets))[:, None]
+    own, others = masses[every, candidates][:, :, None], masses[:, None]
+    steps = sets[every, candidates][:, :, None] - sets[:, None]
+    shared = np.divide(own * others, own + others, out=np.zeros(steps.shape[:3]), where=own + others > 0)
+    costs = shared * np.einsum("nckd,nckd->nck", steps, steps)
+    np.put_along_axis(costs, candidates[:, :, None], np.inf, axis=2)
     return costs.min(axis=2)
 
 

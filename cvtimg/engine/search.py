@@ -44,7 +44,7 @@ class Fewer:
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
     "balanced": SearchEffort(
-        1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(10, 8, 32, 64)
+        1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(12, 8, 32, 80)
     ),
     "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 256, 4096)),
 }

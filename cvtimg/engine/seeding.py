@@ -144,10 +144,12 @@ def divide_worst(
     return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
 
 
-def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def kmeans_plus_plus(
+    points: Points, n_generators: int, rng: np.random.Generator, n_draws: int | None = None
+) -> NDArray[np.float64]:
     """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy."""
     # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
-    n_draws = 2 + int(np.log(n_generators))
+    n_draws = n_draws or 2 + int(np.log(n_generators))
     chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
     nearest = _distances(points, points.rows(chosen)[0], np.full(len(points.density), np.inf, np.float32))
     while len(chosen) < n_generators:

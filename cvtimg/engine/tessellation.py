@@ -125,7 +125,7 @@ def tessellate(
         searches end alike, breathes longer, and moves until 1e-6: on photographs 2 to 10 times the time of "balanced",
         for an energy a few tenths of a percent lower. Tables of fewer than 32,768 rows, or 100 K if that is more, are
         searched as they are: "balanced" and "best" cross tessellations with each other there, which takes
-        milliseconds to seconds.
+        milliseconds to seconds; so they do with weights, `locked` generators, a `volume_power`, and rows in blocks.
     volume_power : float
         Power p >= 0 in the weighted energy, the sum over the cells of (mass of the cell / total mass)^p times the
         energy of the cell. With 0 all cells count the same; with 1 or 2 a heavy cell counts more, so that rare colors
