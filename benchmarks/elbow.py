@@ -129,7 +129,7 @@ def _rand_indices(data: Path, space: str, n_pictures: int | None) -> Rows:
     for pixels, humans in human_pictures(data, n_pictures):
         samples = cvtimg.colors.color_samples(pixels)
         _, curve = auto_count(samples, space=space)
-        places = to_places(samples.colors, space)
+        places = to_places(samples.colors, space, samples.alpha)
         by_k: dict[int, float] = {}
         for name, k in {**{f"K = {k}": k for k in FIXED}, **{rule: curve.elbow(rule) for rule in RULES}}.items():
             progress(f"Rand index {space} {name}")
