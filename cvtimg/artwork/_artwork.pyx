@@ -80,6 +80,31 @@ def add_colors(
                 cell[bands + 1] += 1
 
 
+def add_moments(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] sums,              # INOUT (K, 2 C + 6): of 1, x, y and each band, times x and times y
+):
+    """Add up the moments of each cell."""
+    cdef Py_ssize_t bands = image.shape[2], row, column, d, band
+    cdef double *cell
+    cdef double place[2]
+    with nogil:
+        for row in range(first_row, stop_row):
+            place[1] = row + 0.5
+            for column in range(labels.shape[1]):
+                place[0] = column + 0.5
+                cell = &sums[labels[row, column], 0]
+                for d in range(2):
+                    cell[d] += place[d]
+                    cell[2 + d] += place[0] * place[d]
+                    cell[4 + d] += place[1] * place[d]
+                    for band in range(bands):
+                        cell[6 + 2 * band + d] += image[row, column, band] * place[d]
+
+
 cdef inline double gain(
     const float *left, const float *right, const double *color, const double *other, Py_ssize_t bands
 ) noexcept nogil:
@@ -118,9 +143,11 @@ def add_border_gradient(
                     if (y + 1 if axis else x + 1) >= (height if axis else width):
                         continue
                     j = labels[y + axis, x + 1 - axis]
+                    if i == j:
+                        continue
                     along = points[j, axis] - points[i, axis]
                     across = points[j, 1 - axis] - points[i, 1 - axis]
-                    if i == j or fabs(along) < fabs(across) or fabs(along) == (fabs(across) if axis else 0):
+                    if fabs(along) < fabs(across) or fabs(along) == (fabs(across) if axis else 0):
                         continue
                     line = 0.5 + (x if axis else y)
                     place[axis] = crossing(
@@ -356,34 +383,21 @@ cdef bint move_chain(
                 cost = to_c + distance(points, e, f) - distance(points, c, f)
                 if saved - cost <= 1e-9:
                     continue
-                if j < i:
-                    # The chain goes to between j and j + 1, or j - 1 and j; what was there moves behind it.
-                    shift(tour, places, j + 1 if side > 0 else j, i, length, side < 0)
-                else:
-                    shift_on(tour, places, i, length, j if side > 0 else j - 1, side < 0)
+                # The chain goes to between j and j + 1, or j - 1 and j; what was passed over fills its place.
+                shift(tour, places, i, length, j + (side > 0) - (0 if j < i else length), side < 0)
                 settled[p] = settled[q] = settled[s] = settled[e] = settled[c] = settled[f] = 0
                 return True
     return False
 
 
 cdef inline void shift(
-    int32_t[::1] tour, int32_t[::1] places, int32_t at, int32_t i, int32_t length, bint turned
+    int32_t[::1] tour, int32_t[::1] places, int32_t i, int32_t length, int32_t at, bint turned
 ) noexcept nogil:
-    """Move the chain at i back, so that it begins at `at`."""
-    reverse(tour, places, at, i + length - 1)
-    reverse(tour, places, at + length, i + length - 1)
+    """Move the chain at i, so that it begins at `at`."""
+    reverse(tour, places, min(i, at), max(i, at) + length - 1)
+    reverse(tour, places, at + length if at < i else i, i + length - 1 if at < i else at - 1)
     if not turned:
         reverse(tour, places, at, at + length - 1)
-
-
-cdef inline void shift_on(
-    int32_t[::1] tour, int32_t[::1] places, int32_t i, int32_t length, int32_t last, bint turned
-) noexcept nogil:
-    """Move the chain at i on, so that it ends at `last`."""
-    reverse(tour, places, i, last)
-    reverse(tour, places, i, last - length)
-    if not turned:
-        reverse(tour, places, last - length + 1, last)
 
 
 def improve(

@@ -113,9 +113,8 @@ def removal_costs(painted: Painted) -> Floats:
     labels = painted.labels
     for one, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
         border = one != other
-        sides = one[border], other[border]
-        apart = np.square(painted.colors[sides[0]] - painted.colors[sides[1]]).sum(axis=1)
-        for side in sides:
+        apart = np.square(painted.colors[one[border]] - painted.colors[other[border]]).sum(axis=1)
+        for side in (one[border], other[border]):
             squares += sum_by_label(side, apart, n_cells)
             lengths += np.bincount(side, minlength=n_cells)
     return painted.areas * squares / np.maximum(lengths, 1)
@@ -126,30 +125,17 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
 
     Return the gains (K,), the centers (K, 2) of cells, and the offsets (K, 2) from there to the centers of both halves.
     """
-    labels, areas = painted.labels, np.maximum(painted.areas, 1)
-
-    def sums(values: Callable[..., tuple[Floats, ...]], n_values: int, origins: Floats) -> Floats:
-        """Sum values of places x and y from the origins (K, 2) of their cells, and pixels: (n, K)."""
-
-        def add(start: int, stop: int, to: Floats) -> None:
-            own = labels[start:stop]
-            places = np.mgrid[start:stop, : labels.shape[1]][::-1] + 0.5 - origins[own].transpose(2, 0, 1)
-            x, y = places[..., np.newaxis]
-            found = np.concatenate(values(x, y, image[start:stop]), axis=2, dtype=np.float32)
-            _artwork.add_colors(found, own, 0, stop - start, to)
-
-        return by_rows(add, labels.shape, (len(areas), n_values + 2)).T[:n_values]
-
-    middles = (sums(lambda x, y, _: (x, y), 2, np.zeros((len(areas), 2))) / areas).T
-    n = image.shape[2]
-    found = sums(lambda x, y, pixels: (x * pixels, y * pixels, x * x, y * y, x * y), 2 * n + 3, middles)
-    slopes = found[: 2 * n].reshape(2, n, -1)
+    areas = np.maximum(painted.areas, 1)
+    add = partial(_artwork.add_moments, image, painted.labels)
+    found = by_rows(add, painted.labels.shape, (len(areas), 2 * image.shape[2] + 6)).reshape(len(areas), -1, 2)
+    middles = found[:, 0] / areas[:, np.newaxis]
+    means = np.concatenate([middles, painted.colors], axis=1)
+    about = found[:, 1:] - (areas[:, np.newaxis] * means)[:, :, np.newaxis] * middles[:, np.newaxis]
     # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
-    across, down, mixed = found[2 * n] + areas / 12, found[2 * n + 1] + areas / 12, found[2 * n + 2]
-    moments = np.stack([[across, mixed], [mixed, down]]).transpose(2, 0, 1)
+    moments, slopes = about[:, :2] + areas[:, np.newaxis, np.newaxis] / 12 * np.eye(2), about[:, 2:]
     # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.
     roots = np.linalg.cholesky(moments)
-    whitened = np.linalg.solve(roots, slopes.transpose(2, 0, 1))
+    whitened = np.linalg.solve(roots, slopes.transpose(0, 2, 1))
     values, vectors = np.linalg.eigh(whitened @ whitened.transpose(0, 2, 1))
     directions = np.linalg.solve(roots.transpose(0, 2, 1), vectors[:, :, -1:])[:, :, 0]
     # The halves of a uniform cell have their centers at half the root of three times its standard deviation.
