@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from time import monotonic
 from typing import Any
 from unicodedata import east_asian_width
 
+from cvtimg._shared.progress import watched
 from cvtimg.batch.tasks import Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy, url_of
 
@@ -20,6 +21,8 @@ TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
 _HEADS = {"distinct_colors": "colors", "input_bytes": "before", "output_bytes": "after"}
 #: Suffixes of report files.
 FILE_SUFFIXES = (".csv", ".jsonl")
+#: Seconds after which a run shows how far it is.
+_LONG = 2.0
 
 
 class Report:
@@ -190,15 +193,33 @@ def complain(text: str) -> None:
 
 @contextmanager
 def progress(n_tasks: int, report: Report) -> Iterator[Callable[[], None]]:
-    """Show a progress bar on stderr, if that is a terminal that does not also show JSON."""
-    # Yields a function to call for each completed input.
-    if n_tasks < 2 or report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
+    """Show a progress bar on stderr once a run takes long, if that is a terminal that does not also show JSON."""
+    # Yields a function to call for each completed input; a single one is told in parts.
+    if report.quiet or not sys.stderr.isatty() or (report.as_json and sys.stdout.isatty()):
         yield lambda: None
         return
-    from rich.console import Console
-    from rich.progress import Progress
+    started, n_done, bar = monotonic(), 0, None
+    with ExitStack() as stack:
 
-    columns: Any = *Progress.get_default_columns()[1:], "{task.completed}/{task.total}"
-    # Rich would redirect printed text to its own console, but JSON must go to stdout.
-    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
-        yield partial(bar.advance, bar.add_task("cvtimg", total=n_tasks))
+        def told(completed: float) -> None:
+            nonlocal bar
+            if bar is None and monotonic() - started > _LONG:
+                from rich.console import Console
+                from rich.progress import Progress
+
+                columns: Any = [*Progress.get_default_columns()[1:]]
+                columns += ["{task.completed}/{task.total}"] if n_tasks > 1 else []
+                # Rich would redirect printed text to its own console, but JSON must go to stdout.
+                shown = Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
+                bar = stack.enter_context(shown)
+                bar.add_task("cvtimg", total=n_tasks)
+            if bar is not None:
+                bar.update(bar.task_ids[0], completed=completed)
+
+        def step() -> None:
+            nonlocal n_done
+            n_done += 1
+            told(n_done)
+
+        with watched(told) if n_tasks == 1 else nullcontext():
+            yield step

@@ -346,7 +346,7 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     rungs = [*fewer, *((palettes.most, price) for price in aiming.prices)]
     line = Ladder(rungs, trial, float, 1.0, palettes.expected)
     wanted = how.quality_range[1] + aiming.close / 2
-    with part(0, 0.5):
+    with part(0.1, 0.3):
         first = rungs[-1] if how.quality is None else line.at(wanted)
         seen = trial(first)
         if how.quality is None:
@@ -356,7 +356,7 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
         if abs(seen - wanted) > aiming.near and rung != first:
             line.seen[line.place(first)] = seen
             rung = line.seek(wanted, rung, aiming.near, aiming.n_cheap - 1)
-    with part(0.5, 1):
+    with part(0.3, 1):
         n_left, least, step = aiming.n_trials - max(1, len(line.seen)), wanted - aiming.close / 2, aiming.close
         line = replace(line, result=result)
         rung = line.seek(wanted, rung, aiming.close / 2, 1 if how.quality is None else n_left)
@@ -372,7 +372,8 @@ class _Palettes:
     def __init__(self, how: QuantizeOptions, source: Source) -> None:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
         self._how, self._counted, self._lost = how, source.counted, _AIMING.points_by_error
-        self._found = {self.most: [*map(finder(how), source.counted)]}
+        with part(0, 0.1):
+            self._found = {self.most: [*map(finder(how), source.counted)]}
 
     @cached_property
     def _merged(self) -> list[Merged]:
@@ -382,7 +383,8 @@ class _Palettes:
     def mapped(self, pixels: Source, n_colors: int, price: float, n_matches: int | None = None) -> Any:
         """Map pixels to a number of colors, at a price of bits."""
         if n_colors not in self._found:
-            self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
+            with part(0, 0.1):
+                self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
         return pixels.mapped(self._found[n_colors], replace(self._how, price=price, n_matches=n_matches))
 
     def _fewer(self, merged: Merged, samples: ColorSamples, n_colors: int) -> Palette:

@@ -596,11 +596,15 @@ def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX terminals")
-def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
+@pytest.mark.parametrize(("patience", "named"), [(0, "pictures"), (0, "pictures/rgb.png"), (600, "pictures")])
+def test_a_bar_is_drawn_on_a_terminal_once_it_takes_long_and_json_stays_clean(
+    patience: int, named: str, here: Path
+) -> None:
     import pty
 
     terminal, stderr = pty.openpty()
-    command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "pictures", "-k", "4", "--out-dir", "out", "--json"]
+    script = f"from cvtimg.batch import report; report._LONG = {patience}; from cvtimg.cli.app import main; main()"
+    command = [sys.executable, "-P", "-c", script, "quantize", named, "-k", "4", "--out-dir", "out", "--json"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     done = subprocess.run(
         command, cwd=here, stdout=subprocess.PIPE, stderr=stderr, text=True, check=True, timeout=60, env=environment
@@ -611,9 +615,9 @@ def test_a_bar_is_drawn_on_a_terminal_and_json_stays_clean(here: Path) -> None:
         while part := os.read(terminal, 1 << 16):
             drawn += part
     os.close(terminal)
-    assert b"100%" in drawn
+    assert (b"100%" in drawn) == (patience == 0)
     rows = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [[name for name in row if name != "warning"] for row in rows] == [KEYS] * 5
+    assert [[name for name in row if name != "warning"] for row in rows] == [KEYS] * (5 if named == "pictures" else 1)
 
 
 # Tables
