@@ -13,6 +13,7 @@ from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_eac
 from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli.cluster_command import reading
 from cvtimg.cli.running import Todo, planned
+from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -42,13 +43,23 @@ def elbow(given: Given) -> Todo:
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
     report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
-    plan = plan_each(given.inputs, joint={"--csv": given.csv, "--plot": given.plot})
+    plan = plan_each(given.inputs, expand=_found, joint={"--csv": given.csv, "--plot": given.plot})
     given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
     if given.edge_weight:
         given.segments["edge_weight"] = given.edge_weight
     if given.segments and given.effort != "fast":
         raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
     return partial(_run, planned(plan, _measure, report, given), report, given)
+
+
+def _found(path: str) -> list[Path]:
+    """Find images, or the tables of a folder that has none."""
+    try:
+        return find_images(path)
+    except FileNotFoundError:
+        if tables := sorted(file for file in Path(path).glob("[!.]*") if file.suffix.lower() in TABLE_SUFFIXES):
+            return tables
+        raise
 
 
 def _run(run: Todo, report: _Curves, given: Given) -> int:

@@ -96,3 +96,11 @@ def test_edges_count_as_in_segment(row_of: RowOf) -> None:
     row = row_of("elbow", "drawing.png", "--edge-weight", 30, "--k-max", 8)
     assert row["energies"] == segment_curve(read_image("drawing.png"), 8, edge_weight=30).energies.tolist()
     assert row["energies"] != energy_curve(read_image("drawing.png"), 8).energies.tolist()
+
+
+def test_a_folder_of_tables_gives_a_line_for_each(run: Run) -> None:
+    Path("tables").mkdir()
+    Path("tables/one.npy").write_bytes(Path("table.npy").read_bytes())
+    Path("tables/two.csv").write_text("a,b\n1,2\n3,4\n5,9\n")
+    lines = run("elbow", "tables").out.splitlines()
+    assert [name for name in ("one.npy", "two.csv") if any(name in line for line in lines)] == ["one.npy", "two.csv"]
