@@ -44,7 +44,7 @@ def test_the_best_effort_reaches_proven_optima(name: str, tables: dict[str, NDAr
 
 
 @pytest.mark.parametrize("effort", ["balanced", "best"])
-def test_evolution_is_rarely_above_and_often_below_ten_starts(effort: str) -> None:
+def test_evolution_is_not_above_ten_starts(effort: str) -> None:
     from sklearn.cluster import KMeans
     from sklearn.datasets import load_wine
 
@@ -52,7 +52,7 @@ def test_evolution_is_rarely_above_and_often_below_ten_starts(effort: str) -> No
     rows = (rows - rows.mean(axis=0)) / rows.std(axis=0)
     for n_generators in (5, 10, 30):
         ten = KMeans(n_generators, n_init=10, random_state=0).fit(rows).inertia_
-        assert tessellate(rows, n_generators, effort=effort).energy < 1.005 * ten
+        assert tessellate(rows, n_generators, effort=effort).energy < 1.001 * ten
 
 
 def test_evolution_keeps_locked_generators_and_counts_weights(tables: dict[str, NDArray[Any]]) -> None:
