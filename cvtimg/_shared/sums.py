@@ -18,7 +18,6 @@ def sum_by_label(
 
     Examples
     --------
-    >>> import numpy as np
     >>> sum_by_label(np.array([0, 1, 1]), np.array([[1, 2], [3, 4], [5, 6]])).tolist()
     [[1.0, 2.0], [8.0, 10.0]]
     """

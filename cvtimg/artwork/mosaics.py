@@ -272,7 +272,6 @@ def mosaic(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import mosaic
     >>> image = np.full((20, 40), 30, np.uint8)
     >>> image[:, 25:] = 200

@@ -93,7 +93,6 @@ def stipple(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import stipple
     >>> ramp = np.tile(np.linspace(0, 255, 200).astype(np.uint8), (100, 1))
     >>> result = stipple(ramp, 500)

@@ -136,7 +136,6 @@ def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False,
     --------
     Middle gray, 188 of 255, has half the light of white.
 
-    >>> import numpy as np
     >>> ink_coverage(np.array([[255, 188, 0]], np.uint8)).round(2).tolist()
     [[0.0, 0.5, 1.0]]
     """

@@ -275,7 +275,6 @@ def reduced_basis(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import reduced_basis
     >>> times = np.linspace(0, 1, 40)[:, None]
     >>> waves = np.sin(6 * np.linspace(0, 1, 200)) * times + np.cos(9 * np.linspace(0, 1, 200)) * times**2

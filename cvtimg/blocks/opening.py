@@ -54,7 +54,6 @@ def open_blocks(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> from cvtimg import tessellate
     >>> from cvtimg.blocks import open_blocks
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -81,7 +81,6 @@ def as_blocks(samples: Any, weights: Any = None, *, weights_name: str = "density
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.blocks import as_blocks
     >>> as_blocks(np.zeros((5, 3)))
     Blocks(1 blocks of 3 columns, float64)

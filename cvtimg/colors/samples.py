@@ -232,7 +232,6 @@ def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | No
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.colors import color_samples
     >>> samples = color_samples(np.array([[0, 7, 7], [7, 9, 0]], dtype=np.uint8))
     >>> samples.colors.ravel().tolist(), samples.density.tolist()
@@ -279,7 +278,6 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.colors import color_samples, merge_samples
     >>> frames = np.array([[[0, 7, 7]], [[7, 9, 0]]], dtype=np.uint8)
     >>> merged = merge_samples([color_samples(frame) for frame in frames])

@@ -132,7 +132,6 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> to_space(np.array([[255, 0, 0]], np.uint8), "lab").round().tolist()
     [[53.0, 80.0, 67.0]]
     """

@@ -180,7 +180,6 @@ def design(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import design
     >>> found = design(8, [[0, 1], [-5, 5]], effort="fast")
     >>> np.sort(found.points[:, 1]).tolist()

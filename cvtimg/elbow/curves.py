@@ -122,7 +122,6 @@ class EnergyCurve(ReadOnly):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from cvtimg import energy_curve
         >>> image = np.array([[0, 1, 90, 91, 200, 201]] * 4, np.uint8)
         >>> curve = energy_curve(image, 5)
@@ -227,7 +226,6 @@ def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[i
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.elbow.curves import auto_count
     >>> auto_count(np.array([[3, 3, 90], [200, 90, 3]], np.uint8))[0]
     3

@@ -305,7 +305,6 @@ def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0)
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import find_contours
     >>> contours = find_contours(np.array([[1, 1, 2], [1, 2, 2]]))
     >>> [(polygon.label, polygon.area) for polygon in contours.polygons]

@@ -47,7 +47,6 @@ def find_edges(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import find_edges
     >>> labels = np.array([[1, 1, 2, 2, 3]])
     >>> find_edges(labels).astype(int).tolist(), find_edges(labels, mode="outer").astype(int).tolist()

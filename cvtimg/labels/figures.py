@@ -35,7 +35,6 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.labels import region_means
     >>> region_means(np.array([[1, 2, 2]]), np.array([[10, 20, 40]], np.uint8)).ravel().tolist()
     [nan, 10.0, 30.0]
@@ -119,7 +118,6 @@ def region_table(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.labels import region_table
     >>> table = region_table(np.array([[1, 2, 2]]), np.array([[10, 20, 40]], np.uint8))
     >>> table["area"].tolist(), table["x"].tolist(), table["mean_1"].tolist(), table["std_1"].tolist()
@@ -187,7 +185,6 @@ def volume_table(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.labels import volume_table
     >>> from cvtimg.pictures import PixelSize
     >>> labels = np.zeros((4, 6, 6), int)

@@ -51,7 +51,6 @@ def write_labels(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_labels(f"{folder}/labels.npy", [[1, 1, 2]])
     ...     np.load(f"{folder}/labels.npy").tolist()
@@ -156,7 +155,6 @@ def write_table(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_table(f"{folder}/table.csv", {"label": np.array([1, 2]), "area": np.array([12.5, 3.0])})
     ...     print(Path(folder, "table.csv").read_text(), end="")

@@ -72,7 +72,6 @@ class VisualQuality:
 
     Examples
     --------
-    >>> import numpy as np
     >>> ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
     >>> quality = VisualQuality(ramp)
     >>> round(quality(ramp))

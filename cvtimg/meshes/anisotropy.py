@@ -95,7 +95,6 @@ class HuangMetric:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import mesh_region
     >>> from cvtimg.meshes import HuangMetric
     >>> from cvtimg.placement import Box
@@ -149,7 +148,6 @@ class RecoveredHessian:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import mesh_region
     >>> from cvtimg.meshes import RecoveredHessian
     >>> mesh = mesh_region([[0, 0], [1, 0], [1, 1], [0, 1]], n=60)

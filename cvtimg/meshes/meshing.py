@@ -222,7 +222,6 @@ def mesh_labels(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import mesh_labels
     >>> mesh = mesh_labels(np.repeat([[1, 2]], 8, axis=0).repeat(8, axis=1), n=60)
     >>> len(mesh.points), sorted(set(mesh.tags.tolist())), round(mesh.area, 9)

@@ -48,7 +48,6 @@ class MeshSize:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.meshes import MeshSize
     >>> size = MeshSize([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]], [0.1, 0.2, 0.3])
     >>> size(np.array([[0.5, 0.0], [0.0, 5.0]])).round(3).tolist()

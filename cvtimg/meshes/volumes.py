@@ -217,7 +217,6 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.meshes import mesh_volume
     >>> z, y, x = np.mgrid[:24, :24, :24] - 11.5
     >>> ball = x * x + y * y + z * z < 100

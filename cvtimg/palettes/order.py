@@ -30,7 +30,6 @@ def color_order(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.palettes import color_order
     >>> colors = np.array([[250, 10, 10], [128, 128, 128], [0, 0, 90]], np.uint8)
     >>> color_order(colors, "lightness", density=[5, 1, 9]).tolist(), color_order(colors, density=[5, 1, 9]).tolist()

@@ -80,7 +80,6 @@ def as_density(density: DensityLike) -> Density:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.placement import as_density
     >>> as_density([[0, 1], [0, 1]])(np.array([[1.0, 1.0], [2.0, 0.0]])).tolist()
     [0.5, 1.0]

@@ -85,7 +85,6 @@ class ImplicitRegion(Region):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.placement import ImplicitRegion
     >>> disk = ImplicitRegion(lambda p: np.hypot(*p.T) - 1, [-1, -1], [1, 1])
     >>> round(disk.measure, 2), disk.project([[3, 4]]).round(6).tolist()

@@ -128,7 +128,6 @@ def as_gauge(metric: MetricLike) -> Gauge:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.placement import as_gauge
     >>> [as_gauge(p).lengths(np.array([[3.0, -4.0]])).item() for p in (1, 2, np.inf)]
     [7.0, 5.0, 4.0]

@@ -345,7 +345,6 @@ def as_region(region: Any) -> Region:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.placement import as_region
     >>> as_region(np.ones((2, 3), bool))
     <PictureRegion of 6 pixels in 2 x 3>

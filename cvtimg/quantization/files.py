@@ -148,7 +148,6 @@ def quantize_file(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> from cvtimg import read_image, write_image
     >>> from cvtimg.quantization import QuantizeOptions, quantize_file
     >>> with tempfile.TemporaryDirectory() as folder:

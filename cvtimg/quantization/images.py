@@ -130,7 +130,6 @@ def quantize(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import quantize
     >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
     >>> result = quantize(image, 2)

@@ -135,7 +135,6 @@ def find_palette(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import find_palette
     >>> from cvtimg.colors import color_samples
     >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
@@ -202,7 +201,6 @@ def main_palette(
     --------
     A red spot of 0.3 % of the pixels, in front of many tones of green:
 
-    >>> import numpy as np
     >>> from cvtimg import find_palette
     >>> from cvtimg.quantization import main_palette
     >>> image = np.zeros((50, 100, 3), np.uint8)
@@ -339,7 +337,6 @@ def shared_palette(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.quantization import shared_palette
     >>> shared_palette([np.array([[10, 12]], np.uint8), np.array([[200, 202]], np.uint8)], 2).colors.tolist()
     [[11], [201]]

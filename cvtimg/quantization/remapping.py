@@ -210,7 +210,6 @@ def map_to_palette(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.quantization import map_to_palette
     >>> image = np.array([[10, 12, 200], [11, 202, 201]], dtype=np.uint8)
     >>> map_to_palette(image, [0, 128, 255]).image.tolist()

@@ -208,7 +208,6 @@ def quantize_frames(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import quantize_frames
     >>> from cvtimg.pictures import Frames
     >>> frames = Frames(tuple(np.full((2, 3), level, np.uint8) for level in (10, 12, 200)), (40, 40, 40), 0)

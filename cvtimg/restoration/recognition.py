@@ -45,7 +45,6 @@ def is_drawing(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.restoration import is_drawing
     >>> is_drawing([np.eye(32)])
     True
@@ -111,7 +110,6 @@ def measure_noise(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.restoration import measure_noise
     >>> rng = np.random.default_rng(0)
     >>> found = measure_noise([rng.normal(128, 5, (64, 64)).astype(np.uint8)])

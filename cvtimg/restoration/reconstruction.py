@@ -136,7 +136,6 @@ def restore(
     --------
     Each of three versions lacks another part of a bar, and nothing says which.
 
-    >>> import numpy as np
     >>> from cvtimg import restore
     >>> bar = np.full((9, 30), 20, np.uint8)
     >>> bar[3:6] = 220
@@ -218,7 +217,6 @@ def denoise(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import denoise
     >>> clean = np.add.outer(np.arange(40.0), np.arange(60.0)) + 50
     >>> noisy = clean + np.random.default_rng(0).normal(0, 5, clean.shape)

@@ -112,7 +112,6 @@ def count_objects(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.segmentation import count_objects
     >>> down, right = np.mgrid[:60, :90]
     >>> discs = [(30, 25, 12.3), (30, 46, 12.3), (30, 74, 8.3)]

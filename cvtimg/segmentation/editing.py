@@ -89,7 +89,6 @@ def edit_labels(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.segmentation import edit_labels
     >>> labels = np.repeat([[1, 2, 3, 4]], 2, axis=0)
     >>> edit_labels(labels, ["merge 0,0 2,1", "erase 0 3,0"])

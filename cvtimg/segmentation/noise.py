@@ -53,7 +53,6 @@ def estimate_noise(image: Any) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.segmentation import estimate_noise
     >>> rng = np.random.default_rng(0)
     >>> estimate_noise(np.add.outer(np.arange(300), np.arange(400)) + rng.normal(0, 5, (300, 400))).round()

@@ -110,7 +110,6 @@ def segment(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import segment
     >>> image = np.zeros((20, 30), np.uint8)
     >>> image[:, 12:] = 200
@@ -188,7 +187,6 @@ def segment_curve(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.segmentation import segment_curve
     >>> image = np.repeat(np.array([[0, 90, 200]], np.uint8), 12, axis=0).repeat(12, axis=1)
     >>> segment_curve(image, edge_weight=1).elbow()

@@ -90,7 +90,6 @@ def coastal_grid(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.sphere import coastal_grid
     >>> lat = np.linspace(89, -89, 90)[:, None]
     >>> grid = coastal_grid(642, np.broadcast_to(lat > 20, (90, 180)))

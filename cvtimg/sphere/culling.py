@@ -87,7 +87,6 @@ def cull_land(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import sphere_grid
     >>> from cvtimg.sphere import cull_land
     >>> cull_land(sphere_grid(642), lambda points: points[:, 2] > 0.33)
@@ -130,7 +129,6 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     --------
     >>> from cvtimg import sphere_grid
     >>> from cvtimg.sphere import Cap, limit_area
-    >>> import numpy as np
     >>> area = limit_area(sphere_grid(2562), Cap(10, 50, 20))
     >>> np.unique(area.layers).tolist()
     [0, 1, 2, 3, 4, 5, 6, 7]

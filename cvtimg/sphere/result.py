@@ -68,7 +68,6 @@ def measure_grid(points: Points, triangles: NDArray[np.int32]) -> GridMeasures:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.sphere import measure_grid, triangulate
     >>> octahedron = np.concatenate([np.eye(3), -np.eye(3)])
     >>> measures = measure_grid(octahedron, triangulate(octahedron))

@@ -105,7 +105,6 @@ class CellWidth:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import sphere_grid
     >>> from cvtimg.sphere import CellWidth, WidthCircle
     >>> CellWidth(30).n_points

@@ -40,7 +40,6 @@ class ImplicitSurface(Surface):
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.surfaces import ImplicitSurface
     >>> ball = ImplicitSurface(lambda p: (p**2).sum(axis=1) - 1, [-1.2] * 3, [1.2] * 3)
     >>> ball.triangulation.is_closed, ball.triangulation.euler_characteristic

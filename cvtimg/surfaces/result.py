@@ -57,7 +57,6 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg.surfaces import measure_surface
     >>> tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     >>> measures = measure_surface(tetrahedron, [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])

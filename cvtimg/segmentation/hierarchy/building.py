@@ -68,7 +68,6 @@ def segment_hierarchy(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from cvtimg import segment_hierarchy
     >>> image = np.zeros((40, 60), np.uint8)
     >>> image[:, 30:] = 200

@@ -107,7 +107,6 @@ class RegionHierarchy(ReadOnly):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from cvtimg import segment_hierarchy
         >>> image = np.zeros((60, 90), np.uint8)
         >>> image[:, 30:], image[:, 60:] = 120, 255
@@ -139,7 +138,6 @@ class RegionHierarchy(ReadOnly):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from cvtimg import segment_hierarchy
         >>> image = np.zeros((40, 60), np.uint8)
         >>> image[:, 30:] = 200
@@ -174,7 +172,6 @@ class RegionHierarchy(ReadOnly):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from cvtimg import segment_hierarchy
         >>> image = np.zeros((40, 60), np.uint8)
         >>> image[:, 30:] = 200
