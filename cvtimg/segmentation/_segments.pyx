@@ -54,8 +54,8 @@ def measure_cells(
     const float[:, :, ::1] weights,  # IN (H, W, D), or None for 1 everywhere
     const int32_t[:, ::1] labels,    # IN (H + 2 R, W + 2 R), padded
     Py_ssize_t margin,               # IN: R
-    const double[:, ::1] means,      # IN (K + 1, D): about which to measure
-    double[:, :, ::1] moments,       # INOUT (3, K + 1, D): += weight times (1, v, v^2), v the value less the mean
+    const double[:, ::1] cells,      # IN (K + 1, 2 D + 1): masses, means about which to measure, energies
+    double[:, ::1] moments,          # INOUT (K + 1, 2 D + 1): += weight times (1, v), (1, v^2), v the value less the mean
 ):
     cdef Py_ssize_t height = values.shape[0], width = values.shape[1], dims = values.shape[2], y, x, d
     cdef Py_ssize_t label
@@ -70,10 +70,10 @@ def measure_cells(
                 for d in range(dims):
                     if weighted:
                         weight = weights[y, x, d]
-                    step = values[y, x, d] - means[label, d]
-                    moments[0, label, d] += weight
-                    moments[1, label, d] += weight * step
-                    moments[2, label, d] += weight * step * step
+                    step = values[y, x, d] - cells[label, dims + d]
+                    moments[label, d] += weight
+                    moments[label, dims + d] += weight * step
+                    moments[label, 2 * dims] += weight * step * step
 
 
 cdef inline double cost_of_pixel(
@@ -109,12 +109,19 @@ cdef inline void move_pixel(
         mass[d] = rest
 
 
-cdef inline double size_of(const double *mass, Py_ssize_t dims) noexcept nogil:
-    cdef double total = 0
+cdef inline double weighed(
+    double cost, const float *weight, const double *cell, Py_ssize_t dims, double side, double total, double power,
+) noexcept nogil:
+    """The cost of a pixel that comes or goes where cells count by their share of the mass of all."""
+    cdef double size = 0, mass = 0, after
     cdef Py_ssize_t d
+    if power == 0:
+        return cost
     for d in range(dims):
-        total = total + mass[d]
-    return total / dims
+        size = size + cell[d] / dims
+        mass = mass + (1 if weight == NULL else weight[d]) / <double>dims
+    after = cell_weight(max(size + side * mass, 0) / total, power)
+    return after * cost + side * (after - cell_weight(size / total, power)) * cell[2 * dims]
 
 
 cdef inline bint is_simple(const int32_t *label, Py_ssize_t width) noexcept nogil:
@@ -131,38 +138,53 @@ cdef inline bint touches(const int32_t *label, Py_ssize_t width, int32_t other) 
     return label[-width] == other or label[1] == other or label[width] == other or label[-1] == other
 
 
-def sweep(
-    strip,               # INOUT: labels, others and stale, (H + 2 R, W + 2 R); IN: values and weights, (H, W, D)
-    cells,               # INOUT: masses and means, (K + 1, D), energies, (K + 1,); IN: total, the mass of all
-    disc,                # IN: steps, (S,), and margin, R
-    double edge_weight,  # IN
-    double power,        # IN: cells count by their share of the mass to this power
-    bint connected,      # IN: whether cells must stay in one piece
-    bint backward,       # IN: from the last pixel to the first
-):
-    """Transfer boundary pixels, one after the other, to the cell where the energy is least; return how many moved.
+cdef inline double *copy_of(
+    int32_t label, const double[:, ::1] cells, double[:, ::1] copies, int32_t *places, int32_t *touched, Py_ssize_t *n,
+) noexcept nogil:
+    """Moments of a cell in the copies, of which `places` has the number of each, from 1."""
+    if places[label] == 0:
+        touched[n[0]] = label
+        memcpy(&copies[n[0], 0], &cells[label, 0], cells.shape[1] * sizeof(double))
+        n[0] += 1
+        places[label] = <int32_t>n[0]
+    return &copies[places[label] - 1, 0]
 
-    The records are those of `edge_weight.py`, which say what each array holds. A strip may be some rows of an image,
-    framed by the labels of the rows above and below: those stay as they are.
+
+def sweep(
+    stripe,                   # INOUT: labels, others and stale, (H + 2 R, W + 2 R); IN: values and weights, (H, W, D)
+    const double[:, ::1] cells,  # IN (K + 1, 2 D + 1): masses, means and energy of each
+    double total,             # IN: the mass of all
+    const int32_t[::1] steps, # IN (S,): the disc
+    Py_ssize_t margin,        # IN: R
+    double edge_weight,       # IN
+    double power,             # IN: cells count by their share of the mass to this power
+    bint connected,           # IN: whether cells must stay in one piece
+    bint backward,            # IN: from the last pixel to the first
+):
+    """Transfer boundary pixels, one after the other, to the cell where the energy is least.
+
+    A stripe is some `Layers` of `edge_weight.py`, framed by the labels of the rows above and below, which stay. Cells
+    change in a copy. Returned are how many pixels moved and how many pairs and boundary pixels came, the cells that were
+    looked at, (N,), and what came to their moments about the means, (N, 2 D + 1): masses, sums and squares.
     """
-    cdef const float[:, :, ::1] values = strip.values
-    cdef const float[:, :, ::1] weights = strip.weights
-    cdef int32_t[:, ::1] labels = strip.labels
-    cdef uint16_t[:, ::1] others = strip.others
-    cdef uint8_t[:, ::1] stale = strip.stale
-    cdef double[:, ::1] masses = cells.masses
-    cdef double[:, ::1] means = cells.means
-    cdef double[::1] energies = cells.energies
-    cdef double total = cells.total
-    cdef const int32_t[::1] steps = disc.steps
-    cdef int32_t[::1] counts = np.zeros(masses.shape[0], np.int32), found = np.empty(steps.shape[0], np.int32)
-    cdef Py_ssize_t margin = disc.margin
+    cdef const float[:, :, ::1] values = stripe.values
+    cdef const float[:, :, ::1] weights = stripe.weights
+    cdef int32_t[:, ::1] labels = stripe.labels
+    cdef uint16_t[:, ::1] others = stripe.others
+    cdef uint8_t[:, ::1] stale = stripe.stale
+    cdef int32_t[::1] counts = np.zeros(cells.shape[0], np.int32), found = np.empty(steps.shape[0], np.int32)
+    # Only the cells that are looked at are copied, so that many cells cost no more than few.
+    cdef int32_t[::1] places = np.zeros(cells.shape[0], np.int32), touched = np.empty(cells.shape[0], np.int32)
+    cdef double[:, ::1] copies = np.empty_like(cells)
     cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
     cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1]
     cdef Py_ssize_t first = margin * stride, last = (labels.shape[0] - margin) * stride
-    cdef Py_ssize_t t, p, q, s, f, n_found, n_moved = 0
+    cdef Py_ssize_t t, p, q, s, f, n_found, n_touched = 0, n_moved = 0, n_pairs = 0, n_boundary = 0
     cdef int32_t own, label, best
-    cdef double cost, least, own_cost, best_cost, mass, size, before, after
+    cdef double cost, least, own_cost, best_cost, after, step
+    cdef double *here
+    cdef double *there
+    cdef const double *old
     cdef const float *value
     cdef const float *weight = NULL
     cdef int32_t *at
@@ -193,12 +215,8 @@ def sweep(
             if connected and not is_simple(at, stride):
                 continue
             value = &values[0, 0, 0] + p * dims
-            mass = 1
             if weighted:
                 weight = &weights[0, 0, 0] + p * dims
-                mass = 0
-                for s in range(dims):
-                    mass = mass + weight[s] / dims
             n_found = 0
             for s in range(n_steps):
                 label = at[steps[s]]
@@ -207,14 +225,9 @@ def sweep(
                     n_found += 1
                 counts[label] += 1
             # The cost of the pixel in its own cell, and in each that it could join.
-            own_cost = cost_of_pixel(value, weight, &means[own, 0], &masses[own, 0], dims, -1)
-            least = own_cost
-            if power != 0:
-                size = size_of(&masses[own, 0], dims)
-                before = cell_weight(size / total, power)
-                after = cell_weight(max(size - mass, 0) / total, power)
-                least = after * own_cost + (before - after) * energies[own]
-            least = least - 2 * edge_weight * counts[own]
+            here = copy_of(own, cells, copies, &places[0], &touched[0], &n_touched)
+            own_cost = cost_of_pixel(value, weight, here + dims, here, dims, -1)
+            least = weighed(own_cost, weight, here, dims, -1, total, power) - 2 * edge_weight * counts[own]
             # A smaller gain is rounding, and could go round in circles.
             least = least - 1e-12 * (least + 4 * edge_weight * n_steps)
             best = own
@@ -223,14 +236,9 @@ def sweep(
                 label = found[f]
                 if label == own or label == 0 or (connected and not touches(at, stride, label)):
                     continue
-                cost = cost_of_pixel(value, weight, &means[label, 0], &masses[label, 0], dims, 1)
-                after = cost
-                if power != 0:
-                    size = size_of(&masses[label, 0], dims)
-                    before = cell_weight(size / total, power)
-                    after = cell_weight((size + mass) / total, power)
-                    after = after * cost + (after - before) * energies[label]
-                after = after - 2 * edge_weight * counts[label]
+                there = copy_of(label, cells, copies, &places[0], &touched[0], &n_touched)
+                cost = cost_of_pixel(value, weight, there + dims, there, dims, 1)
+                after = weighed(cost, weight, there, dims, 1, total, power) - 2 * edge_weight * counts[label]
                 if after < least:
                     least = after
                     best = label
@@ -240,19 +248,33 @@ def sweep(
                     counts[found[f]] = 0
             if best != own:
                 n_moved += 1
-                energies[own] -= own_cost
-                energies[best] += best_cost
-                move_pixel(value, weight, &means[own, 0], &masses[own, 0], dims, -1)
-                move_pixel(value, weight, &means[best, 0], &masses[best, 0], dims, 1)
+                there = copy_of(best, cells, copies, &places[0], &touched[0], &n_touched)
+                here[2 * dims] -= own_cost
+                there[2 * dims] += best_cost
+                move_pixel(value, weight, here + dims, here, dims, -1)
+                move_pixel(value, weight, there + dims, there, dims, 1)
                 at[0] = best
+                n_pairs += 2 * (counts[own] - counts[best])
                 other[q] = <uint16_t>(other[q] + counts[own] - counts[best])
+                n_boundary += (other[q] != 0) - 1
                 for s in range(n_steps):
                     label = at[steps[s]]
+                    n_boundary -= other[q + steps[s]] != 0
                     other[q + steps[s]] += (label == own) - (label == best)
+                    n_boundary += other[q + steps[s]] != 0
                     is_stale[q + steps[s]] = 1
                 counts[best] = 0
             counts[own] = 0
-    return n_moved
+        for f in range(n_touched):
+            here = &copies[f, 0]
+            old = &cells[touched[f], 0]
+            here[2 * dims] -= old[2 * dims]
+            for s in range(dims):
+                step = here[dims + s] - old[dims + s]
+                here[2 * dims] += here[s] * step * step
+                here[dims + s] = here[s] * step
+                here[s] -= old[s]
+    return n_moved, n_pairs, n_boundary, np.asarray(touched)[:n_touched], np.asarray(copies)[:n_touched]
 
 
 def half_disc_distances(

@@ -96,7 +96,6 @@ def segment_file(
     Examples
     --------
     >>> import tempfile
-    >>> import numpy as np
     >>> from cvtimg import read_image, write_image
     >>> from cvtimg.segmentation import segment_file
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -125,8 +124,7 @@ def segment_file(
         nearest = picture.nearest(cells.generators * scale - origin, blur)
         for (first, last), labels in zip(picture.strips, nearest, strict=True):
             layers.labels[first + edge_radius : last + edge_radius][:, edge_radius:-edge_radius] = labels
-        shape = (picture.shape[1], len(origin))
-        state = State(layers, picture.strips, shape, len(cells.generators), Moves(edge_radius))
+        state = State(layers, (*picture.shape, len(origin)), len(cells.generators), Moves(edge_radius))
         energies, converged = tuple(energy * scale**2 for energy in cells.energies), cells.converged
         if weight or detail:
             energies, weight, converged = state.descend(weight, detail)

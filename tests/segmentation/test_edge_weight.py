@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from reference import edge_weighted_energy
+from reference import at_threads, edge_weighted_energy
 
+from cvtimg import segment
 from cvtimg.segmentation.edge_weight import descend
 
 
@@ -45,6 +46,29 @@ def test_energies_fall_and_are_those_of_numpy(
     assert (np.diff(end.energies) <= 1e-9 * (1 + end.energies[0])).all()
     np.testing.assert_array_equal(end.labels == 0, labels == 0)
     assert end.converged
+
+
+@pytest.mark.parametrize("way", [{}, {"connected": True}, {"volume_power": 1}], ids=str)
+def test_stripes_side_by_side_give_the_energy_of_the_labels_for_any_threads(way: dict[str, Any]) -> None:
+    rng = np.random.default_rng(5)
+    shapes = np.indices((300, 40)).sum(axis=0) // 30 % 3
+    values = (shapes[..., None] + rng.normal(0, 0.5, (300, 40, 2))).astype(np.float32)
+    labels = np.where(rng.random(shapes.shape) < 0.3, 1, shapes + 1).astype(np.int32)
+    one, three = at_threads(lambda: descend(values, labels, 3, edge_weight=0.1, **way))
+    np.testing.assert_array_equal(one.labels, three.labels)
+    assert one.energies == three.energies
+    expected = edge_weighted_energy(values, one.labels, 0.1, 3, None, way.get("volume_power", 0))
+    assert one.energies[-1] == pytest.approx(expected, rel=1e-6)
+    assert one.energies[-1] < one.energies[0]
+
+
+def test_stripes_of_a_volume_give_the_same_segments_for_any_threads() -> None:
+    rng = np.random.default_rng(6)
+    volume = np.rint(rng.normal(100, 30, (9, 40, 32)) + 60 * (np.indices((9, 40, 32)).sum(axis=0) // 12 % 2)).clip(
+        0, 255
+    )
+    one, three = at_threads(lambda: segment(volume.astype(np.uint8), 2, spacing=(1, 1, 1)))
+    np.testing.assert_array_equal(one.labels, three.labels)
 
 
 @settings(max_examples=12)
