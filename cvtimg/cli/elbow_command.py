@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,8 +58,11 @@ def _found(path: str) -> list[Path]:
     try:
         return find_images(path)
     except FileNotFoundError:
-        if tables := sorted(file for file in Path(path).glob("[!.]*") if file.suffix.lower() in TABLE_SUFFIXES):
-            return tables
+        from cvtimg.tables.files import find_tables
+
+        with suppress(FileNotFoundError):
+            if tables := [table for table in find_tables(path) if table.suffix.lower() in TABLE_SUFFIXES]:
+                return tables
         raise
 
 

@@ -99,8 +99,8 @@ def test_edges_count_as_in_segment(row_of: RowOf) -> None:
 
 
 def test_a_folder_of_tables_gives_a_line_for_each(run: Run) -> None:
-    Path("tables").mkdir()
-    Path("tables/one.npy").write_bytes(Path("table.npy").read_bytes())
+    Path("tables/inner").mkdir(parents=True)
+    Path("tables/inner/one.npy").write_bytes(Path("table.npy").read_bytes())
     Path("tables/two.csv").write_text("a,b\n1,2\n3,4\n5,9\n")
     lines = run("elbow", "tables").out.splitlines()
     assert [name for name in ("one.npy", "two.csv") if any(name in line for line in lines)] == ["one.npy", "two.csv"]
