@@ -9,18 +9,18 @@ Of float32 only `sgemm` is called: `ssyrk`, and `spotrf` and `spotri` which call
 for ARM processors (its issue 5873).
 """
 from libc.float cimport FLT_EPSILON
-from libc.stdint cimport int32_t, int64_t, uint8_t
+from libc.math cimport sqrt
+from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy
 from scipy.linalg.cython_blas cimport sgemm
 from scipy.linalg.cython_lapack cimport dpotrf, dpotri
 
 import numpy as np
 
-cdef extern from "patches.h" nogil:
-    Py_ssize_t halve_group(const float *, int, int32_t *, Py_ssize_t, uint8_t *, int32_t *)
-
 cdef enum:
     SIDE = 5
+    SAMPLE = 512  # about so many members of a group tell its main axis
+    POWERS = 12  # multiplications of a vector by the covariance that find it
 
 
 cdef void take_patches(
@@ -42,8 +42,27 @@ cdef void mirror(float[:, ::1] matrix) noexcept nogil:
             matrix[i, j] = matrix[j, i]
 
 
+cdef void measure(float[:, ::1] rows, int n, double[::1] means, float[:, ::1] covariance) noexcept nogil:
+    """Measure the means and the covariance of the first n rows, which lose their means."""
+    cdef int size = <int>rows.shape[1]
+    cdef float share = 1 / <float>n, nothing = 0
+    cdef Py_ssize_t i, j
+    means[:] = 0
+    for i in range(n):
+        for j in range(size):
+            means[j] += rows[i, j]
+    for j in range(size):
+        means[j] /= n
+    for i in range(n):
+        for j in range(size):
+            rows[i, j] -= <float>means[j]
+    sgemm(
+        "N", "T", &size, &size, &n, &share, &rows[0, 0], &size, &rows[0, 0], &size, &nothing, &covariance[0, 0], &size
+    )
+
+
 def halve_groups(
-    const float[:, ::1] features,  # IN (N, D): D <= 32, a multiple of 8
+    const float[:, ::1] features,  # IN (N, D)
     int32_t[::1] order,            # INOUT (N,): members of the groups, one group after the other
     const int64_t[::1] starts,     # IN (G,): of the groups to cut
     const int64_t[::1] stops,      # IN (G,)
@@ -51,16 +70,55 @@ def halve_groups(
     Py_ssize_t first,              # IN
     Py_ssize_t last,               # IN
 ):
-    """Cut groups in two, each by two generators of its own."""
-    cdef Py_ssize_t g, start, largest = np.max(np.subtract(stops, starts)[first:last], initial=1)
-    cdef uint8_t[::1] sides = np.empty(largest, np.uint8)
-    cdef int32_t[::1] second = np.empty(largest, np.int32)
+    """Cut groups at their mean, across their main axis; where that leaves less than an eighth, in equal parts."""
+    cdef int n
+    cdef Py_ssize_t g, i, j, power, step, fewer, size = features.shape[1]
+    cdef double square, level, along
+    cdef double[:, ::1] axes = np.empty((2, size))
+    cdef double[::1] axis = axes[0], product = axes[1], means = np.empty(size)
+    cdef float[:, ::1] rows = np.empty((SAMPLE, size), np.float32), covariance = np.empty((size, size), np.float32)
+    cdef int32_t[::1] second = np.empty(np.max(np.subtract(stops, starts)[first:last], initial=1), np.int32)
     with nogil:
         for g in range(first, last):
-            start = starts[g]
-            cuts[g] = start + halve_group(
-                &features[0, 0], <int>features.shape[1], &order[start], stops[g] - start, &sides[0], &second[0],
-            )
+            step = 1 + (stops[g] - starts[g] - 1) // SAMPLE
+            n = <int>((stops[g] - starts[g] - 1) // step + 1)
+            for i in range(n):
+                memcpy(&rows[i, 0], &features[order[starts[g] + i * step], 0], size * sizeof(float))
+            measure(rows, n, means, covariance)
+            i = 0
+            for j in range(1, size):
+                if covariance[j, j] > covariance[i, i]:
+                    i = j
+            for j in range(size):
+                axis[j] = covariance[i, j]
+            for power in range(POWERS):
+                square = level = 0
+                for i in range(size):
+                    square += axis[i] * axis[i]
+                for i in range(size):
+                    product[i] = 0
+                    for j in range(size):
+                        product[i] += covariance[i, j] * axis[j]
+                    product[i] /= sqrt(square) if square > 0 else 1
+                for i in range(size):
+                    axis[i] = product[i]
+                    level += axis[i] * means[i]
+            cuts[g], fewer = starts[g], 0
+            for i in range(starts[g], stops[g]):
+                along = 0
+                for j in range(size):
+                    along += axis[j] * features[order[i], j]
+                if along > level:
+                    second[fewer] = order[i]
+                    fewer += 1
+                else:
+                    order[cuts[g]] = order[i]
+                    cuts[g] += 1
+            if fewer:
+                memcpy(&order[cuts[g]], &second[0], fewer * sizeof(int32_t))
+            fewer = min(fewer, cuts[g] - starts[g])
+            if fewer < 8 or fewer < (stops[g] - starts[g]) // 8:
+                cuts[g] = (starts[g] + stops[g]) // 2
 
 
 def measure_groups(
@@ -73,29 +131,17 @@ def measure_groups(
     Py_ssize_t last,                 # IN
 ):
     """Measure the mean and the covariance of the patches of each group."""
-    cdef int n, size = <int>means.shape[1]
-    cdef Py_ssize_t g, i, j
-    cdef float share, nothing = 0
-    cdef double[::1] sums = np.empty(size)
-    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), size), np.float32)
+    cdef int n
+    cdef Py_ssize_t g, j
+    cdef double[::1] sums = np.empty(means.shape[1])
+    cdef float[:, ::1] patches = np.empty((np.max(np.diff(bounds)), means.shape[1]), np.float32)
     with nogil:
         for g in range(first, last):
             n = <int>(bounds[g + 1] - bounds[g])
-            share = 1 / <float>n
             take_patches(image, &order[bounds[g]], n, &patches[0, 0])
-            sums[:] = 0
-            for i in range(n):
-                for j in range(size):
-                    sums[j] += patches[i, j]
-            for j in range(size):
-                means[g, j] = <float>(sums[j] / n)
-            for i in range(n):
-                for j in range(size):
-                    patches[i, j] -= means[g, j]
-            sgemm(
-                "N", "T", &size, &size, &n, &share, &patches[0, 0], &size, &patches[0, 0], &size, &nothing,
-                &covariances[g, 0, 0], &size,
-            )
+            measure(patches, n, sums, covariances[g])
+            for j in range(sums.shape[0]):
+                means[g, j] = <float>sums[j]
             mirror(covariances[g])
 
 

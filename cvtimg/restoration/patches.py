@@ -1,8 +1,8 @@
 """Kinds of patches, and groups of patches that look alike.
 
 A photograph has many colors but few kinds of patches: flat areas, edges in each direction, each texture. The patches
-around all pixels are tessellated by their main components, and each cell is cut in two, by two generators of its own,
-until groups are small. Groups are small enough for one covariance to describe all patches in them.
+around all pixels are tessellated by their main components, and each cell is cut in two, across its main axis, until
+groups are small. Groups are small enough for one covariance to describe all patches in them.
 """
 
 from __future__ import annotations
@@ -140,7 +140,6 @@ class Groups:
 
 def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
     """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
-    features = np.pad(features, ((0, 0), (0, -features.shape[1] % 8)))
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
     while True:

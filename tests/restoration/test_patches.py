@@ -102,7 +102,8 @@ def test_groups_are_no_larger_than_allowed_and_hold_each_patch_once() -> None:
 def test_groups_hold_what_is_alike() -> None:
     rng = np.random.default_rng(0)
     which = rng.integers(8, size=4000)
-    features = (10 * np.eye(8)[which] + rng.standard_normal((4000, 8))).astype(np.float32)
+    places = np.geomspace(80, 10, 8)[which, None] * np.eye(8)[which]
+    features = (places + rng.standard_normal((4000, 8))).astype(np.float32)
     groups = group_patches(features, np.zeros(4000, np.int32), 600)
     of_group = groups.of_pixels()
     purity = [np.bincount(which[of_group == group]).max() / size for group, size in enumerate(groups.sizes)]
