@@ -243,19 +243,14 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def assign(
-    points: Points, generators: NDArray[np.float64], *, offsets: NDArray[np.float64] | None = None
-) -> NDArray[np.int32]:
+def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:
     """Label each point, padding included, with its nearest generator; the first one on a tie."""
-    # The nearest generator z of a point y has the least ``offset - y . z``, where the offset is ``|z|^2 / 2``. With
-    # other (K,) `offsets` this is the least affine function of y.
+    # The nearest generator z of a point y has the least ``|z|^2 / 2 - y . z``.
     single, half_norms = _for_kernels(generators)
-    if offsets is not None:
-        half_norms = offsets.astype(np.float32)
     labels = np.empty(len(points.density), np.int32)
     columns = np.full((points.n_dims, -(-len(single) // _kernels.TILE) * _kernels.TILE), 1e18, np.float32)
     columns[:, : len(single)] = single.T
-    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= GROUPED_FROM and offsets is None
+    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= GROUPED_FROM
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)

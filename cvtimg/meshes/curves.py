@@ -12,7 +12,6 @@ from cvtimg.meshes.triangulation import FIXED, FREE, PlaneTriangulation
 
 Points = NDArray[np.float64]
 Values = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: What an edge cuts off, by its squared length: less than the first of these is nothing, more than the second no curve.
 _NOTHING, _MOST = 1e-9, 1.0

@@ -15,7 +15,6 @@ from cvtimg.meshes.outlines import ON_LINE, SMOOTHING, Outline, label_outline, s
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; the second angle is enough
 #: between two sides longer than a part of the diameter, for these are no samples of a curve.

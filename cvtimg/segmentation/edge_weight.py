@@ -29,6 +29,7 @@ from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import side_by_side
 from cvtimg.segmentation import _segments
+from cvtimg.segmentation.values import from_nearest
 
 #: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
 _ALMOST_NONE = 1e-3
@@ -90,14 +91,9 @@ def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> ND
     """Give each unknown pixel the label of the nearest known one."""
     if weights is None:
         return labels
-    unknown = ~weights.any(axis=2)
-    known = ~unknown & (labels > 0)
-    if not (unknown & (labels > 0)).any() or not known.any():
-        return labels
-    from scipy.ndimage import distance_transform_edt
-
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.where(unknown & (labels > 0), labels[tuple(nearest)], labels)
+    inside, has_weight = labels > 0, weights.any(axis=2)
+    unknown, known = inside & ~has_weight, inside & has_weight
+    return np.where(unknown, from_nearest(labels, known), labels) if unknown.any() and known.any() else labels
 
 
 class Layers(NamedTuple):

@@ -91,6 +91,13 @@ def at_pixels(rows: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     return pixels
 
 
+def from_nearest(pixels: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
+    """Give each pixel, (H, W), that is not known what the nearest known one has."""
+    from scipy.ndimage import distance_transform_edt
+
+    return pixels[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
+
+
 def unit_of(space: SpaceName, dtype: np.dtype[Any]) -> float:
     """Return the value of 1 in the units of images of this type or, in another space, of that space."""
     return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)

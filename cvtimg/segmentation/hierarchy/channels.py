@@ -21,7 +21,7 @@ from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.averaging import Averaging, averaged
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.noise import noise_covariance
-from cvtimg.segmentation.values import PictureValues
+from cvtimg.segmentation.values import PictureValues, from_nearest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,8 @@ def find_channels(values: PictureValues) -> Channels:
         share /= np.float32(greatest - least)
         bins[..., channel] = np.clip(share * N_LEVELS, 0, N_LEVELS - 1)
         if channel == 0:
-            bins[..., -1] = textons(_filled(share, inside), inside)
+            # Outside are values of the nearest pixels inside, so that filters see no edge there.
+            bins[..., -1] = textons(share if inside.all() else from_nearest(share, inside), inside)
     return Channels(bins, field * np.float32(gain), inside)
 
 
@@ -85,16 +86,6 @@ def _full_contrast(rows: NDArray[np.float32], noise: NDArray[np.float64]) -> tup
     # No bin is narrower than the noise.
     span = max(float(high - low), N_LEVELS * float(np.sqrt(noise[0, 0])))
     return float(low), 255 / span if span > 0 else 1.0
-
-
-def _filled(channel: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Give pixels outside the value of the nearest pixel inside, so that filters see no edge there."""
-    if inside.all():
-        return channel
-    from scipy.ndimage import distance_transform_edt
-
-    nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
-    return channel[tuple(nearest)]
 
 
 def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
