@@ -308,18 +308,6 @@ def energy(
     return float(max(about_origin - 2 * cross + norms, 0.0))
 
 
-def distances_to_own(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the squared distance of each point, padding included, to the generator that its label names."""
-    distances = np.empty(len(labels))
-
-    def measure(start: int, stop: int) -> None:
-        ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
-        _kernels.distances_to_own(points.tiles[start:stop], generators, labels[ends], distances[ends])
-
-    in_parts(measure, len(points.tiles), work=points.tiles.size)
-    return distances
-
-
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
     parts = _fixed_parts(points.tiles)
