@@ -5,6 +5,7 @@ J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimu
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,13 +124,25 @@ def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
 
 def _pyramid(image: NDArray[Any]) -> list[NDArray[np.float32]]:
     """Return the image at each scale, as planes (3, H, W) of linear light."""
-    linear: NDArray[Any] = _linear(np.asarray(image))
-    scales = [linear]
-    while len(scales) < _N_SCALES and min(linear.shape[1:]) >= 2 * _LEAST_SIDE - 1:
-        linear = np.pad(linear, ((0, 0), (0, linear.shape[1] % 2), (0, linear.shape[2] % 2)), mode="edge")
-        linear = 0.25 * ((linear[:, ::2, ::2] + linear[:, ::2, 1::2]) + (linear[:, 1::2, ::2] + linear[:, 1::2, 1::2]))
-        scales.append(linear)
+    scales = [_linear(np.asarray(image))]
+    while len(scales) < _N_SCALES and min(scales[-1].shape[1:]) >= 2 * _LEAST_SIDE - 1:
+        scales.append(_halved(scales[-1]))
     return scales
+
+
+def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width = linear.shape[1:]
+    halved = np.empty((3, -(-height // 2), -(-width // 2)), np.float32)
+
+    def kernel(start: int, stop: int) -> None:
+        rows = linear[:, 2 * start : 2 * stop]
+        rows = np.pad(rows, ((0, 0), (0, rows.shape[1] % 2), (0, width % 2)), mode="edge")
+        halved[:, start:stop] = 0.25 * (
+            (rows[:, ::2, ::2] + rows[:, ::2, 1::2]) + (rows[:, 1::2, ::2] + rows[:, 1::2, 1::2])
+        )
+
+    in_parts(kernel, halved.shape[1], 4 * linear.size)
+    return halved
 
 
 def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
@@ -137,39 +150,42 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
     if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
         raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")
     bands = image[:, :, None] if image.ndim == 2 else image
-    white = peak(image.dtype)
-    if has_alpha(bands.shape[2]):
-        share = bands[:, :, -1:] / white
-        bands = share * (bands[:, :, :-1] / white) + (1 - share) * 0.5
-    if bands.dtype == np.uint8:
-        light = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)[bands]
-    else:
-        light = to_space(bands.reshape(-1, 1), "linear").astype(np.float32).reshape(bands.shape)
-    return np.ascontiguousarray(np.broadcast_to(light, (*bands.shape[:2], 3)).transpose(2, 0, 1))
+    white, light = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32)
+    levels = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)
+
+    def kernel(start: int, stop: int) -> None:
+        rows = bands[start:stop]
+        if has_alpha(rows.shape[2]):
+            share = rows[:, :, -1:] / white
+            rows = share * (rows[:, :, :-1] / white) + (1 - share) * 0.5
+        linear = levels[rows] if rows.dtype == np.uint8 else to_space(rows.reshape(-1, 1), "linear").reshape(rows.shape)
+        light[:, start:stop] = linear.transpose(2, 0, 1)
+
+    in_parts(kernel, len(bands), 8 * light.size)
+    return light
 
 
 def _scale(linear: NDArray[np.float32]) -> _Scale:
     planes, n_pixels = np.empty_like(linear), linear[0].size
     in_parts(lambda start, stop: _looks.xyb(linear, planes, start, stop), n_pixels, 40 * n_pixels)
-    blurred = _each([*planes, *(plane * plane for plane in planes)])
-    return _Scale(planes, blurred[:3], blurred[3:])
+    return _Scale(planes, _blurred(planes), _blurred(planes, planes))
 
 
-def _each(planes: list[_Plane]) -> list[_Plane]:
-    """Blur planes, in threads."""
-    blurred = list(planes)
+def _blurred(*factors: NDArray[np.float32]) -> list[_Plane]:
+    """Blur planes, or the products of planes."""
+    blurred = [*factors[0]]
 
     def kernel(start: int, stop: int) -> None:
         for number in range(start, stop):
-            blurred[number] = _looks.blur(planes[number], _BLUR)
+            blurred[number] = _looks.blur(reduce(np.multiply, (planes[number] for planes in factors)), _BLUR)
 
-    in_parts(kernel, len(planes), 20 * len(planes) * planes[0].size)
+    in_parts(kernel, 3, 20 * factors[0].size)
     return blurred
 
 
 def _errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
     """Return the mean and the fourth root of the mean of fourth powers of each error, (3, 2, 3) by channel."""
-    products = _each([a * b for a, b in zip(original.planes, other.planes, strict=True)])
+    products = _blurred(original.planes, other.planes)
     sums = np.empty((3, 6))
 
     def kernel(start: int, stop: int) -> None:
