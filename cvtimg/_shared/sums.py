@@ -1,4 +1,4 @@
-"""Sums of what has one label."""
+"""Sums of what has one label, and what each label has."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg._shared.threads import in_parts
 
 
 def sum_by_label(
@@ -25,6 +27,17 @@ def sum_by_label(
         weighted = values if weights is None else weights * values
         return np.bincount(labels, weighted, n_labels).astype(np.float64, copy=False)
     return np.stack([sum_by_label(labels, column, n_labels, weights) for column in values.T], axis=1)
+
+
+def take_rows(rows: NDArray[Any], labels: NDArray[np.integer]) -> NDArray[Any]:
+    """Return the row (M, ...) that each label has, of labels of any shape; threads share the work."""
+    found, flat = np.empty((labels.size, *rows.shape[1:]), rows.dtype), labels.reshape(-1)
+
+    def take(start: int, stop: int) -> None:
+        np.take(rows, flat[start:stop], axis=0, out=found[start:stop], mode="clip")
+
+    in_parts(take, flat.size, work=found.size)
+    return found.reshape(*labels.shape, *rows.shape[1:])
 
 
 def per_mass(sums: NDArray[np.float64], masses: NDArray[Any]) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
+from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_parts, n_threads
 from cvtimg.colors import _counting
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
@@ -197,14 +198,8 @@ class ColorSamples(WeightedSamples):
         return replace(self, density=density.astype(np.float64))
 
     def at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return, for each pixel, which of the (M,) values its color has: (H, W)."""
-        found, flat = np.empty(self.inverse.shape, values.dtype), self.inverse.reshape(-1)
-
-        def take(start: int, stop: int) -> None:
-            np.take(values, flat[start:stop], out=found.reshape(-1)[start:stop], mode="clip")
-
-        in_parts(take, flat.size, work=flat.size)
-        return found
+        """Return, for each pixel, which of the (M, ...) values its color has: (H, W, ...)."""
+        return take_rows(values, self.inverse)
 
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
         """Return some of the colors, without `inverse`."""

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.looks import _looks
 
 #: Rows that are mapped without those above them, so that several threads share the work.
@@ -76,9 +76,8 @@ def visibility(brightness: NDArray[Any], half: float = 3.0, radius: float = 3.0)
     from scipy.ndimage import gaussian_filter
 
     levels = np.asarray(brightness, np.float32)
-    mean = gaussian_filter(levels, radius)
-    variance = gaussian_filter(levels * levels, radius) - mean * mean
-    return 1 / (1 + np.sqrt(np.maximum(variance, 0)) / np.float32(half))
+    mean, squares = side_by_side(lambda values: gaussian_filter(values, radius), [levels, levels * levels])
+    return 1 / (1 + np.sqrt(np.maximum(squares - mean * mean, 0)) / np.float32(half))
 
 
 def map_by_rate(

@@ -42,13 +42,13 @@ def map_for_eyes(
     if len(palette) > MAX_ENTRIES:
         raise ValueError(f"palette must have at most {MAX_ENTRIES} colors with dither='compact', not {len(palette)}")
     if len(palette) == 1 or (palette[nearest] == samples.colors).all():
-        return nearest[samples.inverse]
+        return samples.at_pixels(nearest)
     places, entries = (_seen_places(colors, samples.alpha).astype(np.float32) for colors in (samples.colors, palette))
     kinds, kinds_of_entries = kinds_of(samples.colors, samples.alpha), kinds_of(palette, samples.alpha)
     seen = visibility(_brightness(samples))
     if samples.inside is not None:
         seen[~samples.inside] = 0
-    wanted, kept = places[samples.inverse], None
+    wanted, kept = samples.at_pixels(places), None
     if below is not None:
         shown = entries[below.indices]
         wanted[below.still] = shown[below.still]
@@ -56,8 +56,10 @@ def map_for_eyes(
     indices = map_by_rate(wanted, entries, seen, rate, strength, kept)
     if below is not None:
         indices = np.where(below.still | (indices == len(palette)), below.indices, indices)
-    allowed = allowed_for(kinds_of_entries)[kinds[samples.inverse], indices]
-    return np.where(allowed, indices, nearest[samples.inverse])
+    if not samples.alpha:
+        return indices.astype(np.int32)
+    allowed = allowed_for(kinds_of_entries)[samples.at_pixels(kinds), indices]
+    return np.where(allowed, indices, samples.at_pixels(nearest))
 
 
 def _seen_places(colors: NDArray[Any], alpha: bool) -> NDArray[np.float64]:
@@ -75,4 +77,4 @@ def _brightness(samples: ColorSamples) -> NDArray[np.float64]:
     levels = seen @ [0.299, 0.587, 0.114] if seen.shape[1] == 3 else seen.mean(axis=1)
     if samples.alpha:
         levels = levels * (colors[:, -1] / 255)
-    return levels[samples.inverse]
+    return samples.at_pixels(levels)

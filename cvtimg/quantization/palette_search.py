@@ -375,8 +375,9 @@ def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merge
     while len(starts) < len(places):
         one, other = divmod(int(costs.argmin()), len(places))
         energies.append(energies[-1] + costs[one, other])
-        places[one] = np.average(places[[one, other]], axis=0, weights=masses[[one, other]])
-        masses[one] += masses[other]
+        mass = masses[one] + masses[other]
+        places[one] = (masses[one] * places[one] + masses[other] * places[other]) / mass
+        masses[one] = mass
         left[other] = False
         costs[other] = costs[:, other] = np.inf
         costs[one] = costs[:, one] = rises(np.array([one]))

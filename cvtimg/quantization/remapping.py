@@ -14,6 +14,7 @@ from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.sums import take_rows
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -129,7 +130,7 @@ class Quantized(ReadOnly, Fidelity):
     @property
     def image(self) -> NDArray[Any]:
         """The image in its new colors, (H, W) or (H, W, C), of the type of the original."""
-        pixels: NDArray[Any] = self.palette[self.indices]
+        pixels = take_rows(self.palette, self.indices)
         if self.inside is not None and self.outside is not None:
             pixels[~self.inside] = self.outside
         return with_mark(pixels.reshape(self.shape), self.alpha)
