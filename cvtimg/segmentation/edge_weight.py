@@ -17,6 +17,7 @@ J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-18
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import log
@@ -148,6 +149,32 @@ class SegmentMoments:
         self.means += step
         self.energies[:] = np.maximum(self.energies + changes[:, -1] - (step * sums).sum(axis=1), 0)
 
+    def measure(self, image: Layers, stripes: Sequence[tuple[int, int]], margin: int) -> None:
+        """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
+
+        def moments(stripe: tuple[int, int]) -> NDArray[np.float64]:
+            own, found = image.rows(*stripe, margin), np.zeros_like(self.rows)
+            _segments.measure_cells(own.values, own.weights, own.labels, margin, self.rows, found)
+            return found
+
+        total = np.zeros_like(self.rows)
+        for found in side_by_side(moments, stripes):
+            total += found
+        self.masses[:], self.energies[:] = 0, 0
+        self.add(total)
+
+
+def moments_of(values: NDArray[np.float32], labels: NDArray[np.int32]) -> SegmentMoments:
+    """Measure the segments of (H, W, D) values with a mean near 0."""
+    found = SegmentMoments(int(labels.max(initial=0)), values.shape[2])
+    for _ in range(2):  # about the origin, to find the means; and about these
+        found.measure(Layers(values, None, *(labels,) * 3), _stripes(len(labels)), 0)
+    return found
+
+
+def _stripes(height: int, least: int = 0) -> list[tuple[int, int]]:
+    return [*pairwise([*range(0, height, max(_STRIPE, least)), height])]
+
 
 class State:
     """The cells of an image of the shape (H, W, D), of which some rows are read at a time.
@@ -165,7 +192,7 @@ class State:
         self._steps, self._margin, self._reach = steps, radius, -(-int(steps.max()) // stride)
         self.cells = SegmentMoments(n_segments, n_dims)
         self._image, self._moves = image, moves
-        self._stripes = [*pairwise([*range(0, height, max(_STRIPE, 2 * self._reach)), height])]
+        self._stripes = _stripes(height, 2 * self._reach)
         self._n_pairs = self._n_boundary = 0
         self._in_turn = True
         self.measure()  # about the origin, to find the means
@@ -238,16 +265,19 @@ class State:
 
     def _greatest_step(self) -> float:
         """Return the greatest squared distance between the means of segments that meet, times the share of either."""
-        means, shares, greatest, margin = self.cells.means, self._shares(), 0.0, self._margin
-        for first, last in self._stripes:
-            labels = self._image.labels[first + margin : last + margin + 1]
+        means, shares, margin = self.cells.means, self._shares(), self._margin
+
+        def greatest_in(stripe: tuple[int, int]) -> float:
+            labels, greatest = self._image.labels[stripe[0] + margin : stripe[1] + margin + 1], 0.0
             for here, there in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
                 meet = (here != there) & (here > 0) & (there > 0)
                 pairs = np.unique(here[meet].astype(np.int64) * len(means) + there[meet])
                 one, other = pairs // len(means), pairs % len(means)
                 steps = np.square(means[one] - means[other]).sum(axis=1) * np.maximum(shares[one], shares[other])
                 greatest = max(greatest, float(steps.max(initial=0)))
-        return greatest
+            return greatest
+
+        return max(side_by_side(greatest_in, self._stripes))
 
     def _sweep(self, edge_weight: float, backward: bool) -> int:
         """Return how many pixels were transferred."""
@@ -272,19 +302,8 @@ class State:
         return moved
 
     def measure(self) -> None:
-        """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
-        rows, margin = self.cells.rows, self._margin
-
-        def moments(part: tuple[int, int]) -> NDArray[np.float64]:
-            own, found = self._image.rows(*part, margin), np.zeros_like(rows)
-            _segments.measure_cells(own.values, own.weights, own.labels, margin, rows, found)
-            return found
-
-        total = np.zeros_like(rows)
-        for found in side_by_side(moments, self._stripes):
-            total += found
-        self.cells.masses[:], self.cells.energies[:] = 0, 0
-        self.cells.add(total)
+        """Measure the cells anew."""
+        self.cells.measure(self._image, self._stripes, self._margin)
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
-from cvtimg.segmentation.edge_weight import descend, weight_of_detail
+from cvtimg.segmentation.edge_weight import descend, moments_of, weight_of_detail
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels
@@ -81,11 +80,8 @@ def superpixels(
 
 def _compactness(field: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
     """Follow the variance within cells, and the noise where that needs more."""
-    inside = cells > 0
-    own, rows = cells[inside] - 1, field[inside]
-    sums, squares = sum_by_label(own, rows), np.einsum("nd,nd->", rows, rows, dtype=np.float64)
-    between = np.einsum("kd,kd->", sums, per_mass(sums, np.bincount(own).astype(np.float64)))
-    within = max(float(squares - between), 0.0) / len(rows)
+    found, inside = moments_of(field, cells), cells > 0
+    within = float(found.energies.sum() / np.count_nonzero(inside))
     return max(2 * within * weight_of_detail(1, _RADIUS), auto_weight(noise_covariance(field, inside), _RADIUS))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_image
+from cvtimg._shared.threads import side_by_side
 
 #: Side of a block, and in how many of them noise is measured at most.
 _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
@@ -77,9 +78,9 @@ def noise_of_rows(
     # It is 0 if nothing can be measured. Of a large image, some rows of blocks are enough.
     height, width = (min(_BLOCK, max(side - 2, 1)) for side in shape)
     n_rows, n_columns = max((shape[0] - 2) // height, 1), max((shape[1] - 2) // width, 1)
-    rows = range(0, n_rows, -(-n_rows * n_columns // _ENOUGH_BLOCKS))
-    found = [_block_covariances(*read(height * row, height * row + height + 2)) for row in rows]
-    covariances = np.concatenate(found)
+    firsts = range(0, height * n_rows, height * -(-n_rows * n_columns // _ENOUGH_BLOCKS))
+    found = side_by_side(lambda first: _block_covariances(*read(first, first + height + 2)), firsts)
+    covariances = np.concatenate([*found])
     n_dims = covariances.shape[1]
     if not len(covariances):
         return np.zeros((n_dims, n_dims))

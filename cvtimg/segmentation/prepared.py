@@ -101,10 +101,8 @@ class Prepared:
             return self.data
         if self.how.averages("after"):
             return None
-        inside = self.values.inside
-        variance = float(self.field[inside].var(axis=0, dtype=np.float64).sum())
-        blur = blur_at_start(variance, self.noise, n_segments)
-        return averaged(self.field, Averaging("before", "gaussian", blur), inside) if blur else None
+        blur = blur_at_start(self.values.variance, self.noise, n_segments)
+        return averaged(self.field, Averaging("before", "gaussian", blur), self.values.inside) if blur else None
 
     def settle(
         self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.sums import take_rows
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -18,7 +18,7 @@ from cvtimg.labels.figures import painted
 from cvtimg.labels.files import write_labels
 from cvtimg.pictures.files import encode_image
 from cvtimg.pictures.showing import shown
-from cvtimg.segmentation.edge_weight import EdgeWeighted
+from cvtimg.segmentation.edge_weight import EdgeWeighted, moments_of
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
 
@@ -175,13 +175,15 @@ class Segmentation(Segments):
 
 def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Segmentation:
     """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
-    own, rows = labels[labels > 0] - 1, image.reshape(*labels.shape, -1)[labels > 0]
-    center = rows.sum(axis=0, dtype=np.float64) / max(len(rows), 1)
-    masses, means, energy = _moments(own, rows - center)
+    rows = labels.reshape(-1, labels.shape[-1])  # planes below each other
+    values, inside = image.reshape(*rows.shape, -1), (rows > 0)[..., None]
+    center = values.sum(axis=(0, 1), dtype=np.float64, where=inside) / max(np.count_nonzero(inside), 1)
+    found = moments_of(np.where(inside, values - center, 0).astype(np.float32), rows)
+    energy = float(found.energies.sum())
     return Segmentation(
         labels=labels,
-        generators=means + center,
-        masses=masses,
+        generators=found.means[1:] + center,
+        masses=found.masses[1:, 0].copy(),
         energy=energy,
         energies=(energy,),
         edge_weight=0.0,
@@ -199,23 +201,16 @@ def from_labels(
     curve: EnergyCurve | None = None,
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
-    masses, means, energy = _moments(labels[labels > 0] - 1, field[labels > 0])
-    new_label, ends = sorted_ends(values, means, masses, energy, iteration.energies)
+    found = moments_of(field, labels)
+    means, masses = found.means[1:], found.masses[1:, 0]
+    new_label, ends = sorted_ends(values, means, masses, float(found.energies.sum()), iteration.energies)
     return Segmentation(
-        labels=np.append(np.int32(0), new_label)[labels],
+        labels=take_rows(np.append(np.int32(0), new_label), labels),
         edge_weight=edge_weight,
         converged=iteration.converged,
         curve=curve,
         **ends,
     )
-
-
-def _moments(own: NDArray[np.int32], rows: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """(K,) sizes, (K, D) means and energy of cells, whose numbers `own` has for each of (N, D) rows about 0."""
-    masses, sums = np.bincount(own).astype(np.float64), sum_by_label(own, rows)
-    means = per_mass(sums, masses)
-    squares = np.einsum("nd,nd->", rows, rows, dtype=np.float64)
-    return masses, means, max(float(squares - np.einsum("kd,kd->", means, sums)), 0.0)
 
 
 def sorted_ends(

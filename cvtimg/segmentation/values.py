@@ -46,7 +46,7 @@ class PictureValues:
     def field(self) -> NDArray[np.float32]:
         """(H, W, D) values about their `center`; 0 outside the mask."""
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
-        return at_pixels(places[self.samples.inverse[0]], self.inside)
+        return at_pixels(self.samples.at_pixels(places)[0], self.inside)
 
     def of_colors(self, colors: NDArray[Any], center: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, D) values of (N, C) colors of an image without an offset, about their center."""
@@ -65,6 +65,12 @@ class PictureValues:
         # Not by BLAS, whose bits depend on the processor.
         sums: NDArray[np.float64] = np.einsum("n,nd->d", self.samples.density, self.samples.colors)
         return sums / self.samples.density.sum() * self.scale
+
+    @property
+    def variance(self) -> float:
+        """Sum of the variances of the values in each dimension."""
+        squares = np.square(self.samples.colors * self.scale - self.center)
+        return float(np.einsum("n,nd->", self.samples.density, squares) / self.samples.density.sum())
 
     def in_even_light(self, field: NDArray[np.float32], n_segments: int) -> NDArray[np.float32]:
         """(H, W, D) values about their mean, where the light on so many segments is even; 0 outside the mask."""
