@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -103,12 +105,21 @@ def _responses(lightness: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, F) derivatives of the first and second order at each scale, their contrast compressed."""
     from scipy.ndimage import gaussian_filter
 
-    responses = np.empty((*lightness.shape, 5 * len(SETTINGS.texton_scales)), np.float32)
-    for number, scale in enumerate(SETTINGS.texton_scales):
-        for place, order in enumerate(((0, 1), (1, 0), (0, 2), (1, 1), (2, 0))):
-            gain = scale ** sum(order) * (2**0.5 if order == (1, 1) else 1)
-            responses[..., 5 * number + place] = gaussian_filter(lightness, scale, order) * np.float32(gain)
-    size = np.sqrt(np.einsum("hwf,hwf->hw", responses, responses))
-    gain = np.log1p(size / np.float32(SETTINGS.texton_contrast)) / np.maximum(size, np.float32(1e-9))
-    responses *= gain[..., None]
+    filters = list(product(SETTINGS.texton_scales, ((0, 1), (1, 0), (0, 2), (1, 1), (2, 0))))
+    responses = np.empty((*lightness.shape, len(filters)), np.float32)
+
+    def respond(number: int) -> None:
+        scale, order = filters[number]
+        gain = scale ** sum(order) * (2**0.5 if order == (1, 1) else 1)
+        responses[..., number] = gaussian_filter(lightness, scale, order) * np.float32(gain)
+
+    def compress(first: int, last: int) -> None:
+        rows = responses[first:last]
+        size = np.sqrt(np.einsum("hwf,hwf->hw", rows, rows))
+        gain = np.log1p(size / np.float32(SETTINGS.texton_contrast)) / np.maximum(size, np.float32(1e-9))
+        rows *= gain[..., None]
+
+    for _ in side_by_side(respond, range(len(filters))):
+        pass
+    in_parts(compress, len(responses), work=4.0 * responses.size)
     return responses

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
-from cvtimg._shared.sums import sum_by_label
 from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.edge_weight import descend
+from cvtimg.segmentation.edge_weight import descend, moments_of
 from cvtimg.segmentation.grid_cells import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
@@ -60,18 +59,17 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
     """Divide an image into about so many superpixels, and measure them."""
     with part(0, _DIVIDED):
         labels = _superpixels(channels, n_leaves)
-    own = labels[values.inside] - 1
-    rows = values.field()[values.inside]
-    squares = np.einsum("nd,nd->n", rows, rows, dtype=np.float64)
-    sizes = np.bincount(own).astype(np.float64)
+    found = moments_of(values.field(), labels)
+    sizes, means = found.masses[1:, 0].copy(), found.means[1:]
+    squares = found.energies[1:] + sizes * np.einsum("nd,nd->n", means, means)
     borders = find_borders(labels)
     strengths = border_strengths(borders, channels)
     steps = global_strengths(borders.pairs, strengths, borders.lengths, sizes)
     return Leaves(
         labels=labels,
         sizes=sizes,
-        moments=sum_by_label(own, np.column_stack([rows, squares])),
-        histograms=_histograms(own, len(sizes), channels),
+        moments=np.column_stack([sizes[:, None] * means, squares]),
+        histograms=_histograms(labels[values.inside] - 1, len(sizes), channels),
         borders=borders,
         # Eigenvectors have slopes even where there is nothing to see: they can only confirm other evidence.
         strengths=strengths + np.minimum(SETTINGS.global_weight * steps, strengths),

@@ -46,20 +46,27 @@ def _angles(borders: Borders) -> NDArray[np.int32]:
     """(P,) number of the direction in which the border runs at each crack; a crack alone runs along itself."""
     from scipy.spatial import cKDTree
 
-    middles = 2 * borders.places + np.stack([borders.is_flat, ~borders.is_flat], axis=1)
     reach, own = 2 * SETTINGS.straight, np.repeat(np.arange(len(borders.pairs)), borders.lengths)
-    # Borders lie in planes of their own, so that those of others are out of reach.
-    near = cKDTree(np.column_stack([middles, 2 * reach * own])).query_pairs(reach, output_type="ndarray")
-    at, other = np.concatenate([near, near[:, ::-1]]).T
-    down, right = (middles[other] - middles[at]).T
-    n, d, r, dd, dr, rr = sum_by_label(
-        at, np.stack([down**0, down, right, down * down, down * right, right * right], axis=1), len(middles)
-    ).T
-    # Variances by sums of whole numbers, which are exact, so that no axis hangs on rounding; the crack itself counts.
-    along, both, across = (n + 1) * rr - r * r, (n + 1) * dr - d * r, (n + 1) * dd - d * d
-    axes = np.rint(np.arctan2(2 * both, along - across) / (2 * np.pi) * SETTINGS.n_angles) % SETTINGS.n_angles
-    alone = np.where(borders.is_flat, 0, SETTINGS.n_angles // 2)
-    return np.where(n > 0, axes, alone).astype(np.int32)
+    angles = np.where(borders.is_flat, 0, SETTINGS.n_angles // 2).astype(np.int32)
+
+    def measure(first: int, last: int) -> None:
+        cracks = slice(*borders.starts[[first, last]])
+        is_flat = borders.is_flat[cracks]
+        middles = 2 * borders.places[cracks] + np.stack([is_flat, ~is_flat], axis=1)
+        # Borders lie in planes of their own, so that those of others are out of reach.
+        near = cKDTree(np.column_stack([middles, 2 * reach * own[cracks]])).query_pairs(reach, output_type="ndarray")
+        at, other = np.concatenate([near, near[:, ::-1]]).T
+        down, right = (middles[other] - middles[at]).T
+        n, d, r, dd, dr, rr = sum_by_label(
+            at, np.stack([down**0, down, right, down * down, down * right, right * right], axis=1), len(middles)
+        ).T
+        # Variances by sums of whole numbers, which are exact, so that no axis hangs on rounding; the crack counts too.
+        along, both, across = (n + 1) * rr - r * r, (n + 1) * dr - d * r, (n + 1) * dd - d * d
+        axes = np.rint(np.arctan2(2 * both, along - across) / (2 * np.pi) * SETTINGS.n_angles) % SETTINGS.n_angles
+        angles[cracks] = np.where(n > 0, axes, angles[cracks])
+
+    in_parts(measure, len(borders.pairs), work=3000.0 * len(angles))
+    return angles
 
 
 def _half_disc_distances(
