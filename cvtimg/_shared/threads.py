@@ -121,6 +121,13 @@ def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> N
         other.result()
 
 
+def of_each(kernel: Callable[[int], T], n_items: int, work: float) -> list[T]:
+    """Return what ``kernel(n)`` makes of each of `n_items`, in threads where `work`, in steps, is worth them."""
+    found: dict[int, T] = {}
+    in_parts(lambda start, stop: found.update((n, kernel(n)) for n in range(start, stop)), n_items, work)
+    return [found[n] for n in range(n_items)]
+
+
 def _begun(futures: Sequence[Future[T]]) -> list[Future[T]]:
     """Wait for those that have begun; the others never will."""
     from concurrent.futures import wait

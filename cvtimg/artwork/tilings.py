@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import of_each
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
@@ -82,11 +82,7 @@ def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sum
     sums = np.zeros((_PARTS, *sums_shape))
     bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
 
-    def add_parts(start: int, stop: int) -> None:
-        for number in range(start, stop):
-            add(bounds[number], bounds[number + 1], sums[number])
-
-    in_parts(add_parts, _PARTS, 4.0 * height * width)
+    of_each(lambda n: add(bounds[n], bounds[n + 1], sums[n]), _PARTS, 4.0 * height * width)
     return sums.sum(axis=0)
 
 

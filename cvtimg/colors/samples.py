@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.threads import in_parts, n_threads
+from cvtimg._shared.threads import in_parts, n_threads, of_each
 from cvtimg.colors import _counting
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
@@ -60,48 +60,34 @@ class CountTable:
         in_pages = np.zeros((len(bands), len(self._pages)), np.int32)
         keys = np.empty(len(pixels), np.uint16)
 
-        def measure(start: int, stop: int) -> None:
-            for n in range(start, stop):
-                _counting.count_pages(bands[n], self._key_bits, in_pages[n])
+        def count(n: int) -> None:
+            own = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
+            _counting.count_sorted(keys[ends[n] : ends[n + 1]], own, self._counts)
 
-        def sort(start: int, stop: int) -> None:
-            for n in range(start, stop):
-                _counting.sort_keys(bands[n], self._key_bits, starts[n], keys)
-
-        def count(start: int, stop: int) -> None:
-            for n in range(start, stop):
-                own = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
-                _counting.count_sorted(keys[ends[n] : ends[n + 1]], own, self._counts)
-
-        in_parts(measure, len(bands), work=4 * len(pixels))
+        work = 4 * len(pixels)
+        of_each(lambda n: _counting.count_pages(bands[n], self._key_bits, in_pages[n]), len(bands), work)
         new = np.flatnonzero((self._pages == 0) & in_pages.any(axis=0))
         self._pages[new] = np.arange(self._n_used + 1, self._n_used + len(new) + 1)
         self._n_used += len(new)
         sizes = in_pages.reshape(len(bands), -1, _OF_16_BITS).sum(axis=2, dtype=np.int64)
         starts = np.cumsum(sizes.T).reshape(sizes.T.shape).T - sizes
         starts, ends = np.ascontiguousarray(starts), np.append(starts[0], len(pixels))
-        in_parts(sort, len(bands), work=4 * len(pixels))
-        in_parts(count, sizes.shape[1], work=4 * len(pixels))
+        of_each(lambda n: _counting.sort_keys(bands[n], self._key_bits, starts[n], keys), len(bands), work)
+        of_each(count, sizes.shape[1], work)
 
     def close(self) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the (M, B) distinct pixels and their (M,) counts; from then on the table only looks up pixels."""
         firsts = range(0, len(self._pages), _OF_16_BITS)
         groups = [self._pages[first : first + firsts.step] for first in firsts]
-        found = np.zeros(len(groups) + 1, np.int64)
-
-        def measure(start: int, stop: int) -> None:
-            for n, own in enumerate(groups[start:stop], start + 1):
-                found[n] = np.count_nonzero(self._counts[own[own > 0]])
-
-        def number(start: int, stop: int) -> None:
-            for n in range(start, stop):
-                _counting.number_keys(groups[n], self._counts, firsts[n], before[n], keys, density)
-
         work = self._n_used * _counting.PAGE_SIZE
-        in_parts(measure, len(groups), work)
-        before = np.cumsum(found)
+        found = of_each(lambda n: np.count_nonzero(self._counts[groups[n][groups[n] > 0]]), len(groups), work)
+        before = np.cumsum([0, *found])
         keys, density = np.empty(before[-1], np.uint32), np.empty(before[-1])
-        in_parts(number, len(groups), work)
+
+        def number(n: int) -> None:
+            _counting.number_keys(groups[n], self._counts, firsts[n], before[n], keys, density)
+
+        of_each(number, len(groups), work)
         return _pixels_of(keys, len(self._key_bits)), density
 
     def look_up(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import in_parts, n_threads
+from cvtimg._shared.threads import in_parts, n_threads, of_each
 from cvtimg.engine.points import GROUPED_FROM, Frame, Points, limits, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
@@ -93,24 +93,19 @@ def _sorted(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
         return np.sort(keys)
     parts = np.array_split(keys, n_parts)
 
-    def sort(first: int, last: int) -> None:
-        for part in parts[first:last]:
-            part.sort()
-
-    in_parts(sort, n_parts, work=16.0 * len(keys))
+    of_each(lambda n: parts[n].sort(), n_parts, work=16.0 * len(keys))
     some = np.sort(np.concatenate([part[:: _ROWS // _PARTS] for part in parts]))
     between = some[[len(some) * part // n_parts for part in range(1, n_parts)]]
     cuts = np.array([[0, *np.searchsorted(part, between), len(part)] for part in parts])
     ends = cuts.sum(axis=0)
 
-    def join(first: int, last: int) -> None:
-        for n in range(first, last):
-            own = keys_in_order[ends[n] : ends[n + 1]]
-            np.concatenate([part[cut[n] : cut[n + 1]] for part, cut in zip(parts, cuts, strict=True)], out=own)
-            own.sort()
+    def join(n: int) -> None:
+        own = keys_in_order[ends[n] : ends[n + 1]]
+        np.concatenate([part[cut[n] : cut[n + 1]] for part, cut in zip(parts, cuts, strict=True)], out=own)
+        own.sort()
 
     keys_in_order = np.empty_like(keys)
-    in_parts(join, n_parts, work=16.0 * len(keys))
+    of_each(join, n_parts, work=16.0 * len(keys))
     return keys_in_order
 
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts, side_by_side
+from cvtimg._shared.threads import of_each, side_by_side
 from cvtimg.looks import _looks
 
 #: Rows that are mapped without those above them, so that several threads share the work.
@@ -122,19 +122,17 @@ def map_by_rate(
         )  # fmt: skip
         return indices
     shift = next(shift for shift in (3, 2, 1, 0) if len(entries) <= 1 << (8 >> shift))
-    starts = range(0, height, _BAND)
     lengths, distances = ((rate.price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
     literal = rate.price * np.log2(len(entries))
 
-    def kernel(first: int, last: int) -> None:
-        for number in range(first, last):
-            rows = slice(starts[number], starts[number] + _BAND)
-            _looks.map_band(
-                targets[rows], weights[rows], palette, lengths, distances, shift, rate.n_matches,
-                rate.price, literal, strength, longest, indices[rows],
-            )  # fmt: skip
+    def kernel(band: int) -> None:
+        rows = slice(_BAND * band, _BAND * (band + 1))
+        _looks.map_band(
+            targets[rows], weights[rows], palette, lengths, distances, shift, rate.n_matches,
+            rate.price, literal, strength, longest, indices[rows],
+        )  # fmt: skip
 
-    in_parts(kernel, len(starts), _WORK * targets.size)
+    of_each(kernel, -(-height // _BAND), _WORK * targets.size)
     return indices
 
 

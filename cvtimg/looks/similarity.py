@@ -6,13 +6,14 @@ J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimu
 from __future__ import annotations
 
 from functools import reduce
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, of_each
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import _looks
@@ -173,29 +174,18 @@ def _scale(linear: NDArray[np.float32]) -> _Scale:
 
 def _blurred(*factors: NDArray[np.float32]) -> list[_Plane]:
     """Blur planes, or the products of planes."""
-    blurred = [*factors[0]]
 
-    def kernel(start: int, stop: int) -> None:
-        for number in range(start, stop):
-            blurred[number] = _looks.blur(reduce(np.multiply, (planes[number] for planes in factors)), _BLUR)
+    def blur(channel: int) -> _Plane:
+        return _looks.blur(reduce(np.multiply, (planes[channel] for planes in factors)), _BLUR)
 
-    in_parts(kernel, 3, 20 * factors[0].size)
-    return blurred
+    return of_each(blur, 3, 20 * factors[0].size)
 
 
 def _errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
     """Return the mean and the fourth root of the mean of fourth powers of each error, (3, 2, 3) by channel."""
     products = _blurred(original.planes, other.planes)
-    sums = np.empty((3, 6))
-
-    def kernel(start: int, stop: int) -> None:
-        for channel in range(start, stop):
-            sums[channel] = _looks.errors(
-                original.planes[channel], other.planes[channel], original.means[channel], other.means[channel],
-                original.squares[channel], other.squares[channel], products[channel],
-            )  # fmt: skip
-
-    in_parts(kernel, 3, 60 * products[0].size)
-    means = sums.reshape(3, 3, 2).transpose(0, 2, 1) / products[0].size
+    given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]
+    sums = of_each(lambda channel: _looks.errors(*(one[channel] for one in given)), 3, 20 * original.planes.size)
+    means = np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1) / original.planes[0].size
     means[:, 1] **= 0.25
     return means

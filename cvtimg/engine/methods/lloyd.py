@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, of_each
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
@@ -53,11 +53,10 @@ def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDA
     cells = Cells.after(points, sets, Stopping(tolerance=0, max_iterations=0))
     distances = np.empty(cells.labels.shape)
 
-    def measure(start: int, stop: int) -> None:
-        for n in range(start, stop):
-            _kernels.distances_to_own(points.tiles, sets[n], cells.labels[n], distances[n])
+    def measure(n: int) -> None:
+        _kernels.distances_to_own(points.tiles, sets[n], cells.labels[n], distances[n])
 
-    in_parts(measure, len(sets), work=len(sets) * points.tiles.size)
+    of_each(measure, len(sets), work=len(sets) * points.tiles.size)
     return cells.sums[:, :, -1], distances
 
 

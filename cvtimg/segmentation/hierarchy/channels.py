@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts, side_by_side
+from cvtimg._shared.threads import in_parts, of_each
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -119,7 +119,6 @@ def _responses(lightness: NDArray[np.float32]) -> NDArray[np.float32]:
         gain = np.log1p(size / np.float32(SETTINGS.texton_contrast)) / np.maximum(size, np.float32(1e-9))
         rows *= gain[..., None]
 
-    for _ in side_by_side(respond, range(len(filters))):
-        pass
+    of_each(respond, len(filters), work=40.0 * responses.size)
     in_parts(compress, len(responses), work=4.0 * responses.size)
     return responses
