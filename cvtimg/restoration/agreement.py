@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.versions import Floats, Versions
 
 _Bools = NDArray[np.bool_]
@@ -159,11 +160,14 @@ def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1
     height, width = versions.known.shape[:2]
     halo, step = max(_SIDES) // 2 + 1 + _MOVED[0] // 2, max(1, most // (width * versions.n_versions))
     known = versions.known.copy()
-    for first in range(0, height, step):
+
+    def judge(first: int) -> None:
         last = min(first + step, height)
         above, below = max(first - halo, 0), min(last + halo, height)
         part = kept(_Part.of(versions, slice(above, below)))
         known[first:last] = np.moveaxis(part[:, first - above : last - above], 0, 2)
+
+    _ = [*side_by_side(judge, range(0, height, step))]
     return versions.knowing(known)
 
 
@@ -184,13 +188,16 @@ def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> 
     from scipy.ndimage import uniform_filter
 
     scales = np.empty((len(part.values), len(_SIDES), part.values.shape[3]), np.float32)
-    for version in range(len(part.values)):
+
+    def scale(version: int) -> None:
         seen = judged & part.known[version]
         residual = np.where(seen[..., None], part.apart(version, reference), np.float32(0))
         for number, side in enumerate(_SIDES):
             means = uniform_filter(residual, (side, side, 0)) if side > 1 else residual
             usual = np.median(np.abs(means[seen]), axis=0) / (0.6745 * 0.88) if seen.any() else 0.0
             scales[version, number] = np.maximum(noise[version] / side, usual)
+
+    _ = [*side_by_side(scale, range(len(scales)))]
     return scales
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
+from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.versions import Floats, Versions, fill
 
 _Doubles = NDArray[np.float64]
@@ -73,17 +74,21 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
-    for version in each(range(1, versions.n_versions)):
-        moving = _pyramid(versions, version)
-        both = versions.known[:, :, 0] & versions.known[:, :, version]
-        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(both) < _FEWEST:
+
+    def move(version: int) -> tuple[_Doubles, str, Floats, _Bools] | None:
+        moving, seen = _pyramid(versions, version), versions.known[:, :, version]
+        if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(seen & versions.known[:, :, 0]) < _FEWEST:
+            return None
+        transform, used = _transform(fixed, moving, model)
+        moved, seen = _moved(versions.bands(version), seen, transform)
+        return transform, used, moved.astype(np.float16 if versions.dtypes[version].itemsize == 1 else np.float32), seen
+
+    others = range(1, versions.n_versions)
+    for version, end in zip(each(others), side_by_side(move, others), strict=True):
+        if end is None:
             stuck += [f"images[{version}]"] if known[:, :, version].any() else []
-            continue
-        found.transforms[version], models[version] = _transform(fixed, moving, model)
-        moved, known[:, :, version] = _moved(
-            versions.bands(version), versions.known[:, :, version], found.transforms[version]
-        )
-        values[version] = moved.astype(np.float16 if versions.dtypes[version].itemsize == 1 else np.float32)
+        else:
+            found.transforms[version], models[version], values[version], known[:, :, version] = end
     if stuck:
         why = "one of them is of one color, or they know no pixels in common"
         names = ", ".join(stuck)

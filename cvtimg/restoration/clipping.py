@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cvtimg._shared.sums import by_rows
 from cvtimg.restoration.versions import Floats
 
 
@@ -33,6 +34,7 @@ class Clipped:
         return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
 
 
+@by_rows
 def _beyond(away: Floats) -> Floats:
     """Share of Gaussian noise that is clipped so many standard deviations away from an end."""
     from scipy.special import ndtr
@@ -44,7 +46,8 @@ def clipped_ends(values: Floats, true: Floats, sigma: Floats, white: float) -> t
     """Tell whether values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
 
     def piles_up(end: float) -> bool:
-        expected = _beyond(np.abs(np.clip(true, 0, white) - end) / sigma).sum(dtype=np.float64)
-        return bool(np.count_nonzero(values == end) >= expected / 2)
+        n_there = np.count_nonzero(values == end)
+        away = np.abs(np.clip(true, 0, white) - end) / sigma if n_there else np.zeros(0, np.float32)
+        return bool(0 < n_there >= _beyond(away).sum(dtype=np.float64) / 2)
 
     return piles_up(0.0), piles_up(white)

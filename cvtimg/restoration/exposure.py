@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.versions import Versions
 
 _Doubles = NDArray[np.float64]
@@ -32,7 +33,7 @@ def exposures(placed: Versions) -> _Doubles:
         both = np.flatnonzero(first_known & known)
         if len(both) >= _BLOCKS[0]:
             both = both[:: -(-len(both) // _BLOCKS[1])]
-            lines = [_line(values[both, band], first[both, band]) for band in range(n_bands)]
+            lines = [*side_by_side(_line, [*zip(values[both].T, first[both].T, strict=True)])]
             if not any(line is None for line in lines):
                 found[version] = lines
     return found
@@ -68,10 +69,11 @@ def _blocks(versions: Versions, version: int) -> tuple[_Doubles, NDArray[np.bool
     return mean(values) / np.maximum(share, 1e-9), known
 
 
-def _line(values: _Doubles, wanted: _Doubles) -> tuple[float, float] | None:
+def _line(pairs: tuple[_Doubles, _Doubles]) -> tuple[float, float] | None:
     """Gain and offset from values to those wanted, most of which are on a line; None if they are on none."""
     from scipy.stats import theilslopes
 
+    values, wanted = pairs
     # What is left of noise and of motion, in both, biases the slope of a regression of either on the other alike.
     slopes = [theilslopes(*pair).slope for pair in ((wanted, values), (values, wanted))]
     gain = float(np.sqrt(max(slopes[0], 0) / slopes[1])) if slopes[1] > 0 else 0.0

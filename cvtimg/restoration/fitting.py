@@ -8,12 +8,14 @@ to nothing where they show the same, as much where one is some pixels off, and t
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import Floats, Versions, fill
 
@@ -35,7 +37,7 @@ _ENOUGH, _FEW = 100, 20
 def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = None) -> _Doubles:
     """(S, S) misfit of each version with each other, 0 where nothing tells; `noise`, (S,), is that of versions."""
     n = versions.n_versions
-    structure = [_structure(versions, version) for version in range(n)]
+    structure = [*side_by_side(partial(_structure, versions), range(n))]
     powers = [_means(np.square(values), known) for values, known in structure]
     noisy = noise**2 * _left_of_noise(shared)
     if shared is None:

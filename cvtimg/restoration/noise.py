@@ -16,12 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
+from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.shared import LAGS, SharedNoise
 from cvtimg.restoration.versions import Floats, Versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
@@ -206,7 +208,7 @@ def _levels_of(look: _Look) -> _Doubles:
 def _levels_in(patches: _Doubles, n_quiet: int) -> _Doubles:
     """(C,) standard deviation of the noise in each band of patches, (N, side, side, C), so many of them quiet."""
     n_bands = patches.shape[3]
-    bands = np.array([_least(patches[..., band : band + 1], n_quiet) for band in each(range(n_bands))])
+    bands = np.array([*side_by_side(lambda band: _least(patches[..., band : band + 1], n_quiet), range(n_bands))])
     if n_bands == 1 or not bands.max():
         return bands
     # Bands have texture in common, so that together they have more directions without it.
@@ -242,11 +244,11 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     """(C,) standard deviation of the noise in each band, of each version; NaN where too little is known."""
     # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise. All are
     # measured in one way, so that they compare.
-    seen = [_inside(versions, number) for number in range(versions.n_versions)]
+    seen = [*side_by_side(partial(_inside, versions), range(versions.n_versions))]
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
     found = [np.full(one.shape[2], np.nan) for one in seen]
-    for number, look in zip(numbers, _looks(versions, in_place=False), strict=True):
-        found[number] = _levels_of(look)
+    for number, levels in zip(numbers, side_by_side(_levels_of, [*_looks(versions, in_place=False)]), strict=True):
+        found[number] = levels
     if any(np.isnan(found[number]).any() for number in numbers):
         found = [_scattered(versions.bands(number), inside) for number, inside in enumerate(seen)]
     return list(_by_differences(versions, np.stack(found), seen)) if alike and versions.n_versions > 1 else found
@@ -311,7 +313,9 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
         parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
         if not len(patches) or len(parts[-1]) < 3 * patches[:1].size:
             continue
-        squares = np.array([np.square(_levels_in(patches[part], look.quiet(len(part)))) for part in each(parts)])
+        classes = [(patches[part], look.quiet(len(part))) for part in parts]
+        found = side_by_side(lambda one: _levels_in(*one), classes)
+        squares = np.square([one for _, one in zip(each(classes), found, strict=True)])
         levels += [means[part].mean(axis=0) for part in parts]
         # Versions may be more or less noisy; what matters is how noise changes with the level.
         usual.append(squares.mean(axis=0))
@@ -346,8 +350,9 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
     grain = _GRAIN * 256 * versions.rounding
-    looks = (look.evened(versions) for look in _looks(versions, in_place=in_place))
-    found = [one for look in looks if (one := _shared_in(look, grain)) is not None]
+    looks = [*_looks(versions, in_place=in_place)]
+    shared = side_by_side(lambda look: _shared_in(look.evened(versions), grain), looks)
+    found = [one for one in shared if one is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
