@@ -48,8 +48,8 @@ class _Cells:
 
     def main_axes(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the (n, D) directions of greatest variance in some cells, and the (n,) variances."""
-        moments, means = self.moments[cells], self.means[cells]
-        masses = moments[:, 0, 0, None, None]
+        moments = self.moments[cells]
+        masses, means = moments[:, 0, 0, None, None], moments[:, 1:, 0] / moments[:, :1, 0]
         # The moments hold only the lower triangle, and only that is read.
         covariances = moments[:, 1:, 1:] / masses - means[:, :, None] * means[:, None, :]
         variances, axes = np.linalg.eigh(covariances, UPLO="L")

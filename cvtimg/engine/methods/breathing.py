@@ -73,6 +73,8 @@ def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_lock
     labels, seconds, gaps = assign_two(points, generators)
     n_generators = len(generators)
     costs = np.bincount(labels, points.density * gaps, n_generators)
+    if n_fewer == 1:
+        return np.delete(generators, n_locked + costs[n_locked:].argmin(), axis=0)
     cells, neighbors = np.divmod(np.sort(labels * np.int64(n_generators) + seconds), n_generators)
     first = np.searchsorted(cells, np.arange(n_generators + 1))
     removed: list[int] = []
