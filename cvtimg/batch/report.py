@@ -179,11 +179,10 @@ def reason(path: str | Path, error: Exception) -> str:
     """Return an error message in one line, without the path, and without the type if the message is meant for users."""
     from cvtimg._shared.messages import one_line
 
-    if isinstance(error, MemoryError):
-        return "needs more memory than there is"
     text = one_line(error).removeprefix(f"{path}: ").removeprefix(f"{url_of(path)}: ")
     name = type(error).__name__
-    return text if isinstance(error, (OSError, ValueError, ImportError)) or text in ("", name) else f"{name}: {text}"
+    meant = isinstance(error, (OSError, ValueError, ImportError, MemoryError)) or text in ("", name)
+    return text if meant else f"{name}: {text}"
 
 
 def complain(text: str) -> None:

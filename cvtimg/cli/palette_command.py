@@ -29,7 +29,7 @@ def palette(given: Given) -> Todo:
 
     An image with at most 256 colors, or at most N, has its own colors listed. Others are reduced first, as by
     cvtimg quantize. With --main, the few colors that stand out are listed, such as a small red flower in a green
-    field.
+    field. A palette file, such as game.gpl, has its colors in their order.
     """
     plan = plan_each(given.inputs, {"--save-palette": given.save_palette})
     return planned(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
@@ -41,11 +41,14 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import quantize, write_palette
     from cvtimg.colors import color_samples
     from cvtimg.colors.spaces import to_depth
-    from cvtimg.palettes import color_order
+    from cvtimg.palettes import color_order, read_palette
+    from cvtimg.palettes.files import PALETTE_FORMATS
     from cvtimg.pictures.stacks import read_whole
     from cvtimg.quantization import main_palette, map_to_palette
 
-    image = read_whole(task.source)
+    # A palette file is an image of one pixel for each color.
+    is_palette = task.source.suffix.lower() in PALETTE_FORMATS.keys() - {".png"}
+    image = read_palette(task.source)[None] if is_palette else read_whole(task.source)
     stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
         raise ValueError(f"has {image.shape[2]} bands, which are not colors")
@@ -56,6 +59,8 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         result = map_to_palette(
             image, main_palette(image, given.number or MAIN_COLORS, locked=locked).colors, space="oklab"
         )
+    elif is_palette and given.number is None:
+        result = map_to_palette(image, image[0])  # in the order of the file
     else:
         wanted = given.number or (_MOST_OWN if n_distinct <= _MOST_OWN else DEFAULT_COLORS)
         result = quantize(image, wanted, space=given.space, locked=locked)

@@ -44,6 +44,8 @@ COLUMNS = ("input", "distinct_colors", "k", "energy", "psnr", "input_bytes", "ou
 _CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least squared error"
 
 _DEEP = "written with 16 bits per channel; --depth 8 gives an indexed file, a fraction of the size"
+_LARGER = "larger than the input; --skip-if-larger leaves such files out"
+_PLAIN = "over 256 colors have no index in a file, -k 256 has one"
 
 #: Options by their names in Python, where these differ.
 _FLAGS = {
@@ -138,9 +140,13 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
         raise ValueError(error.reason.format(flag)) from error
-    # PNG has palettes of 8 bits only.
-    deep = task.output.suffix.lower() == ".png" and result.results[0].palette.itemsize == 2 and result.n_colors <= 256
-    return result.summary() | ({"warning": _DEEP} if deep else {})
+    hint = ""
+    if task.output.suffix.lower() == ".png":  # which has palettes of 8 bits only
+        if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
+            hint = _DEEP
+        elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
+            hint = _LARGER if result.n_colors <= 256 else f"{_LARGER}; {_PLAIN}"
+    return result.summary() | ({"warning": hint} if hint else {})
 
 
 def _name(source: Path, *, given: Given) -> str:

@@ -216,11 +216,9 @@ class Channel:
 
 def _said(error: Exception) -> str:
     """Say why a request is not answered; nothing of one that is not wanted any longer."""
-    if isinstance(error, MemoryError):
-        return "needs more memory than there is"
     if isinstance(error, (OvertakenError, UnfitRequestError)):
         return str(error)
-    if isinstance(error, (ValueError, TypeError, OSError, ImportError)):
+    if isinstance(error, (ValueError, TypeError, OSError, ImportError, MemoryError)):
         return one_line(error)
     logging.getLogger(__name__).error("request failed", exc_info=error)
     return f"{type(error).__name__}: {one_line(error)}"

@@ -176,7 +176,5 @@ def _plain(name: str) -> str:
 
 def _reason(path: Path, error: Exception) -> str:
     """Return why a file cannot be used, without the name that it has here."""
-    if isinstance(error, MemoryError):
-        return "needs more memory than there is"
     why = one_line(error).replace(f"{path}: ", "").replace(str(path), "the file")
     return why.replace("--max-pixels raises it", "the command line has --max-pixels")

@@ -74,6 +74,7 @@ def read_labels(path: StrPath) -> NDArray[np.int32]:
     path : str or path-like
         An indexed or gray image of at most 32 bits, or a .npy array of whole numbers; or one in RGB or RGBA, of which
         equal bands are taken as one, and otherwise up to 256 colors as labels 1, 2, ..., black and what is clear as 0.
+        Black alone is label 1 if all else is clear.
 
     Returns
     -------
@@ -114,7 +115,8 @@ def one_band(image: NDArray[Any]) -> NDArray[Any]:
     bands = image[..., : n_bands - 1 + n_bands % 2]
     clear = image[..., -1] == 0 if n_bands % 2 == 0 else np.zeros(image.shape[:-1], bool)
     if (bands == bands[..., :1]).all():
-        return np.where(clear, 0, bands[..., 0])
+        values = np.where(clear, 0, bands[..., 0])
+        return values if values.any() or not clear.any() else 1 - clear.astype(np.uint8)  # drawn in black on nothing
     colors = np.where(clear[..., None], 0, bands).astype(np.int64) @ 65536 ** np.arange(bands.shape[-1])[::-1]
     values, labels = np.unique(colors, return_inverse=True)
     demand = f"have at most {_MOST_COLORS}, as black for the outside and a color for each region, not {len(values)}"

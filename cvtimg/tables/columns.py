@@ -163,7 +163,7 @@ class _Text:
             with self.path.open(encoding="utf-8-sig", newline="") as file:
                 yield file
         except UnicodeDecodeError as error:
-            raise ValueError(f"{self.path}: is not text in UTF-8") from error
+            raise ValueError(f"{self.path}: is not text in UTF-8; for images there is cvtimg segment") from error
         except csv.Error as error:
             raise ValueError(f"{self.path}: is not a table ({one_line(error)})") from error
 

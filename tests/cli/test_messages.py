@@ -120,6 +120,12 @@ quantise | No such command 'quantise'; did you mean quantize?
 """
 #: Command lines of which an input or another file cannot be used: exit status 1.
 FAILED = """
+info trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto reads it
+palette trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto
+quantize wrong.geojson -k 4 | is no image; if it has outlines, cvtimg mesh wrong.geojson
+info ball.stl | is a surface and not an image; cvtimg surface ball.stl
+info wrong.gpl | is a palette and not an image; cvtimg palette wrong.gpl
+cluster a.png -k 2 | is not text in UTF-8; for images there is cvtimg segment
 quantize none.png -k 4 | none.png: no such file
 quantize a.png -k 300 -o a.gif | a.png: .gif holds images of at most 256 colors, and this one has 300
 quantize a.png -k 4 --mask black.png | the mask black.png must have 32 x 24 pixels, as the image, and has 40 x 20
@@ -148,7 +154,7 @@ segment series.tif --objects --track -o l.tif | objects are tracked with --volum
 segment clear.png -k 2 | clear.png: has no pixel that counts: all are transparent
 restore a.png black.png -k 2 -o out.png | black.png has size (20, 40) and a.png has (24, 32)
 restore a.png b.png -k 2 -o out.png --weights 1 | weights of shape (1,) must be (2,)
-restore a.png wrong.gpl -k 2 -o out.png | wrong.gpl: cannot be read
+restore a.png wrong.gpl -k 2 -o out.png | wrong.gpl: is a palette and not an image
 restore a.png b.png --mask black.png --mask black.png -k 2 -o out.png | black.png of shape (20, 40)
 restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
 restore pages.tif -k 3 --merge T -o r.tif | without T to --merge

@@ -31,6 +31,14 @@ def test_few_colors_are_told_as_they_are_the_most_frequent_first(tmp_path: Path,
     assert len(palette_of(row_of, tmp_path / "a.png", "-k", 2)) == 2
 
 
+def test_the_colors_of_a_palette_file_are_told_and_saved_in_its_order(tmp_path: Path, row_of: RowOf) -> None:
+    (tmp_path / "a.hex").write_text("ffff00\n0000ff\nc8102e\n")
+    found = palette_of(row_of, tmp_path / "a.hex", "--save-palette", tmp_path / "a.gpl")
+    assert [code for code, _ in found] == ["#ffff00", "#0000ff", "#c8102e"]
+    assert read_palette(tmp_path / "a.gpl").tolist() == read_palette(tmp_path / "a.hex").tolist()
+    assert len(palette_of(row_of, tmp_path / "a.hex", "-k", 2)) == 2
+
+
 def test_many_colors_are_reduced_as_quantize_does(tmp_path: Path, row_of: RowOf, photograph: NDArray[np.uint8]) -> None:
     write_image(tmp_path / "a.png", photograph)
     for options, n_colors in (((), 16), (("-k", 5), 5)):

@@ -149,3 +149,12 @@ def test_deep_images_of_few_colors_are_said_to_be_smaller_with_8_bits(run: RowOf
     assert "--depth 8 gives an indexed file" in deep["warning"]
     assert "warning" not in flat
     assert flat["output_bytes"] < deep["output_bytes"]
+
+
+def test_a_file_that_grew_is_told_and_what_would_make_it_smaller(run: RowOf, picture: NDArray[Any]) -> None:
+    Image.fromarray(picture).save("small.jpg", quality=50)
+    many, few = run("small.jpg", "-k", 999), run("small.jpg", "-k", 2)
+    assert many["output_bytes"] > many["input_bytes"]
+    assert "larger than the input; --skip-if-larger" in many["warning"]
+    assert "-k 256 has" in many["warning"]
+    assert "warning" not in few

@@ -64,6 +64,8 @@ def test_labels_are_read_from_equal_bands_and_from_colors(tmp_path: Path) -> Non
         "gray": (np.stack([mask] * 3, axis=2), mask),
         "with alpha": (np.dstack([mask, mask, mask, opaque]), mask),
         "clear": (np.dstack([opaque] * 3 + [mask]), mask),
+        "black on nothing": (np.dstack([opaque * 0] * 3 + [mask]), mask // 255),
+        "black": (np.dstack([opaque * 0] * 3 + [opaque]), mask * 0),
         "colors": (colors[shown], shown),
         "colors with alpha": (np.dstack([colors[shown], opaque]), shown),
     }.values():

@@ -33,6 +33,13 @@ if TYPE_CHECKING:
 ANIMATED = ("GIF", "PNG", "WEBP")
 #: First bytes of every PNG.
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+#: What is said of files that are no images, by suffix.
+_OTHER_FILES = {
+    ".csv .tsv .parquet": "is a table and not an image; cvtimg cluster {0} -k auto reads it",
+    ".geojson .json .wkt": "is no image; if it has outlines, cvtimg mesh {0} -o mesh.vtu reads it",
+    ".stl .obj .ply .off": "is a surface and not an image; cvtimg surface {0} -n 1000 -o points.ply reads it",
+    ".gpl .hex .act .ase .pal": "is a palette and not an image; cvtimg palette {0} shows it",
+}
 #: First bytes of textures, whose files Pillow closes.
 _CLOSED_BY_PILLOW = b"FTEX"
 
@@ -99,7 +106,7 @@ def named(source: Source) -> Iterator[None]:
     # EOFError, zlib.error, DecompressionBombError, MemoryError, IndexError, ...
     except Exception as error:
         known = isinstance(error, OSError) and error.errno is not None
-        raise (type(error) if known else OSError)(f"{path}: {_why_unread(error)}") from error
+        raise (type(error) if known else OSError)(f"{path}: {_why_unread(error, path)}") from error
 
 
 @contextmanager
@@ -255,17 +262,18 @@ def _most_pixels() -> float:
     return 2 * Image.MAX_IMAGE_PIXELS if Image.MAX_IMAGE_PIXELS is not None else math.inf
 
 
-def _why_unread(error: Exception) -> str:
+def _why_unread(error: Exception, path: str) -> str:
     if isinstance(error, FileNotFoundError):
         return "no such file"
     if isinstance(error, UnidentifiedImageError):
-        return "cannot be read: unknown image format"
-    if isinstance(error, (UnfitContentError, ImportError)) or (isinstance(error, OSError) and error.errno is not None):
+        suffix = "." + path.rpartition(".")[2].lower()
+        known = (use.format(path) for suffixes, use in _OTHER_FILES.items() if suffix in suffixes.split())
+        return next(known, "cannot be read: unknown image format")
+    is_said = isinstance(error, (UnfitContentError, ImportError, MemoryError))
+    if is_said or (isinstance(error, OSError) and error.errno is not None):
         return one_line(error)
     if isinstance(error, Image.DecompressionBombError):
         return f"has over {_most_pixels():.0f} pixels, the limit for safety; --max-pixels raises it"
-    if isinstance(error, MemoryError):
-        return "needs more memory than there is"
     if "'imagecodecs' package" in str(error):  # how tifffile says it
         return f"is compressed in a way that needs {needs('imagecodecs', 'codecs')}"
     return f"is truncated or damaged ({one_line(error)})"
