@@ -62,8 +62,8 @@ SHAPES = tuple(_UNIFORM)
 _FINE, _MOST_PARTS = 3, 1 << 26
 #: Color of lines between tiles.
 _LINES = "#202020"
-#: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. So all tiles
-#: are drawn twice, below with sharp edges; a stroke in the color of the tile covers what is left.
+#: Tiles that share a border let the background shine through, as renderers smooth each edge on its own. So opaque
+#: tiles are drawn twice, below with sharp edges; a stroke in the color of the tile covers what is left.
 _SEAM = 'stroke-width="0.4"'
 _SHARP_BELOW = '<use href="#tiles" shape-rendering="crispEdges"/>\n'
 #: Channels of gray, gray with alpha and so on as those of RGB and RGBA.
@@ -180,18 +180,19 @@ class Mosaic(ReadOnly):
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 
     def _paths(self, outline: float) -> Iterator[str]:
-        colors = self._eight_bits()
-        if colors.shape[1] == 3 or (colors[:, 3] == 255).all():
-            yield _SHARP_BELOW
-        yield '<g id="tiles">\n'
-        for polygon, color in zip(self.polygons(), colors, strict=True):
+        clear = []
+        yield f'{_SHARP_BELOW}<g id="tiles">\n'
+        for polygon, color in zip(self.polygons(), self._eight_bits(), strict=True):
             if len(polygon) == 0 or (len(color) == 4 and color[3] == 0):
                 continue
             fill = hexadecimal(color)
             stroke = "" if outline else f' stroke="{fill}"'
-            opacity = f' opacity="{number(color[3] / 255, 3)}"' if len(color) == 4 and color[3] < 255 else ""
-            yield f'<path fill="{fill}"{stroke}{opacity} d="M{" ".join(numbers(polygon.ravel(), 3))}Z"/>\n'
-        yield "</g>\n"
+            look = f'fill="{fill}"{stroke} d="M{" ".join(numbers(polygon.ravel(), 3))}Z"/>\n'
+            if len(color) == 4 and color[3] < 255:
+                clear.append(f'<path opacity="{number(color[3] / 255, 3)}" {look}')
+            else:
+                yield f"<path {look}"
+        yield from ("</g>\n", *clear)
 
     def _write_geojson(self, path: StrPath, overwrite: bool) -> None:
         polygons, properties = [], {}

@@ -9,6 +9,7 @@ from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ _BYTES = 48
 #: Length of the energy curve, and pixels of the picture in a small size, which searches for drafts use.
 N_CURVE = 64
 SMALL = 1 << 18
+#: What results import for a second or so, in the background before they are wanted.
+_IMPORTED = ("scipy.ndimage", "scipy.optimize", "scipy.spatial", "skimage.color", "skimage.measure", "scipy.stats")
 #: Samples of windows that are kept.
 _KEPT = 4
 
@@ -188,6 +191,8 @@ class Picture:
             curve.set_result(found)
         except Exception as error:
             curve.set_exception(error)
+        for name in _IMPORTED:
+            import_module(name)
 
     def close(self) -> None:
         self._closed = True

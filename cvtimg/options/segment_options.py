@@ -138,7 +138,7 @@ SEGMENT = (
         metavar="PIXELS",
         default=0,
         excludes=_BY_COLOR,
-    ).on_page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px"),
+    ).on_page("Least size", "Merge smaller pieces into a neighbor.", slider=(0, 2000), unit="px²"),
     switch(
         "objects",
         "Make each object before the background a segment; split touching ones. Without -k, measure all it takes.",

@@ -162,9 +162,13 @@ def test_no_background_shines_through_when_rendered(tmp_path: Path, shape: str, 
         assert psnr(rendered("#000000"), result.draw()[1:-1, 1:-1]) > 30
 
 
-def test_translucent_tiles_are_drawn_once(tmp_path: Path) -> None:
-    clear = np.dstack([PHOTO, np.full(PHOTO.shape[:2], 128, np.uint8)])
-    mosaic(clear, 40, effort="fast").save(tmp_path / "a.svg")
-    mosaic(PHOTO, 40, effort="fast").save(tmp_path / "b.svg")
-    assert "<use" not in (tmp_path / "a.svg").read_text()
-    assert "<use" in (tmp_path / "b.svg").read_text()
+def test_opaque_tiles_are_drawn_twice_without_seams_and_translucent_ones_once(tmp_path: Path) -> None:
+    alpha = np.full(PHOTO.shape[:2], 255, np.uint8)
+    alpha[:, : alpha.shape[1] // 2] = 128
+    mosaic(np.dstack([PHOTO, alpha]), 40, effort="fast").save(tmp_path / "a.svg")
+    text = (tmp_path / "a.svg").read_text()
+    assert '<use href="#tiles"' in text
+    twice, once = text[text.index('<g id="tiles">') :].split("</g>")[:2]
+    assert twice.count("<path") > 0 < once.count("<path")
+    assert "opacity" not in twice
+    assert once.count("opacity") == once.count("<path")

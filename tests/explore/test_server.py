@@ -35,7 +35,9 @@ from starlette.websockets import WebSocketDisconnect
 from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import Server, static_files
 from cvtimg.explore.channel import OvertakenError, Work
+from cvtimg.explore.controls import parse_settings
 from cvtimg.explore.guard import SESSION, Credentials
+from cvtimg.explore.tabs.base import Request
 
 OWN = Credentials(8123, "right")
 HOST = "http://127.0.0.1:8123"
@@ -415,10 +417,31 @@ def test_a_draft_of_a_restoration_shows_its_middle(page: TestClient) -> None:
     noisy = np.random.default_rng(4).normal(120, 9, (140, 150, 3)).astype(np.uint8)
     picture = opened(page, png(noisy))["id"]
     settings = {"way": "flat", "k": 2, "effort": "fast"}
-    draft = np.frombuffer(request(page, picture, "restore", "draft", settings=settings).content, np.uint8)
-    changed = (draft.reshape(140, 150, 4)[..., :3] != noisy).any(axis=2)
-    assert changed[6:134, 11:139].mean() > 0.9
-    assert changed.sum() == changed[6:134, 11:139].sum()
+    draft = request(page, picture, "restore", "draft", settings=settings)
+    assert draft.about["window"] == [11, 6, 139, 134, 1]
+    pixels = np.frombuffer(draft.content, np.uint8).reshape(128, 128, 4)
+    assert (pixels[..., :3] != noisy[6:134, 11:139]).any(axis=2).mean() > 0.9
+
+
+def test_drafts_of_large_pictures_are_made_of_few_pixels(
+    page: TestClient, server: Server, photograph: NDArray[Any]
+) -> None:
+    picture = opened(page, png(np.tile(photograph, (4, 4, 1))))["id"]
+    asked: dict[str, tuple[dict[str, Any], int]] = {
+        "segments": ({}, 10**4),
+        "stipple": ({}, 4096),
+        "mosaic": ({"n_cells": 5000}, 1024),
+        "mesh": ({"n": 10**5}, 9000),
+    }
+    for tab, (settings, most) in asked.items():
+        draft = request(page, picture, tab, "draft", settings=settings).about
+        assert draft["window"][:4] == [0, 0, 1024, 1024]
+        assert draft["window"][4] >= 3
+        assert draft["facts"]["k"] <= most, tab
+    settings = parse_settings(TABS["segments"].controls, {"min_size": 900, "smallest_detail": 3})
+    opened_one = server.store.picture(picture)
+    scaled = TABS["segments"].scaled(Request(opened_one, settings, server.store, opened_one.whole(1 << 20), step=3))
+    assert (scaled["min_size"], scaled["smallest_detail"]) == (100, 1)
 
 
 def test_the_picture_itself_is_sent_as_it_is(page: TestClient, photograph: NDArray[Any]) -> None:

@@ -289,7 +289,7 @@ function facts(bytes) {
 	const {width, height, distinct} = subject(), f = last.facts, parts = sheet() ? [] : [`${width} × ${height}`];
 	const draft = recipes.result ? "" : "≈ ";
 	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
-	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segments`);
+	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segment${f.k === 1 ? "" : "s"}`);
 	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
 	const saved = 1 - bytes / state.picture?.bytes;

@@ -26,8 +26,10 @@ export class Pane {
 		this.drawing.hidden = reply.kind !== "svg";
 		this.drawing.classList.toggle("paper", !reply.over);
 		const over = (reply.kind === "svg" && reply.over) || (reply.kind === "indexed" && look.lines && !look.fill);
-		this.under.hidden = !(over && under);
-		if (over && under) paint(this.under, under, {});
+		const [left, top, right, bottom] = reply.window;
+		const all = reply.kind === "svg" || (left <= 0 && top <= 0 && right >= size.width && bottom >= size.height);
+		this.under.hidden = !(under && (over || (!all && this.whole.hidden))); // the picture, around a part of the result
+		if (!this.under.hidden) paint(this.under, under, {});
 		if (reply.kind === "svg") {
 			this.whole.hidden = this.patch.hidden = true;
 			const old = this.drawing.src;
@@ -36,8 +38,6 @@ export class Pane {
 			if (old) URL.revokeObjectURL(old);
 			return this.drawing.decode().catch(() => {});
 		}
-		const [left, top, right, bottom] = reply.window;
-		const all = left === 0 && top === 0 && right >= size.width && bottom >= size.height;
 		const canvas = all ? this.whole : this.patch;
 		canvas.hidden = false;
 		if (all) this.patch.hidden = true;

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.explore.calls import Call, Line, Name, Named, literal, run
-from cvtimg.explore.controls import Brushed, Control, Settings, Switch, UnfitRequestError, active, words_of
+from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 from cvtimg.explore.store import Store
+
+#: Units of pixels, by the power of their length.
+_POWERS = {"px": 1, "px²": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +35,11 @@ class Request:
     def source(self) -> Picture:
         """What the command reads: the picture, or the file of which it is a frame."""
         return (self.picture.whole_file if self.is_whole else None) or self.picture
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the pixels that are used."""
+        return -(-self.picture.size[0] // self.step), -(-self.picture.size[1] // self.step)
 
     @property
     def picture(self) -> Picture:
@@ -89,16 +97,26 @@ class Tab:
         return 1 << 20
 
     def draft(self, request: Request) -> Outcome | None:
-        """Return what can be shown at once; None if nothing can."""
-        return None
+        """Return what can be shown at once, by default the result of every so many-th pixel; None if nothing can."""
+        window = request.window if self.sheet else request.picture.whole(self.most_drafted)
+        small = replace(request, step=window.step)
+        small = replace(small, settings=self.scaled(small))
+        if window.step == 1 and small.settings == request.settings:
+            return None
+        return Outcome(*self.seen(small, self.run(small)), drawn=window)
+
+    def scaled(self, request: Request) -> Settings:
+        """Return the settings of a draft: lengths and areas shrink with the picture."""
+        settings = dict(request.settings)
+        for one in self.controls:
+            if isinstance(one, Number) and one.unit in _POWERS:
+                small = settings[one.name] / request.step ** _POWERS[one.unit]
+                settings[one.name] = max(one.low, round(small) if one.step == 1 else small)
+        return settings
 
     def exact(self, request: Request) -> Outcome:
         values = self.run(request)
         return Outcome(*self.seen(request, values), values, self.outputs(request), request.stem)
-
-    def quick(self, request: Request, drawn: Window | None = None) -> Outcome:
-        """Return a draft, of a part of the picture: what the lines of a simpler request make."""
-        return Outcome(*self.seen(request, self.run(request)), drawn=drawn)
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""

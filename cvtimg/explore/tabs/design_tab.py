@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from html import escape
 from itertools import combinations
 from typing import Any, ClassVar
@@ -15,7 +14,7 @@ from cvtimg.designs import Design, Factor
 from cvtimg.explore.calls import Call, Line
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Drawing, Layer
-from cvtimg.explore.outcomes import Outcome, Output
+from cvtimg.explore.outcomes import Output
 from cvtimg.explore.tabs.base import Request, Tab
 
 #: Axes that are drawn.
@@ -68,9 +67,8 @@ class DesignTab(Tab):
         box = _factors(settings) or settings["dimensions"]
         return [Line("result", Call("design", (settings["n"], box), self.keywords(settings)))]
 
-    def draft(self, request: Request) -> Outcome | None:
-        settings = {**request.settings, "effort": "fast"}
-        return self.quick(replace(request, settings=settings)) if settings["n"] <= self.most_drafted else None
+    def scaled(self, request: Request) -> Settings:
+        return {**request.settings, "effort": "fast", "n": min(request.settings["n"], self.most_drafted)}
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Design = values["result"]

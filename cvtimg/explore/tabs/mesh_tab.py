@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -10,7 +11,7 @@ import numpy as np
 
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Call, Line, Name, Named, literal
-from cvtimg.explore.controls import Choice, Control, Number, UnfitRequestError, controls_of, words_of
+from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
@@ -28,6 +29,7 @@ class MeshTab(Tab):
     title = "Mesh"
     about = "Divide the segments of the image, or a mask, into triangles for computations."
     verb = "mesh"
+    most_drafted = 1 << 17
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mesh",
         Choice(
@@ -44,7 +46,7 @@ class MeshTab(Tab):
             low=0,
             high=2**31 - 1,
             slider=(0, 5000),
-            unit="px",
+            unit="px²",
             when={"of": ["segments"]},
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
@@ -73,7 +75,7 @@ class MeshTab(Tab):
         if settings["of"] == "picture":
             if picture.page:
                 raise UnfitRequestError("all pages of a mask are meshed together, as a volume, by the command line")
-            labels = picture.kept("labels", lambda: read_labels(picture.path))
+            labels = request.every(picture.kept("labels", lambda: read_labels(picture.path)))
             values = np.unique(labels)
             is_mask = len(values) <= 2 and bool(values[0] == 0)  # black and one more value, as the command sees it
             read = Line("labels", Named(f"cvtimg.labels.read_labels({literal(picture.name)})", labels))
@@ -84,13 +86,17 @@ class MeshTab(Tab):
         mesh = Call("mesh_labels", (Name("segments.labels"),), keywords)
         return [reading(request), Line("segments", segments), Line("result", mesh)]
 
+    def scaled(self, request: Request) -> Settings:
+        number, most = request.settings["n"], max(3, math.prod(request.size) // 16)
+        return {**Tab.scaled(self, request), "n": number if number == "auto" else min(number, most)}
+
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Mesh = values["result"]
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())
         about = f"{len(result.triangles)} triangles, least angle {least:.1f}°, mean quality {mean:.3f}"
         facts = {"k": len(result.points), "noun": "vertices", "about": about}
-        return Drawing(_drawn(result, request.picture.size), over=True), facts
+        return Drawing(_drawn(result, request.size), over=True), facts
 
 
 def _drawn(mesh: Mesh, size: tuple[int, int]) -> bytes:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from cvtimg.artwork import Mosaic
 from cvtimg.explore.calls import Call, Line
-from cvtimg.explore.controls import Choice, Control, controls_of
+from cvtimg.explore.controls import Choice, Control, Settings, controls_of
 from cvtimg.explore.layers import Drawing, Layer
-from cvtimg.explore.outcomes import Outcome, Output, written_as
+from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 
@@ -47,11 +47,9 @@ class MosaicTab(Tab):
         call = Call("mosaic", (IMAGE, request.settings["n_cells"]), keywords)
         return [reading(request), Line("result", call)]
 
-    def draft(self, request: Request) -> Outcome | None:
-        step = request.picture.whole(self.most_drafted).step
-        settings = {**request.settings, "effort": "fast", "outline": request.settings["outline"] / step}
-        settings["n_cells"] = min(settings["n_cells"], self.most_drafted // 64)
-        return self.quick(replace(request, settings=settings, step=step))
+    def scaled(self, request: Request) -> Settings:
+        number = min(request.settings["n_cells"], max(1, math.prod(request.size) // 64))
+        return {**Tab.scaled(self, request), "n_cells": number, "effort": "fast"}
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Mosaic = values["result"]

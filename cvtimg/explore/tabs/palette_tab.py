@@ -32,7 +32,7 @@ from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
 from cvtimg.quantization import Quantized, main_palette, map_to_palette
 
 _FORMATS = {
-    ".gpl": "GIMP, Inkscape, Krita, Aseprite (.gpl)",
+    ".gpl": "GIMP, Krita … (.gpl)",
     ".ase": "Adobe (.ase)",
     ".act": "Photoshop color table (.act)",
     ".css": "CSS variables",

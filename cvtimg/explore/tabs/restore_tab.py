@@ -10,7 +10,7 @@ import numpy as np
 
 from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
-from cvtimg.explore.layers import Layer, Pixels
+from cvtimg.explore.layers import Layer, Pixels, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import Request, Tab
@@ -117,22 +117,16 @@ class RestoreTab(Tab):
 
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
-        (left, top, right, bottom, step), settings = request.window, request.settings
+        (left, top, right, bottom, _), settings = request.window, request.settings
         if settings["seen"] != "result" or min(right - left, bottom - top) <= (side := self.most_drafted):
             return None
-        across, down = ((length - side) // 2 // step for length in (right - left, bottom - top))
-        rows, columns = (slice(start, start + side) for start in (top + down * step, left + across * step))
-        versions = [one.array[rows, columns] for one in _versions(request)]
+        x, y = (left + right - side) // 2, (top + bottom - side) // 2
+        part = Window(x, y, x + side, y + side, 1)
+        versions = [part.of_array(one.array) for one in _versions(request)]
         if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
             return None
         result: Denoised = self._call({**settings, "effort": "fast"}).run({"images": versions})
-        seen = request.picture.seen(request.window).pixels
-        pixels = np.full((*seen.shape[:2], 4), 255, np.uint8)
-        pixels[..., : seen.shape[2]] = seen
-        part = _layer(request, result, len(versions)).pixels[::step, ::step]
-        pixels[down : down + len(part), across : across + part.shape[1]] = part
-        facts = _kinds(result)
-        return Outcome(Pixels(pixels), facts, drawn=request.window)
+        return Outcome(_layer(request, result, len(versions)), _kinds(result), drawn=part)
 
     def exact(self, request: Request) -> Outcome:
         """Restore the picture; files have the name of the first version."""

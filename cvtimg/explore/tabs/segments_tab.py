@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -135,12 +134,7 @@ class SegmentsTab(Tab):
 
     def draft(self, request: Request) -> Outcome | None:
         """Divide the picture in a small size; what is changed by hand is seen in full."""
-        picture = request.picture
-        if request.settings["edits"]:
-            return None
-        window = picture.whole(self.most_drafted)
-        scaled = replace(request, settings=_scaled(request.settings, window.step), step=window.step)
-        return Outcome(*self.seen(request, self.run(scaled)), drawn=window)
+        return None if request.settings["edits"] else Tab.draft(self, request)
 
     def run(self, request: Request) -> dict[str, Any]:
         """Run the lines; what takes long is kept, for the next cut or change by hand."""
@@ -184,13 +178,6 @@ def _cut(settings: Settings, values: Mapping[str, Any]) -> NDArray[np.int32]:
     if regions != "auto":  # a draft may have fewer
         return tree.cut(min(max(regions, tree.n_parts), tree.n_leaves))
     return tree.cut(threshold=None if threshold == "auto" else threshold)
-
-
-def _scaled(settings: Settings, step: int) -> Mapping[str, Any]:
-    """Return settings for every step-th pixel: lengths and areas shrink with the picture."""
-    lengths = {"radius": max(round(settings["radius"] / step), 1)}
-    lengths |= {name: settings[name] / step for name in ("neck_depth", "smallest_detail")}
-    return {**settings, **lengths, "min_size": settings["min_size"] // step**2}
 
 
 def _outputs(ignore: int | None, name: str) -> tuple[Output, ...]:

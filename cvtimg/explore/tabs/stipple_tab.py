@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -38,6 +39,7 @@ class StippleTab(Tab):
     title = "Stipple"
     about = "Reproduce the tones of the image with dots, for pen plotters and print."
     verb = "stipple"
+    most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
         Choice(name="by", label="Dots by", default="n", choices={"n": "their number", "pen": "the width of the pen"}),
@@ -88,12 +90,16 @@ class StippleTab(Tab):
         number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
         return [reading(request), Line("result", Call("stipple", (IMAGE, *number), keywords))]
 
+    def scaled(self, request: Request) -> Settings:
+        number, most = request.settings["n_dots"], max(1, math.prod(request.size) // 16)
+        return {**Tab.scaled(self, request), "by": "n", "n_dots": most if number == "auto" else min(number, most)}
+
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Stipples = values["result"]
         svg = written_as("drawing.svg", lambda path: self.outputs(request)[0].writing(path).run(values))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
         if len(result):
-            scale = request.settings["width"] / request.picture.size[1]
+            scale = request.settings["width"] / request.size[1]
             facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
         return Drawing(svg), facts
 
