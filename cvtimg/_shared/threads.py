@@ -24,8 +24,8 @@ T = TypeVar("T")
 
 #: Variables of the environment that limit the threads of libraries, and ours.
 THREAD_VARIABLES = ("CVTIMG_THREADS", *(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")))
-#: Steps of a kernel, about 0.1 ms, below which handing a part to a thread costs more than it saves.
-_WORTH_A_THREAD = 1 << 19
+#: Steps of a kernel, about 0.05 ms, that handing a part to a thread costs: n threads are worth n^2 of them.
+_TO_HAND_OVER = 1 << 18
 #: Parts that each thread may take: with more of them, all end at about the same time.
 _PARTS_OF_A_THREAD = 3
 _alone: ContextVar[bool] = ContextVar("_alone", default=False)
@@ -100,7 +100,7 @@ if hasattr(os, "register_at_fork"):
 
 def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
     """Call ``kernel(start, stop)`` for parts of `n_items`, in threads where `work`, in steps, is worth them."""
-    n_at_once = int(min(1 if _alone.get() else n_threads(), n_items, max(1, work // _WORTH_A_THREAD)))
+    n_at_once = int(min(1 if _alone.get() else n_threads(), n_items, (max(work, 0) / _TO_HAND_OVER) ** 0.5))
     if n_at_once <= 1:
         kernel(0, n_items)
         return

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_rows, check_within
-from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.designs import _designs
-from cvtimg.engine.points import assign, pack
+from cvtimg.engine.points import assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import CellSums, Moments
@@ -173,19 +173,25 @@ class Cube(SampleMoments):
         region = unit_box(samples.shape[1], periodic)
         super().__init__(WeightedSamples(samples, loads, in_order=False), LpGauge(2), region)
         self.samples, self.weights, self.periodic, self.exact = samples, weights, periodic, exact
+        self._packed = pack(samples, loads)
 
     def __call__(self, generators: _Floats, /) -> Moments:
         """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
-        if not self.exact:
+        if self.periodic and not self.exact:
             return super().__call__(generators)
+        if not self.exact:
+            places, frame = self._packed.frame.inward(generators), self._packed.frame
+            masses, firsts = cell_moments(self._packed, assign(self._packed, places), len(places))
+            found = energy(self._packed.energy_about_origin, places, masses, firsts)
+            moves = per_mass(firsts - masses[:, None] * places, masses)
+            return Moments(masses, frame.outward(places + moves), frame.energy(found))
         sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
         return sums.moments(generators)
 
     def labels(self, generators: _Floats) -> NDArray[Any]:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""
         if not self.periodic:
-            packed = pack(self.samples, np.ones(len(self.samples)))
-            return assign(packed, packed.frame.inward(generators))[: len(self.samples)]
+            return assign(self._packed, self._packed.frame.inward(generators))[: len(self.samples)]
         labels = np.empty(len(self.samples), np.int32)
         columns = np.ascontiguousarray((generators % 1.0).T, np.float32)
 

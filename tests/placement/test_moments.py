@@ -74,7 +74,7 @@ def test_energy_is_that_of_a_fine_sum() -> None:
 
 
 def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg._shared.threads._WORTH_A_THREAD", 1)
+    monkeypatch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)
     rng = np.random.default_rng(0)
     density, points = rng.random((400, 700)).astype(np.float32), rng.random((5000, 2)) * [700, 400]
 

@@ -113,7 +113,7 @@ def test_groups_hold_what_is_alike() -> None:
 def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     noisy = noisy_image((16, 20, 3))
     features = np.random.default_rng(0).standard_normal((320, 6)).astype(np.float32)
-    monkeypatch.setattr(threads, "_WORTH_A_THREAD", 1)
+    monkeypatch.setattr(threads, "_TO_HAND_OVER", 1e-6)
     found: list[NDArray[Any]] = []
     for n in (1, 3):
         monkeypatch.setattr(threads, "n_threads", lambda n=n: n)
