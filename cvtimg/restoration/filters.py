@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
+from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
-from cvtimg.restoration.shared import SharedNoise
 from cvtimg.restoration.versions import Floats
 
 _Doubles = NDArray[np.float64]

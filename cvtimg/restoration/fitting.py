@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import side_by_side
-from cvtimg.restoration.shared import SharedNoise
+from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Floats, Versions, fill
 
 _Doubles = NDArray[np.float64]

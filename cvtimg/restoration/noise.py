@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg.restoration.shared import LAGS, SharedNoise
 from cvtimg.restoration.versions import Floats, Versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
@@ -35,14 +34,13 @@ _Bools = NDArray[np.bool_]
 #: each of their values. About so many are looked at, and of these a share that is quiet: of versions, and of what two
 #: versions differ by.
 _SIDES, _PER_VALUE, _MOST, _QUIET = (8, 4), 10, 1 << 14, (0.1, 0.5)
-#: Share of values at an end of the levels from which on a patch is cut off; and the neighborhood of a single pixel.
+#: Share of values at an end of the levels from which on a patch is cut off; and a block, or what is about a pixel.
 _CUT_OFF = (0.02, 0.1)
 #: Pixels that tell the noise of versions at least.
 _ENOUGH = 64
-#: Relative errors of the variance of a difference; of how much noisier one version is than another, each measured
-#: alone; and of a version alone. The part of what others have, that a version has at least. Versions that differ by
-#: less than the last are copies.
-_ERRORS, _LEAST, _COPIES = (0.02, 0.25, 0.5), 0.1, 0.0025
+#: The part of the variance that is measured in a version alone, that it has at least; versions that differ by less than
+#: the last are copies.
+_LEAST, _COPIES = 0.1, 0.0025
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
 _CLASSES, _CHANCE = 8, 1e-3
 #: Blocks whose spectra tell what near pixels share: their side, which has room for the lags and a window, and shares of
@@ -56,60 +54,116 @@ _RINGS = 12
 #: Noise is shared where it has so many times the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
 _POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
+#: Pixels farther apart than this share no noise; and the part of its mean variance that it has in any direction of a
+#: patch, so that the covariance has an inverse.
+_LAGS, _ANYWHERE = 6, 0.01
 #: Part of the noise below which what JPEG has rounded away is not added to it.
 _HEARD = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedNoise:
+    """Noise with one autocovariance everywhere; whitening patches by it makes it that for which the filters are."""
+
+    #: (2 L + 1, 2 L + 1, C, C): covariance of the bands of a pixel with those of one so many rows and columns away
+    autocovariance: _Doubles
+
+    @classmethod
+    def of(cls, noise: _Doubles) -> SharedNoise:
+        """Measure (H, W, C) noise that goes on at its other end."""
+        waves = np.fft.rfft2(noise, axes=(0, 1))
+        powers = np.einsum("xyi,xyj->xyij", waves, waves.conj()) / noise[:, :, 0].size
+        return cls(_near(powers, noise.shape[:2]))
+
+    @classmethod
+    def white(cls, variance: float, n_bands: int) -> SharedNoise:
+        """Noise of which pixels share nothing."""
+        found = np.zeros((2 * _LAGS + 1, 2 * _LAGS + 1, n_bands, n_bands))
+        found[_LAGS, _LAGS] = variance * np.eye(n_bands)
+        return cls(found)
+
+    @property
+    def variance(self) -> float:
+        """Mean variance of a band."""
+        return float(np.trace(self.bands) / len(self.bands))
+
+    @property
+    def bands(self) -> _Doubles:
+        """(C, C) covariance of the bands of a pixel."""
+        return np.asarray(self.autocovariance[_LAGS, _LAGS])
+
+    @property
+    def neighbors(self) -> float:
+        """Correlation of pixels next to each other in a row."""
+        return float(np.trace(self.autocovariance[_LAGS, _LAGS + 1]) / np.trace(self.bands))
+
+    def along(self, matrix: _Doubles | None) -> SharedNoise:
+        """Noise of bands times a matrix, (C, D)."""
+        return self if matrix is None else SharedNoise(matrix.T @ self.autocovariance @ matrix)
+
+    def of_patches(self, side: int) -> _Doubles:
+        """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
+        places = np.indices((side, side)).reshape(2, -1).T
+        rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + _LAGS
+        size = side**2 * len(self.bands)
+        covariance = self.autocovariance[rows, columns].transpose(0, 2, 1, 3).reshape(size, size)
+        values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
+        raised = (axes * np.maximum(values, _ANYWHERE * values.mean())) @ axes.T
+        return np.asarray(raised * (size / np.trace(raised)))
+
+
+def _near(powers: _Doubles, sides: tuple[int, ...]) -> _Doubles:
+    """(2 L + 1, 2 L + 1, C, C) autocovariance of what has powers, (X, Y, C, C), of waves over sides of pixels."""
+    lags = np.ix_(*(np.arange(-_LAGS, _LAGS + 1),) * 2)
+    return np.asarray(np.fft.irfft2(powers, sides, axes=(0, 1))[lags])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
     """The noise of versions."""
 
-    levels: _Doubles  # (S,): standard deviation in each version, root mean square over bands; NaN where unknown
-    bands: list[_Doubles]  # (C,) each: in each band
+    bands: list[_Doubles]  # (C,) of each version: standard deviation in each band; NaN where unknown
     shared: SharedNoise | None = None  # what pixels share of the noise of weight 1; None if it is white
     lines: _Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
     is_seen: bool = True  # whether any version has noise that can be seen, or that was given
 
+    @property
+    def levels(self) -> _Doubles:
+        """(S,) standard deviations in each version, root mean square over bands."""
+        return mean_noise(self.bands)
+
     @classmethod
     def of(cls, versions: Versions, *, level: float | None, white: bool, in_place: bool, alike: bool) -> Noise:
         """Measure the noise of versions, where it is not given; `white`: even and not shared; `alike`: in one look."""
-        bands = noise_of_bands(versions, alike=alike)
+        bands, shared = noise_of_bands(versions, alike=alike), None
         levels = mean_noise(bands)
-        is_seen, shared, lines = bool((levels > versions.unseen).any()), None, None
+        is_seen, told = (levels > versions.unseen), np.isfinite(levels) & (levels > 0)
+        ratios = levels / np.sqrt(np.mean(levels[told] ** 2)) if told.any() else np.ones_like(levels)
         if not white:
-            if (levels > versions.unseen).all() and (found := lines_of(versions, in_place=in_place)) is not None:
-                seen = int(versions.known.any(axis=(0, 1)).argmax())
-                relative = replace(versions, lines=found[0]).noisiness(versions.bands(seen))
-                mean = float(relative[versions.known[:, :, seen]].mean())
-                lines, squares = found[0] / mean, found[1] * mean
-                versions = replace(versions, lines=lines)
-                usual = np.sqrt(np.mean(levels**2))
-                bands = [np.sqrt(squares) * ratio for ratio in levels / usual]
-                levels = mean_noise(bands)
+            if is_seen.all() and (found := lines_of(versions, in_place=in_place)) is not None:
+                versions = replace(versions, lines=found[0])
+                bands = [np.sqrt(found[1]) * ratio for ratio in ratios]
             shared = shared_noise(versions, in_place=in_place)
             if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
-                shared = _with_rounding(shared, versions, levels)
+                shared = _with_rounding(shared, versions, float(np.mean(levels[told] ** 2)) if told.any() else 0.0)
+        if shared:  # the level of white noise tells little of its bands, and of versions whose difference has it
+            ratios = np.ones_like(ratios) if in_place else ratios
+            bands = [np.sqrt(np.diag(shared.bands)) * ratio for ratio in ratios]
         if level is not None:
-            levels = np.full_like(levels, level)
-        elif shared:
-            usual = np.sqrt(np.nanmean(levels**2)) if np.isfinite(levels).any() else 1.0
-            levels = np.sqrt(shared.variance) * (levels / usual if usual else np.ones_like(levels))
-        if shared:  # the level of white noise tells little of its bands
-            bands = [np.sqrt(np.diag(shared.bands))] * len(levels)
-        return cls(levels, bands, shared, lines, is_seen or shared is not None or level is not None)
+            bands = [np.full(len(own), level) for own in bands]
+        return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
 
 
-def _with_rounding(shared: SharedNoise | None, versions: Versions, levels: _Doubles) -> SharedNoise | None:
-    """Add to noise what versions have lost as JPEG files, a mean over them, if it is heard."""
+def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float) -> SharedNoise | None:
+    """Add to noise, or to its variance if it is white, what versions have lost as JPEG files, if it is heard."""
     pairs = zip(versions.roundings, versions.stack, strict=False)
     found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
     if not found:
         return shared
     total = np.sum([SharedNoise.of(lost).autocovariance for lost in found], axis=0) / versions.n_versions
-    white = float(np.nanmean(levels**2)) if np.isfinite(levels).any() else 0.0
-    before = shared.autocovariance if shared else SharedNoise.white(white, total.shape[2]).autocovariance
-    heard = SharedNoise(total).variance >= _HEARD * SharedNoise(before).variance
-    return SharedNoise(total + before) if heard else shared
+    before = shared or SharedNoise.white(white, total.shape[2])
+    is_heard = SharedNoise(total).variance >= _HEARD * before.variance
+    return SharedNoise(total + before.autocovariance) if is_heard else shared
 
 
 def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
@@ -129,7 +183,7 @@ class _Look:
     lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
     has_texture: bool = True  # False where versions were subtracted
 
-    def patches(self, side: int, most: int = _MOST) -> tuple[_Doubles, _Doubles]:
+    def patches(self, side: int, most: int = _MOST, cut_off: float = _CUT_OFF[0]) -> tuple[_Doubles, _Doubles]:
         """(N, side, side, C) patches all over, about so many, and their levels, (N, C)."""
         height, width = (size - side + 1 for size in self.lost.shape)
         if min(height, width) < 1:
@@ -139,20 +193,9 @@ class _Look:
         def seen(image: Floats) -> Floats:
             return np.lib.stride_tricks.sliding_window_view(image, (side, side), (0, 1))[every]
 
-        inside = seen(self.lost).mean(axis=(2, 3)) <= _CUT_OFF[0]
+        inside = seen(self.lost).mean(axis=(2, 3)) <= cut_off
         patches = np.moveaxis(seen(self.values)[inside], 1, 3).astype(np.float64)
         return patches, seen(self.image)[inside].mean(axis=(2, 3), dtype=np.float64)
-
-    def evened(self, versions: Versions) -> _Look:
-        """Return the same with noise that is as large at all levels."""
-        from scipy.ndimage import uniform_filter
-
-        spread = np.sqrt(versions.noisiness(uniform_filter(self.image, (5, 5, 0))))
-        return (
-            replace(self, values=(self.values / spread[:, :, None]).astype(np.float32))
-            if versions.lines is not None
-            else self
-        )
 
     def quiet(self, n: int) -> int:
         """Return how many of so many patches are quiet enough to show noise."""
@@ -250,7 +293,7 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     for number, levels in zip(numbers, side_by_side(_levels_of, [*_looks(versions, in_place=False)]), strict=True):
         found[number] = levels
     if any(np.isnan(found[number]).any() for number in numbers):
-        found = [_scattered(versions.bands(number), inside) for number, inside in enumerate(seen)]
+        found = [scattered_noise(versions.bands(number), inside) for number, inside in enumerate(seen)]
     return list(_by_differences(versions, np.stack(found), seen)) if alike and versions.n_versions > 1 else found
 
 
@@ -265,40 +308,20 @@ def _inside(versions: Versions, version: int) -> _Bools:
     return np.where(np.count_nonzero(inside, axis=(0, 1)) < _ENOUGH, known, inside)
 
 
-def _scattered(values: Floats, inside: _Bools) -> _Doubles:
-    bands = np.moveaxis(inside, 2, 0)
-    return np.concatenate([scattered_noise(values[:, :, [band]], seen) for band, seen in enumerate(bands)])
-
-
 def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> _Doubles:
-    """(S, C) noise: variances that explain what versions differ by, and are no larger than those of each `alone`."""
-    from scipy.optimize import lsq_linear
-
-    n, noise = versions.n_versions, alone.copy()
-    steps = np.eye(n) - np.roll(np.eye(n), 1, axis=1)
-    pairs = sorted({(min(a, b), max(a, b)) for a in range(n) for b in ((a + 1) % n, (a + 2) % n) if a != b})
-    told = np.array([_variances_between(versions, *pair, seen) for pair in pairs])
-    known = np.isfinite(told).all(axis=1)
-    sums = np.array([[number in pair for number in range(n)] for pair in pairs], np.float64)[known]
-    for band, apart in enumerate(told[known].T):
-        own = np.maximum(alone[:, band] ** 2, 1e-30)
-        if np.isfinite(own).all() and apart.min(initial=np.inf) > _COPIES * own.min() and len(apart):
-            # Texture makes versions that are measured alone noisier alike, so that their difference is nearer to true.
-            after = np.roll(own, -1)
-            rows, values = np.concatenate([sums, steps, np.eye(n)]), np.concatenate([apart, own - after, own])
-            scales = [error * size for error, size in zip(_ERRORS, (apart, np.maximum(own, after), own), strict=True)]
-            errors = np.maximum(np.concatenate(scales), 1e-4 * own.max())
-            least = np.minimum(_LEAST * apart.min(), own / 2)
-            found = lsq_linear(rows / errors[:, None], values / errors, (least, own), method="bvls")
-            noise[:, band] = np.sqrt(found.x)
-    return noise
-
-
-def _variances_between(versions: Versions, one: int, other: int, seen: list[_Bools]) -> _Doubles:
-    """(C,) variance of the difference of two versions where both are known; NaN if that is seldom."""
-    apart, both = versions.bands(one) - versions.bands(other), seen[one] & seen[other]
-    bands = [apart[:, :, band][inside] for band, inside in enumerate(np.moveaxis(both, 2, 0))]
-    return np.array([lower_variance(some) if len(some) >= _ENOUGH else np.nan for some in bands])
+    """(S, C) noise: variances of versions, each `alone`, less what the differences of versions show to be texture."""
+    # Texture raises the variance of noisier versions by more, about as much as their standard deviation is larger.
+    texture, weight = np.zeros(alone.shape[1]), np.full(alone.shape[1], 1e-30)
+    for one, other in pairwise(range(versions.n_versions)):
+        apart, both = versions.bands(one) - versions.bands(other), np.moveaxis(seen[one] & seen[other], 2, 0)
+        if np.count_nonzero(both, axis=(1, 2)).min() >= _ENOUGH and (alone[[one, other]] > 0).all():
+            between = np.array([lower_variance(apart[:, :, band][inside]) for band, inside in enumerate(both)])
+            # Errors are relative ones; copies tell nothing.
+            share = np.where(between > _COPIES * alone[one] ** 2, np.maximum(between, 1e-30) ** -2, 0)
+            excess = np.square(alone[[one, other]]).sum(axis=0) - between
+            texture += share * excess / alone[[one, other]].sum(axis=0)
+            weight += share
+    return np.sqrt(alone * np.clip(alone - texture / weight, _LEAST * alone, alone))
 
 
 # --- noise whose variance follows the level, as that of light does
@@ -306,7 +329,9 @@ def _variances_between(versions: Versions, one: int, other: int, seen: list[_Boo
 
 
 def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles] | None:
-    """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if noise is even."""
+    """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
+    from scipy.stats import f as distribution
+
     levels, variances, usual = [], [], []
     for look in _looks(versions, in_place=in_place):
         patches, means = look.patches(_SIDES[0])
@@ -322,24 +347,12 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
         variances.append(squares / np.maximum(usual[-1], 1e-30))
     if not usual or np.min(usual) <= 0:
         return None
-    lines = _lines(np.array(levels), np.concatenate(variances))
-    return None if lines is None else (lines, np.mean(usual, axis=0))
-
-
-def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
-    """(C, 2) constant and slope of the variances, (N, C), of bands; None if chance explains as much."""
-    from scipy.stats import f as distribution
-
-    lines, explained, left = [], 0.0, 0.0
-    for level, variance in zip(levels.T, variances.T, strict=True):
-        rows = np.stack([np.ones_like(level), level], axis=1)
-        line = np.linalg.lstsq(rows, variance)[0]
-        explained += np.square(rows @ line - variance.mean()).sum()
-        left += np.square(rows @ line - variance).sum()
-        lines.append(line)
-    freedom = len(lines) * (len(levels) - 2)
-    by_chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
-    return np.array(lines) if by_chance < _CHANCE else None
+    seen, told = np.array(levels), np.concatenate(variances)
+    lines = np.array([np.polynomial.polynomial.polyfit(*pair, 1) for pair in zip(seen.T, told.T, strict=True)])
+    fitted, freedom = lines[:, 0] + lines[:, 1] * seen, len(lines) * (len(seen) - 2)
+    explained, left = (np.square(fitted - other).sum() for other in (told.mean(axis=0), told))
+    chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
+    return (lines, np.mean(usual, axis=0)) if chance < _CHANCE else None
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
@@ -349,20 +362,25 @@ def _lines(levels: _Doubles, variances: _Doubles) -> _Doubles | None:
 
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
+    from scipy.ndimage import uniform_filter
+
     grain = _GRAIN * 256 * versions.rounding
-    looks = [*_looks(versions, in_place=in_place)]
-    shared = side_by_side(lambda look: _shared_in(look.evened(versions), grain), looks)
-    found = [one for one in shared if one is not None]
+
+    def found_in(look: _Look) -> list[_Doubles]:
+        spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
+        return _shared_in(replace(look, values=(look.values / spread).astype(np.float32)), grain)
+
+    found = [one for some in side_by_side(found_in, [*_looks(versions, in_place=in_place)]) for one in some]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(look: _Look, grain: float) -> _Doubles | None:
-    """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
-    blocks, _ = look.patches(_BLOCK, _MOST // 4)
+def _shared_in(look: _Look, grain: float) -> list[_Doubles]:
+    """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; none where noise is white or too little known."""
+    blocks, _ = look.patches(_BLOCK, _MOST // 4, _CUT_OFF[1])
     level = _levels_of(look).min()
     first, second, third = (int(share * len(blocks)) for share in _GROUPS)
     if first < _FEWEST or not level > 0:
-        return None
+        return []
     blocks = _without_slopes(blocks / level)
     turned = blocks[:, ::-1, ::-1]
     even, odd = _halves_of(blocks)
@@ -384,11 +402,10 @@ def _shared_in(look: _Look, grain: float) -> _Doubles | None:
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
     if power < _POWER or (look.has_texture and power * level**2 < grain**2):
-        return None
+        return []
     powers = np.einsum("xyij,xyj,xykj->xyik", axes, squares, axes.conj()) * level**2
-    lags = np.ix_(*(np.arange(-LAGS, LAGS + 1),) * 2)
-    weight = np.fft.irfft2(np.square(np.abs(np.fft.rfft2(window, sides))), sides)[lags]
-    return np.asarray(np.fft.irfft2(powers, sides, axes=(0, 1))[lags] / weight[:, :, None, None])
+    seen = np.square(np.abs(np.fft.rfft2(window, sides)))[:, :, None, None]
+    return [_near(powers, sides) / _near(seen, sides)]
 
 
 def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _Doubles) -> _Doubles:
@@ -418,8 +435,7 @@ def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _D
 
 def _without_slopes(blocks: _Doubles) -> _Doubles:
     """Blocks less the plane that fits each best."""
-    along = np.arange(blocks.shape[1]) - (blocks.shape[1] - 1) / 2
-    planes = np.stack([np.ones(along.size**2), *(one.ravel() for one in np.meshgrid(along, along))], axis=1)
-    planes /= np.linalg.norm(planes, axis=0)
+    down, right = np.indices(blocks.shape[1:3]).reshape(2, -1)
+    planes, _ = np.linalg.qr(np.stack([np.ones(down.size), down, right], axis=1))
     rows = blocks.reshape(len(blocks), -1, blocks.shape[3])
     return np.asarray(rows - planes @ (planes.T @ rows)).reshape(blocks.shape)

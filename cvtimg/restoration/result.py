@@ -15,7 +15,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
 from cvtimg.pictures.showing import natural_limits, shown
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.shared import SharedNoise
+from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Versions
 
 

@@ -111,14 +111,13 @@ def _block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None) -
 
 
 def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(D,) standard deviation of the noise of (H, W, D) values at `known` pixels; NaN where too few are adjacent."""
+    """(D,) standard deviation of the noise of (H, W, D) values where `known`, too; NaN where too few are adjacent."""
     # From the lower half of the differences across the diagonals of four known pixels: the edges of an image leave most
     # of them to the noise. After D. Donoho and I. Johnstone, Biometrika 81 (1994), doi 10.1093/biomet/81.3.425.
     quads = known[1:, 1:] & known[1:, :-1] & known[:-1, 1:] & known[:-1, :-1]
-    if np.count_nonzero(quads) < _ENOUGH_QUADS:
-        return np.full(values.shape[2], np.nan)
-    twists = (values[1:, 1:] - values[1:, :-1] - values[:-1, 1:] + values[:-1, :-1])[quads]
-    return np.array([np.sqrt(lower_variance(twists[:, band])) / 2 for band in range(twists.shape[1])])
+    twists = values[1:, 1:] - values[1:, :-1] - values[:-1, 1:] + values[:-1, :-1]
+    bands = [band[inside] for band, inside in zip(np.moveaxis(twists, 2, 0), np.moveaxis(quads, 2, 0), strict=True)]
+    return np.array([np.sqrt(lower_variance(one)) / 2 if len(one) >= _ENOUGH_QUADS else np.nan for one in bands])
 
 
 def lower_variance(differences: NDArray[np.float32]) -> float:

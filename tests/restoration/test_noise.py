@@ -20,8 +20,7 @@ from scipy.ndimage import gaussian_filter
 from cvtimg import denoise, read_image, restore
 from cvtimg.restoration.compression import Rounding, with_tables
 from cvtimg.restoration.fitting import MOST_MISFIT, misfits
-from cvtimg.restoration.noise import lines_of, mean_noise, noise_of_bands, shared_noise
-from cvtimg.restoration.shared import SharedNoise
+from cvtimg.restoration.noise import SharedNoise, lines_of, mean_noise, noise_of_bands, shared_noise
 from cvtimg.restoration.versions import stack_versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
@@ -62,7 +61,7 @@ def test_one_version_tells_noise_from_texture(photograph: NDArray[Any], sigma: f
     assert abs(found - sigma) < (0.15 * sigma if sigma > 1 else 0.7)
     assert level_of(version[:, :, 1])[0] < 1.3 * sigma + 1
     if sigma <= 3:  # that of more noise is the larger part
-        everywhere = scattered_noise(version.astype(np.float32), np.ones(version.shape[:2], np.bool_))
+        everywhere = scattered_noise(version.astype(np.float32), np.ones(version.shape, np.bool_))
         assert abs(found - sigma) < abs(np.sqrt(np.mean(everywhere**2)) - sigma)
 
 
