@@ -1,9 +1,7 @@
-"""Sums of what has one label, what each label has, and functions of rows."""
+"""Sums of what has one label, and what each label has."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -40,22 +38,6 @@ def take_rows(rows: NDArray[Any], labels: NDArray[np.integer]) -> NDArray[Any]:
 
     in_parts(take, flat.size, work=found.size)
     return found.reshape(*labels.shape, *rows.shape[1:])
-
-
-def by_rows(function: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[Any]]:
-    """Let a function of arrays of N rows, which gives one like the first, take parts of them, in threads."""
-
-    @wraps(function)
-    def whole(first: NDArray[Any], *others: NDArray[Any]) -> NDArray[Any]:
-        found = np.empty_like(first)
-
-        def part(start: int, stop: int) -> None:
-            found[start:stop] = function(first[start:stop], *(other[start:stop] for other in others))
-
-        in_parts(part, len(first), work=32.0 * first.size)
-        return found
-
-    return whole
 
 
 def per_mass(sums: NDArray[np.float64], masses: NDArray[Any]) -> NDArray[np.float64]:
