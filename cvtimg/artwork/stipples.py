@@ -57,12 +57,6 @@ def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], 
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
 
 
-def _outlines(cells: Iterable[NDArray[np.float64]], scale: float) -> Iterator[str]:
-    for cell in cells:
-        if len(cell):
-            yield f'<path d="M{" ".join(numbers(cell.ravel() * scale, 3))}Z"/>\n'
-
-
 def draw_dots(
     points: NDArray[np.float64], radii: NDArray[np.float64], shape: tuple[int, int], scale: float = 1.0
 ) -> NDArray[np.float32]:
@@ -279,7 +273,8 @@ class Stipples(ReadOnly):
         for pen, name in enumerate(self.names):
             look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
             own = self.order[self.layers[self.order] == pen]
-            outlines = _outlines((cells[dot] for dot in own), scale)
+            corners = (" ".join(numbers(cells[dot].ravel() * scale, 3)) for dot in own if len(cells[dot]))
+            outlines = (f'<path d="M{ones}Z"/>\n' for ones in corners)
             yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 
     def _repr_png_(self) -> bytes:

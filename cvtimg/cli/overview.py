@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -171,13 +172,8 @@ def _width() -> int:
 
 
 def _wrapped(text: str, indent: str, width: int) -> list[str]:
-    """Break a text into lines; `textwrap` would take longer to import than all of this."""
-    lines = [indent]
-    for word in text.split():
-        if len(lines[-1]) + 1 + len(word) > width and lines[-1] != indent:
-            lines.append(indent)
-        lines[-1] += word if lines[-1] == indent else f" {word}"
-    return lines
+    """Break a text into lines between words, which users copy."""
+    return wrap(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False) or [indent]
 
 
 def version() -> str:

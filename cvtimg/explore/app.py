@@ -71,12 +71,9 @@ class Server:
         """Seconds since the last page went; 0 while one is open."""
         return 0.0 if self._n_pages else time.monotonic() - self._last_used
 
-    def _used(self) -> None:
-        self._last_used = time.monotonic()
-
     def _static(self, path: Path) -> Callable[[Request], Any]:
         async def send(request: Request) -> Response:
-            self._used()
+            self._last_used = time.monotonic()
             return Response(path.read_bytes(), media_type=_KINDS[path.suffix])
 
         return send
@@ -84,7 +81,7 @@ class Server:
     async def _enter(self, request: Request) -> Response:
         if not self._own.admit(request.query_params.get("token", "")):
             return PlainTextResponse("open the address that cvtimg explore printed", 403)
-        self._used()
+        self._last_used = time.monotonic()
         return RedirectResponse(f"/#session={self._own.session}", 303)  # what is behind # is never sent
 
     async def _about(self, request: Request) -> Response:
@@ -109,7 +106,7 @@ class Server:
 
     async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
         """Take a file that a page sends, up to the limit."""
-        self._used()
+        self._last_used = time.monotonic()
         most = f"{MOST_BYTES / 1e6:.0f} MB, more than the page takes; use the command line, or name it there to open it"
         too_large = PlainTextResponse(f"the file has over {most}", 413)
         announced = request.headers.get("content-length", "0")
@@ -172,7 +169,7 @@ class Server:
             await Channel(socket, self.store).run()
         finally:
             self._n_pages -= 1
-            self._used()
+            self._last_used = time.monotonic()
             if not self._keep and not self._n_pages:
                 self.store.forget()
 

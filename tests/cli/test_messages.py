@@ -120,6 +120,7 @@ quantise | No such command 'quantise'; did you mean quantize?
 """
 #: Command lines of which an input or another file cannot be used: exit status 1.
 FAILED = """
+mesh noise.png -o a.vtu | is no mask and no labels; divide it first: cvtimg segment noise.png
 info trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto reads it
 palette trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto
 quantize wrong.geojson -k 4 | is no image; if it has outlines, cvtimg mesh wrong.geojson
@@ -219,6 +220,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Image.fromarray(np.full((20, 40), np.nan, np.float32)).save(made / "nan.tif")
     netcdf_file(made / "bare.nc", "w").close()
     down, right = np.mgrid[:20, :40]
+    write_image(made / "noise.png", RGB[..., 0])
     write_image(made / "disc.png", np.hypot(down - 10, right - 20) < 8)
     write_image(made / "labels.png", (1 + down // 10).astype(np.uint8))
     pytest.importorskip("trimesh").creation.icosphere(1).export(made / "ball.stl")

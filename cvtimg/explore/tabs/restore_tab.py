@@ -198,9 +198,7 @@ def _layer(request: Request, result: Denoised, n_versions: int) -> Pixels:
     return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
 
 
-def _labels(values: Mapping[str, Any]) -> Any:
-    result: Restoration = values["result"]
-    return result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")
-
-
-_LABELS = Formula('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")', _labels)
+_LABELS = Formula(
+    'result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")',
+    lambda values: values["result"].labels.astype("uint8" if len(values["result"].colors) < 256 else "uint16"),
+)
