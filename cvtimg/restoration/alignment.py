@@ -210,7 +210,8 @@ class _Pair:
         n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
         if len(chosen) > _SAMPLED:
             chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
-        (down, right), (other_down, other_right) = _slopes(fixed.values), _slopes(moving.values)
+        gradient: Any = np.gradient
+        (down, right), other_slopes = gradient(fixed.values), gradient(moving.values)
         y, x = np.divmod(chosen, fixed.values.shape[1])
         return cls(
             fixed.values.shape,
@@ -219,7 +220,7 @@ class _Pair:
             fixed.weight.ravel()[chosen],
             np.stack([right.ravel()[chosen], down.ravel()[chosen]]),
             spline_filter(moving.values, 3, output=np.float32, mode="nearest"),
-            (other_right, other_down),
+            other_slopes[::-1],
             None if moving.weight.min() > 1 - 1e-3 else moving.weight,
             n_independent,
         )
@@ -288,12 +289,6 @@ class _Pair:
         unit = _OUTLYING * _scale(aparts[0])
         costs = [_OUTLYING**2 * np.log1p((apart / unit) ** 2).mean() for apart in aparts]
         return float(self.n_independent * (costs[0] - costs[1]))
-
-
-def _slopes(values: Floats) -> tuple[Floats, Floats]:
-    """(H, W) slopes down and to the right."""
-    slopes: Any = np.gradient(values)
-    return slopes[0], slopes[1]
 
 
 def _scale(apart: Floats) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,22 +25,20 @@ _Doubles = NDArray[np.float64]
 _Labels = NDArray[np.int32]
 
 
-@dataclass(frozen=True, slots=True)
-class Merging:
-    """How to merge versions: checked options of `restore`, by their names; an edge weight of None is "auto"."""
-
-    edge_weight: float | None
-    renormalize: str
-    effort: EffortName
-    space: SpaceName
-
-
-def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -> Restoration:
+def merge_versions(
+    evidence: Evidence,
+    n_generators: int | None,
+    *,
+    edge_weight: float | None,
+    renormalize: str,
+    effort: EffortName,
+    space: SpaceName,
+) -> Restoration:
     """Find segments of pixels whose stacked values are alike, and one color for each; None picks their number."""
     versions, trust = evidence.versions, evidence.trust
     if evidence.suspicion:
         versions = evidence.suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
-    unit, cost = level_of(versions, how.space) ** 2, how.edge_weight
+    unit, cost = level_of(versions, space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit
     if n_generators is None:
@@ -60,11 +56,11 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
 
     def started(blur: float) -> _Labels:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
-        cells = tessellate(_fused_rows(versions, evidence, blur), n_generators, effort=how.effort)
+        cells = tessellate(_fused_rows(versions, evidence, blur), n_generators, effort=effort)
         return (cells.labels + 1).reshape(versions.known.shape[:2])
 
     every = np.ones(len(versions.version_of), np.bool_)
-    ends = (settled(started(blur), every) for blur in each(_BLURS[how.effort]))
+    ends = (settled(started(blur), every) for blur in each(_BLURS[effort]))
     end = min(ends, key=lambda end: end.energies[-1])
     generators, masses = _measured(versions, trust, end.labels, n_generators)
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
@@ -82,37 +78,23 @@ def merge_versions(evidence: Evidence, n_generators: int | None, how: Merging) -
         masses=np.stack([masses[:, own] for own in bands]),
         alone=alone,
     )
-    colors = RENORMALIZATIONS[how.renormalize](levels)
-    return _in_order(end, generators, masses, colors, evidence, versions, how.space, cost)
-
-
-def _in_order(
-    end: EdgeWeighted,
-    generators: _Doubles,
-    masses: _Doubles,
-    colors: _Doubles,
-    evidence: Evidence,
-    used: Versions,
-    space: SpaceName,
-    cost: float,
-) -> Restoration:
-    """Sort the segments that are left from dark to bright, and convert places in the color space to colors."""
-    versions = evidence.placed
-    white = peak(versions.dtype) if space != "rgb" else 1.0
-    values = from_space(colors, space, np.dtype(np.float64)) * white
-    order = np.lexsort((*values.T[::-1], values.sum(axis=1)))
-    order = order[np.bincount(end.labels.ravel(), minlength=len(values) + 1)[1:][order] > 0]
-    rank = np.zeros(len(values) + 1, np.int32)
+    colors = RENORMALIZATIONS[renormalize](levels)
+    white = peak(evidence.placed.dtype) if space != "rgb" else 1.0
+    shown = from_space(colors, space, np.dtype(np.float64)) * white
+    # Segments that are left, from dark to bright.
+    order = np.lexsort((*shown.T[::-1], shown.sum(axis=1)))
+    order = order[np.bincount(end.labels.ravel(), minlength=len(shown) + 1)[1:][order] > 0]
+    rank = np.zeros(len(shown) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[end.labels]
     result: Restoration = Restoration.of(
         colors[order][labels - 1],
-        used,
+        versions,
         evidence,
         space,
         labels=labels,
-        generators=_by_version(np.where(masses > 0, generators, np.nan)[order], versions, space),
-        colors=values[order],
+        generators=_by_version(np.where(masses > 0, generators, np.nan)[order], evidence.placed, space),
+        colors=shown[order],
         edge_weight=cost,
         energies=end.energies,
         converged=end.converged,

@@ -17,7 +17,7 @@ from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import Evidence, prepare, without_copies
-from cvtimg.restoration.merging import Merging, level_of, merge_versions
+from cvtimg.restoration.merging import level_of, merge_versions
 from cvtimg.restoration.renormalization import RENORMALIZATIONS
 from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import Versions, stack_versions
@@ -157,7 +157,7 @@ def restore(
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     evidence, rest = _prepared(given, weights, {**about, "channels": channels})
     with part(rest, 1):
-        return merge_versions(evidence, number, Merging(cost, rule, effort, space))
+        return merge_versions(evidence, number, edge_weight=cost, renormalize=rule, effort=effort, space=space)
 
 
 @one_blas_thread
