@@ -165,16 +165,25 @@ def sum_weighted(
             )
 
 
-def sum_corner_slopes(mesh, double least_cosine, double largest_cosine):
-    """Sum the slopes (N, 3) of what angles out of bounds cost; also return how many triangles have one."""
+def find_corners(mesh, double least_cosine, double largest_cosine, uint8_t[::1] out, Py_ssize_t start, Py_ssize_t stop):
+    """Mark triangles (T,) with angles out of bounds."""
+    cdef half_edges c_mesh = seen(mesh)
+    cdef int32_t t
+    with nogil:
+        for t in range(<int32_t>start, <int32_t>stop):
+            out[t] = add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, NULL)
+
+
+def sum_corner_slopes(mesh, double least_cosine, double largest_cosine, const uint8_t[::1] out):
+    """Sum the slopes (N, 3) of what angles out of bounds cost, in triangles that are marked (T,)."""
     cdef half_edges c_mesh = seen(mesh)
     cdef double[:, ::1] slopes = np.zeros(mesh.points.shape)
-    cdef int32_t t, n_triangles = <int32_t>len(mesh.triangles)
-    cdef Py_ssize_t n_out = 0
+    cdef int32_t t
     with nogil:
-        for t in range(n_triangles):
-            n_out += add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, &slopes[0, 0])
-    return np.asarray(slopes), n_out
+        for t in range(<int32_t>out.shape[0]):
+            if out[t]:
+                add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, &slopes[0, 0])
+    return np.asarray(slopes)
 
 
 def limit_growth(

@@ -5,7 +5,7 @@
 #include "half_edges.h"
 
 /* Add to the slopes of three vertices those of half the sum of the squares by which cosines at the corners of a triangle
- * are out of bounds; return whether one is. */
+ * are out of bounds, unless there are none; return whether one is. */
 static int add_corner_slopes(const struct half_edges *mesh, int32_t t, double least_cosine, double largest_cosine,
                              double *slopes)
 {
@@ -21,6 +21,8 @@ static int add_corner_slopes(const struct half_edges *mesh, int32_t t, double le
         if (cosine >= least_cosine && cosine <= largest_cosine)
             continue;
         is_out = 1;
+        if (!slopes)
+            break;
         double *at_e = slopes + 3 * (ptrdiff_t)mesh->vertices[e], *at_f = slopes + 3 * (ptrdiff_t)mesh->vertices[f];
         double *at_g = slopes + 3 * (ptrdiff_t)mesh->vertices[g];
         for (int i = 0; i < 3; i++) {

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
+from cvtimg._shared.threads import in_parts
 from cvtimg.placement.descent import Projection, StepMemory, dot
 from cvtimg.sphere import _sphere
-from cvtimg.sphere.triangulation import Cells, Points, SphereTriangulation, SumCells, unit
+from cvtimg.sphere.triangulation import WORK, Cells, Points, SphereTriangulation, SumCells, unit
 
 #: No point moves farther than this part of the size of its cell.
 _LONGEST = 0.3
@@ -103,11 +105,12 @@ def polish_angles(
 
     Cells have `sizes` (N,), the roots of their areas. It ends when no angle is out of bounds.
     """
-    least_cosine, largest_cosine = np.cos(np.radians(bounds[::-1]))
+    cosines, out = np.cos(np.radians(bounds[::-1])), np.empty(len(mesh.triangles), np.uint8)
     for _ in range(most):
-        slopes, n_out = _sphere.sum_corner_slopes(mesh, least_cosine, largest_cosine)
-        if not n_out:
+        in_parts(partial(_sphere.find_corners, mesh, *cosines, out), len(out), WORK * len(out))
+        if not out.any():
             return
+        slopes = _sphere.sum_corner_slopes(mesh, *cosines, out)
         moving = np.flatnonzero(slopes.any(axis=1) if free is None else slopes.any(axis=1) & free)
         step = (-_RATE * sizes[moving] ** 2)[:, None] * slopes[moving]
         lengths = np.sqrt(np.einsum("ij,ij->i", step, step)) / (_LONGEST_POLISHING * sizes[moving])

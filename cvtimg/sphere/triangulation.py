@@ -35,7 +35,7 @@ _FIRST_ROUND = 64
 #: Flips at most for each triangle; sound input needs about one.
 _MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
-_WORK = 100
+WORK = 100
 
 
 class SphereTriangulation(HalfEdges):
@@ -58,7 +58,7 @@ class SphereTriangulation(HalfEdges):
             return False
         wrong = np.empty(self.triangles.size, np.uint8)
         self.points, self._arcs = points, arcs
-        in_parts(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs), _WORK * len(arcs))
+        in_parts(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs), WORK * len(arcs))
         if wrong.any():
             self._firsts = None
             if not _sphere.flip(self, arcs, wrong, _MOST_FLIPS * len(self.triangles)):
@@ -74,7 +74,7 @@ class SphereTriangulation(HalfEdges):
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
         centers = np.empty(self.triangles.shape)
-        in_parts(partial(_sphere.fill_circumcenters, self, centers), len(centers), _WORK * len(centers))
+        in_parts(partial(_sphere.fill_circumcenters, self, centers), len(centers), WORK * len(centers))
         return centers
 
     def uniform_moments(self) -> Points:
@@ -83,7 +83,7 @@ class SphereTriangulation(HalfEdges):
             self._arcs = self._arcs_of(self.points)[0]
         moments = np.empty_like(self.points)
         kernel = partial(_sphere.sum_uniform, self, self._arcs, self.first_edges(), moments)
-        in_parts(kernel, len(moments), _WORK * len(moments))
+        in_parts(kernel, len(moments), WORK * len(moments))
         return moments
 
     def weighted_moments(self, at_points: Points, centers: Points, at_centers: Points) -> tuple[Points, Points, Points]:
@@ -94,7 +94,7 @@ class SphereTriangulation(HalfEdges):
         moments, (masses, energies) = np.empty_like(self.points), np.empty((2, len(self.points)))
         given = centers, self.first_edges(), at_points, at_centers
         kernel = partial(_sphere.sum_weighted, self, *given, masses, moments, energies)
-        in_parts(kernel, len(moments), _WORK * len(moments))
+        in_parts(kernel, len(moments), WORK * len(moments))
         return masses, moments, energies
 
     def areas(self) -> NDArray[np.float64]:
@@ -123,7 +123,7 @@ class SphereTriangulation(HalfEdges):
         def kernel(start: int, stop: int) -> None:
             turned.append(_sphere.fill_half_arcs(points, self.triangles, arcs, start, stop))
 
-        in_parts(kernel, len(arcs), _WORK * len(arcs))
+        in_parts(kernel, len(arcs), WORK * len(arcs))
         return arcs, sum(turned)
 
     def _insert_all(self) -> None:
