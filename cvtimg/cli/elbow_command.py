@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -152,11 +151,9 @@ def _write(done: list[Plotted], given: Given) -> None:
 
     if given.csv:
         lines = [
-            (one.name, k, energy, share, int(k == one.k))
+            (one.name, k, float(energy), float(share), int(k == one.k))
             for one in done
-            for k, energy, share in zip(
-                itertools.count(1), one.curve.energies.tolist(), one.curve.explained.tolist(), strict=False
-            )
+            for k, (energy, share) in enumerate(zip(one.curve.energies, one.curve.explained, strict=True), 1)
         ]
         write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
     if given.plot:

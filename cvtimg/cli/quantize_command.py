@@ -45,7 +45,6 @@ _CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least sq
 
 _DEEP = "written with 16 bits per channel; --depth 8 gives an indexed file, a fraction of the size"
 _LARGER = "larger than the input; --skip-if-larger leaves such files out"
-_PLAIN = "over 256 colors have no index in a file, -k 256 has one"
 
 #: Options by their names in Python, where these differ.
 _FLAGS = {
@@ -145,7 +144,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
             hint = _DEEP
         elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
-            hint = _LARGER if result.n_colors <= 256 else f"{_LARGER}; {_PLAIN}"
+            hint = _LARGER + "; -k 256 has an index, more have none" * (result.n_colors > 256)
     return result.summary() | ({"warning": hint} if hint else {})
 
 

@@ -221,12 +221,11 @@ class Picture:
         return rgba
 
     def described(self) -> dict[str, Any]:
-        height, width = self.size
         about = {"id": self.key, "name": Path(self.name).name, "path": self.name, "bytes": self.n_bytes}
         return {
             **about,
-            "width": width,
-            "height": height,
+            "width": self.size[1],
+            "height": self.size[0],
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
             "distinct": self.samples.n_colors,

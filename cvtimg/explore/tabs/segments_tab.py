@@ -84,8 +84,22 @@ class SegmentsTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         counts = request.settings["way"] == "segments" and request.settings["pieces"] == "objects"
-        ignore, name = None if counts else 0, Path(request.picture.name).name
-        return [*_outputs(ignore, name), *self.map_outputs(request)]
+        labels, ignored = Name("labels"), {"ignore": None if counts else 0}  # its borders are not drawn
+        overlay = Call("plotting.draw_edges", (IMAGE, labels), ignored)
+        edges = Call("find_edges", (labels,), ignored)
+        means = Call("labels.mean_picture", (labels, IMAGE))
+        contours = Call("plotting.contour_drawing", (Call("find_contours", (labels,)), labels, IMAGE))
+        name = {"image": Path(request.picture.name).name}
+        table = Call("labels.write_table", (Call("labels.region_table", (labels, IMAGE)),), name)
+        return [
+            Output("Labels, PNG", "-o", "{}-labels.png", Call("labels.write_labels", (labels,))),
+            Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", Call("write_image", (overlay,))),
+            Output("Mean colors, PNG", "--mean", "{}-mean.png", Call("write_image", (means,), {"alpha": False})),
+            Output("Edges, PNG", "--edges", "{}-edges.png", Call("write_image", (edges,))),
+            Output("Contours, SVG", "--contours", "{}-contours.svg", Call("labels.write_contours", (contours,))),
+            Output("Table of segments, CSV", "--table", "{}-table.csv", table),
+            *self.map_outputs(request),
+        ]
 
     def lines(self, request: Request) -> list[Line]:
         settings, picture = request.settings, request.picture
@@ -178,21 +192,3 @@ def _cut(settings: Settings, values: Mapping[str, Any]) -> NDArray[np.int32]:
     if regions != "auto":  # a draft may have fewer
         return tree.cut(min(max(regions, tree.n_parts), tree.n_leaves))
     return tree.cut(threshold=None if threshold == "auto" else threshold)
-
-
-def _outputs(ignore: int | None, name: str) -> tuple[Output, ...]:
-    """Return the files, of an image of this name; borders of the label to ignore are not drawn."""
-    labels, ignored = Name("labels"), {"ignore": ignore}
-    overlay = Call("plotting.draw_edges", (IMAGE, labels), ignored)
-    edges = Call("find_edges", (labels,), ignored)
-    means = Call("labels.mean_picture", (labels, IMAGE))
-    contours = Call("plotting.contour_drawing", (Call("find_contours", (labels,)), labels, IMAGE))
-    table = Call("labels.write_table", (Call("labels.region_table", (labels, IMAGE)),), {"image": name})
-    return (
-        Output("Labels, PNG", "-o", "{}-labels.png", Call("labels.write_labels", (labels,))),
-        Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", Call("write_image", (overlay,))),
-        Output("Mean colors, PNG", "--mean", "{}-mean.png", Call("write_image", (means,), {"alpha": False})),
-        Output("Edges, PNG", "--edges", "{}-edges.png", Call("write_image", (edges,))),
-        Output("Contours, SVG", "--contours", "{}-contours.svg", Call("labels.write_contours", (contours,))),
-        Output("Table of segments, CSV", "--table", "{}-table.csv", table),
-    )
