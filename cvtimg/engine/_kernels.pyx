@@ -19,12 +19,10 @@ cdef extern from "nearest.h" nogil:
         void (*one)(
             const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
             int32_t *nearest) noexcept nogil
-        void (*two)(
+        void (*next)(
             const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-            int32_t *nearest, int32_t *second, float *gap) noexcept nogil
-        void (*scores)(
-            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-            float *scores) noexcept nogil
+            const float *inverse_masses, const float *weights, const int32_t *own, int32_t *nearest,
+            float *gap) noexcept nogil
         void (*group)(
             const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
             const float *generators, const float *half_norms, int n_generators, int32_t *nearest) noexcept nogil
@@ -110,12 +108,12 @@ def assign_grouped(
             t += TILES_IN_GROUP
 
 
-def assign_two(
+def assign_next(
     const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
     const float[:, ::1] generators,     # IN (K, D), K >= 2
     const float[::1] half_norms,        # IN (K,)
-    int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator
-    int32_t[::1] seconds,               # OUT (n_tiles * LANES,): second nearest
+    const int32_t[::1] labels,          # IN (n_tiles * LANES,)
+    int32_t[::1] seconds,               # OUT (n_tiles * LANES,): nearest generator but for that of the label
     float[::1] gaps,                    # OUT (n_tiles * LANES,): how much farther that is, in squared distance
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
@@ -123,9 +121,9 @@ def assign_two(
     with nogil:
         for t in range(n_tiles):
             at = t * LANES
-            search.two(
-                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[at], &seconds[at],
-                &gaps[at])
+            search.next(
+                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, NULL, NULL,
+                &labels[at], &seconds[at], &gaps[at])
 
 
 def accumulate(
@@ -207,6 +205,68 @@ def descend_sets(
                     break
 
 
+def cross_sets(
+    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
+    const double[::1] density,        # IN (n_tiles * LANES,)
+    const double[:, :, ::1] elders,   # IN (n_elders, K, D): sets of generators
+    const int64_t[:, ::1] pairs,      # IN (n, 2): parents of each child, two of the elders
+    const uint8_t[:, ::1] inherited,  # IN (n, K): whether a generator is of the first parent
+    const int64_t[::1] replaced,      # IN (n,): a free generator
+    const double[::1] heights,        # IN (n,): 0 to 1, where in the energies summed up the point in its place is
+    Py_ssize_t n_locked,              # IN: the first generators of each set stay
+    double[:, :, ::1] children,       # OUT (n, K, D)
+    float[:, ::1] single,             # OUT (K, D): scratch
+    float[::1] half_norms,            # OUT (K,): scratch
+    uint8_t[::1] paired,              # OUT (K,): scratch
+    double[::1] energies,             # OUT (n_tiles * LANES,): scratch
+):
+    """Pair the generators of two parents, inherit one of each pair, and replace one by a point drawn by its energy."""
+    cdef Py_ssize_t n_cells = elders.shape[1], n_tiles = tiles.shape[0], s, k, j, t, p, i, d, first, other, best
+    cdef int dims = tiles.shape[1]
+    cdef double least, total, step, square
+    cdef int32_t nearest[LANES]
+    with nogil:
+        for s in range(children.shape[0]):
+            first, other = pairs[s, 0], pairs[s, 1]
+            paired[:] = 0
+            for k in range(n_cells):
+                best = k
+                least = -1
+                for j in range(n_locked if k >= n_locked else n_cells, n_cells):
+                    if paired[j]:
+                        continue
+                    square = 0
+                    for d in range(dims):
+                        step = elders[first, k, d] - elders[other, j, d]
+                        square = square + step * step
+                    if least < 0 or square < least:
+                        least = square
+                        best = j
+                paired[best] = 1
+                total = 0
+                for d in range(dims):
+                    children[s, k, d] = elders[first, k, d] if inherited[s, k] else elders[other, best, d]
+                    single[k, d] = <float>children[s, k, d]
+                    total = total + <double>single[k, d] * single[k, d]
+                half_norms[k] = <float>(0.5 * total)
+            half_norms[replaced[s]] = 1e30
+            total = 0
+            for t in range(n_tiles):
+                search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], <int>n_cells, nearest)
+                for i in range(LANES):
+                    square = 0
+                    for d in range(dims):
+                        step = tiles[t, d, i] - children[s, nearest[i], d]
+                        square = square + step * step
+                    total = total + density[t * LANES + i] * square
+                    energies[t * LANES + i] = total
+            p = 0
+            while energies[p] < heights[s] * total:
+                p += 1
+            for d in range(dims):
+                children[s, replaced[s], d] = tiles[p // LANES, d, p % LANES]
+
+
 def distances_to_own(
     const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[:, ::1] generators,  # IN (K, D)
@@ -237,9 +297,8 @@ def transfer(
     double[:, ::1] masses,          # INOUT (n_sets, K)
     double[:, :, ::1] means,        # INOUT (n_sets, K, D)
     double[:, ::1] energies,        # INOUT (n_sets, K): of each cell about its mean
-    float[:, ::1] scores,           # OUT (K, LANES): scratch
     float[:, ::1] single,           # OUT (K, D): scratch
-    float[::1] half_norms,          # OUT (K,): scratch
+    float[:, ::1] scalars,          # OUT (2, K): scratch
     Py_ssize_t n_locked,            # IN: the means of the first cells stay in place
     double power,                   # IN: a cell counts by its share of the mass to this power
     double total,                   # IN: mass of all cells
@@ -254,8 +313,7 @@ def transfer(
             for n in range(most):
                 before = _weighted(masses[s], energies[s], power, total)
                 n_moved = _sweep(
-                    tiles, density, labels[s], masses[s], means[s], energies[s], scores, single, half_norms, n_locked,
-                    power, total)
+                    tiles, density, labels[s], masses[s], means[s], energies[s], single, scalars, n_locked, power, total)
                 if before - _weighted(masses[s], energies[s], power, total) <= tolerance * before:
                     break
     return n_moved
@@ -271,48 +329,46 @@ cdef double _weighted(double[::1] masses, double[::1] energies, double power, do
 
 cdef Py_ssize_t _sweep(
     const float[:, :, ::1] tiles, const double[::1] density, int32_t[::1] labels, double[::1] masses,
-    double[:, ::1] means, double[::1] energies, float[:, ::1] scores, float[:, ::1] single, float[::1] half_norms,
+    double[:, ::1] means, double[::1] energies, float[:, ::1] single, float[:, ::1] scalars,
     Py_ssize_t n_locked, double power, double total,
 ) noexcept nogil:
     cdef Py_ssize_t dims = tiles.shape[1], n_cells = masses.shape[0], t, p, d, i, k, own, best, n_moved = 0
-    cdef double mass, square, far, before, after, change, gain, least, own_change
+    cdef double mass, square, before, after, change, gain, least, own_change
+    cdef float weights[LANES], gaps[LANES]
+    cdef int32_t next[LANES]
     for k in range(n_cells):
-        square = 0
-        for d in range(dims):
-            single[k, d] = <float>means[k, d]
-            square = square + <double>single[k, d] * single[k, d]
-        half_norms[k] = <float>(0.5 * square)
+        _round(means, masses[k] / total, k, k < n_locked, single, scalars)
     for t in range(tiles.shape[0]):
-        search.scores(&tiles[t, 0, 0], <int>dims, &single[0, 0], &half_norms[0], <int>n_cells, &scores[0, 0])
+        if power == 0:
+            for i in range(LANES):
+                weights[i] = <float>(density[t * LANES + i] / total)
+            search.next(
+                &tiles[t, 0, 0], <int>dims, &single[0, 0], &scalars[0, 0], <int>n_cells, &scalars[1, 0], weights,
+                &labels[t * LANES], next, gaps)
         for i in range(LANES):
             p = t * LANES + i
             mass = density[p]
             own = labels[p]
-            if mass == 0 or masses[own] <= mass:
+            best = own if power else next[i]
+            if mass == 0 or masses[own] <= mass or (power == 0 and gaps[i] >= 0):
                 continue  # the last point of a cell stays: there are as many cells as asked for
-            square = _square(tiles, t, i, means, own)
             before = cell_weight(masses[own] / total, power)
             after = cell_weight((masses[own] - mass) / total, power)
-            own_change = mass * square
+            own_change = mass * _square(tiles, t, i, means, own)
             if own >= n_locked:
                 own_change *= masses[own] / (masses[own] - mass)
             gain = after * own_change + (before - after) * energies[own]
-            least = gain
-            best = own
-            for k in range(n_cells):
-                # As far as the means are where the sweep began; the best one is measured exactly below.
-                far = max(square + 2 * (scores[k, i] - scores[own, i]), 0)
-                if k == own or (power == 0 and mass * far * masses[k] >= least * (masses[k] + mass)):
-                    continue
-                change = _growth(mass, far, masses[k], energies[k], k < n_locked, power, total)
-                if change < least:
-                    least = change
-                    best = k
-            if best == own:
-                continue
+            if power:
+                least = gain
+                for k in range(n_cells):
+                    square = _square(tiles, t, i, means, k)
+                    change = _growth(mass, square, masses[k], energies[k], k < n_locked, power, total)
+                    if k != own and change < least:
+                        least = change
+                        best = k
             square = _square(tiles, t, i, means, best)
             change = _growth(mass, square, masses[best], energies[best], best < n_locked, power, total)
-            if change >= gain * (1 - 1e-12):  # less is rounding, and might go round in circles
+            if best == own or change >= gain * (1 - 1e-12):  # less is rounding, and might go round in circles
                 continue
             n_moved += 1
             labels[p] = <int32_t>best
@@ -325,7 +381,22 @@ cdef Py_ssize_t _sweep(
                     means[best, d] += (tiles[t, d, i] - means[best, d]) * mass / (masses[best] + mass)
             masses[own] -= mass
             masses[best] += mass
+            _round(means, masses[own] / total, own, own < n_locked, single, scalars)
+            _round(means, masses[best] / total, best, best < n_locked, single, scalars)
     return n_moved
+
+
+cdef inline void _round(
+    const double[:, ::1] means, double mass, Py_ssize_t k, bint locked, float[:, ::1] single, float[:, ::1] scalars
+) noexcept nogil:
+    """Set the mean of a cell, half its squared norm and the inverse of its mass in single precision."""
+    cdef double norm = 0
+    cdef Py_ssize_t d
+    for d in range(means.shape[1]):
+        single[k, d] = <float>means[k, d]
+        norm = norm + <double>single[k, d] * single[k, d]
+    scalars[0, k] = <float>(0.5 * norm)
+    scalars[1, k] = <float>(0 if locked else 1 / max(mass, 1e-12))
 
 
 cdef inline double _square(

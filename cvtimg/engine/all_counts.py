@@ -18,10 +18,10 @@ from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stoppi
 from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import SMALL_ENERGY, Points, assign, cell_energies, cell_moments
-from cvtimg.engine.search import EFFORTS, SEARCHED, Fewer, SearchEffort, fewer_points, search
+from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, fewer_points, search
 from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
 
-_FEWER = Fewer(per_generator=36, at_least=1 << 11)
+_FEWER = 36, 1 << 11
 #: Little moves from one number of generators to the next.
 _LINK = Stopping(tolerance=2e-3, max_iterations=8)
 _FRESH = Stopping(tolerance=1e-3, max_iterations=100)

@@ -20,6 +20,16 @@ enum { GENERATORS_AT_ONCE = 4, DIMS_AT_ONCE = 2 };
 #define INLINE static inline
 #endif
 
+INLINE float square(float x)
+{
+    return x * x;
+}
+
+INLINE float positive(float x)
+{
+    return x > 0 ? x : 0;
+}
+
 INLINE void keep_nearer(const float *restrict score, int generator, float *restrict least, int32_t *restrict nearest)
 {
     for (int i = 0; i < LANES; i++) {
@@ -100,64 +110,46 @@ INLINE void nearest_any_dims(const float *restrict tile, int dims, const float *
     }
 }
 
-INLINE void score_all(const float *restrict tile, int dims, const float *restrict generators,
-                      const float *restrict half_norms, int n_generators, float *restrict scores)
+/* The cell other than its own in which each point costs least, and how much more than in its own: a point of weight w at
+ * a squared distance s from the mean of a cell of mass m costs s / (1 + w / m), in its own s / (1 - w / m), times w. Without
+ * inverse masses the costs are squared distances. */
+INLINE void next_cell(const float *restrict tile, int dims, const float *restrict generators,
+                      const float *restrict half_norms, int n_generators, const float *restrict inverse_masses,
+                      const float *restrict weights, const int32_t *restrict own, int32_t *restrict next,
+                      float *restrict gap)
 {
-    float score[GENERATORS_AT_ONCE][LANES];
-    int k = 0;
-
-    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
-        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
-        memcpy(scores + (ptrdiff_t)k * LANES, score, sizeof score);
-    }
-    for (; k < n_generators; k++) {
-        score_generators(tile, dims, generators, half_norms, k, 1, score);
-        memcpy(scores + (ptrdiff_t)k * LANES, score, sizeof score[0]);
-    }
-}
-
-struct nearest_pair {
-    float least[LANES], next[LANES];
-    int32_t index[LANES], next_index[LANES];
-};
-
-INLINE void keep_two(const float *restrict score, int generator, struct nearest_pair *restrict kept)
-{
-    for (int i = 0; i < LANES; i++) {
-        int closer = score[i] < kept->least[i], close = score[i] < kept->next[i];
-        kept->next[i] = closer ? kept->least[i] : close ? score[i] : kept->next[i];
-        kept->next_index[i] = closer ? kept->index[i] : close ? generator : kept->next_index[i];
-        kept->least[i] = closer ? score[i] : kept->least[i];
-        kept->index[i] = closer ? generator : kept->index[i];
-    }
-}
-
-/* The nearest and the second nearest generator, and how much farther (squared) the second is. */
-INLINE void nearest_two(const float *restrict tile, int dims, const float *restrict generators,
-                        const float *restrict half_norms, int n_generators, int32_t *restrict nearest,
-                        int32_t *restrict second, float *restrict gap)
-{
-    struct nearest_pair kept;
-    float score[GENERATORS_AT_ONCE][LANES];
-    int k = 0;
+    float squares[LANES] = {0}, least[LANES], at_home[LANES], cost[GENERATORS_AT_ONCE][LANES];
 
     for (int i = 0; i < LANES; i++) {
-        kept.least[i] = kept.next[i] = FLT_MAX;
-        kept.index[i] = kept.next_index[i] = 0;
+        least[i] = FLT_MAX;
+        next[i] = 0;
+        at_home[i] = half_norms[own[i]];
     }
-    for (; k + GENERATORS_AT_ONCE <= n_generators; k += GENERATORS_AT_ONCE) {
-        score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, score);
-        for (int g = 0; g < GENERATORS_AT_ONCE; g++)
-            keep_two(score[g], k + g, &kept);
+    for (int d = 0; d < dims; d++)
+        for (int i = 0; i < LANES; i++) {
+            squares[i] += square(tile[d * LANES + i]);
+            at_home[i] -= tile[d * LANES + i] * generators[(ptrdiff_t)own[i] * dims + d];
+        }
+    for (int k = 0, n; k < n_generators; k += n) {
+        n = n_generators - k < GENERATORS_AT_ONCE ? 1 : GENERATORS_AT_ONCE;
+        if (n == 1)
+            score_generators(tile, dims, generators, half_norms, k, 1, cost);
+        else
+            score_generators(tile, dims, generators, half_norms, k, GENERATORS_AT_ONCE, cost);
+        for (int g = 0; g < n; g++) {
+            if (inverse_masses)
+                for (int i = 0; i < LANES; i++)
+                    cost[g][i] = positive(squares[i] + 2 * cost[g][i]) / (1 + weights[i] * inverse_masses[k + g]);
+            for (int i = 0; i < LANES; i++)
+                cost[g][i] = own[i] == k + g ? FLT_MAX : cost[g][i];
+            keep_nearer(cost[g], k + g, least, next);
+        }
     }
-    for (; k < n_generators; k++) {
-        score_generators(tile, dims, generators, half_norms, k, 1, score);
-        keep_two(score[0], k, &kept);
+    for (int i = 0; i < LANES; i++) {
+        float home = positive(squares[i] + 2 * at_home[i]);
+        gap[i] = inverse_masses ? least[i] - home / (1 - weights[i] * inverse_masses[own[i]])
+                                : 2 * (least[i] - at_home[i]);
     }
-    memcpy(nearest, kept.index, sizeof kept.index);
-    memcpy(second, kept.next_index, sizeof kept.next_index);
-    for (int i = 0; i < LANES; i++)
-        gap[i] = 2 * (kept.next[i] - kept.least[i]);
 }
 
 /* ---- Few dimensions, tiles of neighbouring points: only the generators that can be nearest are compared ---- */
@@ -174,11 +166,6 @@ struct columns {
     ptrdiff_t width;
     const int32_t *names; /* which generator each column is, or NULL where that is the number of the column */
 };
-
-INLINE float square(float x)
-{
-    return x * x;
-}
 
 /* The column nearest to a place. */
 INLINE ptrdiff_t nearest_column(struct columns z, int dims, const float *restrict place)
@@ -388,10 +375,8 @@ INLINE void sum_tile(const float *restrict tile, int dims, const double *restric
     D ? nearest_few_dims(tile, D, generators, half_norms, n_generators, nearest)             \
       : nearest_any_dims(tile, dims, generators, half_norms, n_generators, nearest)
 
-#define NEAREST_TWO(D) \
-    nearest_two(tile, D ? D : dims, generators, half_norms, n_generators, nearest, second, gap)
-
-#define SCORES(D) score_all(tile, D ? D : dims, generators, half_norms, n_generators, scores)
+#define NEXT(D) \
+    next_cell(tile, D ? D : dims, generators, half_norms, n_generators, inverse_masses, weights, own, nearest, gap)
 
 #define NEAREST_IN_GROUP(D) \
     nearest_in_group(tiles, boxes, n_tiles, D, z, generators, half_norms, n_generators, nearest)
@@ -404,16 +389,10 @@ static void one(const float *tile, int dims, const float *generators, const floa
     BY_DIMS(dims, NEAREST)
 }
 
-static void two(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-                int32_t *nearest, int32_t *second, float *gap)
+static void next(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+                 const float *inverse_masses, const float *weights, const int32_t *own, int32_t *nearest, float *gap)
 {
-    BY_DIMS(dims, NEAREST_TWO)
-}
-
-static void scores(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-                   float *scores)
-{
-    BY_DIMS(dims, SCORES)
+    BY_DIMS(dims, NEXT)
 }
 
 static void group(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, ptrdiff_t width,
@@ -431,4 +410,4 @@ static void sum(const float *tile, int dims, const double *density, const int32_
 
 #define JOIN(first, second) first##second
 #define NAME(simd) JOIN(nearest_, simd)
-const struct nearest_functions NAME(SIMD) = {one, two, scores, group, sum};
+const struct nearest_functions NAME(SIMD) = {one, next, group, sum};

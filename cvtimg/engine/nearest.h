@@ -16,12 +16,9 @@ struct nearest_functions {
     /* The nearest generator of each point of a tile. */
     void (*one)(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
                 int32_t *nearest);
-    /* The nearest and the second nearest, and how much farther (squared) the second is. */
-    void (*two)(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-                int32_t *nearest, int32_t *second, float *gap);
-    /* Half the squared distance from each generator to each point, less half the point's square: (K, LANES). */
-    void (*scores)(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-                   float *scores);
+    /* The cell other than its own where each point costs least, and how much more than there. */
+    void (*next)(const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
+                 const float *inverse_masses, const float *weights, const int32_t *own, int32_t *nearest, float *gap);
     /* The nearest for tiles that follow each other, whose points are near each other; dims <= FEW_DIMS. */
     void (*group)(const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns,
                   ptrdiff_t width, const float *generators, const float *half_norms, int n_generators,

@@ -265,21 +265,19 @@ def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]
     return labels
 
 
-def assign_two(
-    points: Points, generators: NDArray[np.float64]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]:
-    """Return the nearest and the second nearest generator of each point, and how much farther the second is."""
-    # The third array is the difference of the two squared distances.
-    labels, seconds = np.empty((2, len(points.density)), np.int32)
-    gaps = np.empty(len(points.density), np.float32)
+def assign_next(
+    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Return the nearest generator of each point but for its own, and how much farther that is, in squared distance."""
+    seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), np.float32)
     single, half_norms = _for_kernels(generators)
 
     def assign_part(start: int, stop: int) -> None:
         ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
-        _kernels.assign_two(points.tiles[start:stop], single, half_norms, labels[ends], seconds[ends], gaps[ends])
+        _kernels.assign_next(points.tiles[start:stop], single, half_norms, labels[ends], seconds[ends], gaps[ends])
 
     in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * len(single))
-    return labels, seconds, gaps
+    return seconds, gaps
 
 
 def cell_moments(

@@ -32,21 +32,15 @@ class SearchEffort:
     evolution: Evolution | None = None  # where the rows of a table are few
 
 
-@dataclass(frozen=True, slots=True)
-class Fewer:
-    """How many points a search needs: some for each generator, and enough in total."""
-
-    per_generator: int
-    at_least: int
-
-
 #: The registry of efforts: the values of `effort` and ``--effort``; `tessellate` documents what each costs.
 EFFORTS: dict[str, SearchEffort] = {
     "fast": SearchEffort(1, (0, 0), Stopping(tolerance=1e-2, max_iterations=4)),
     "balanced": SearchEffort(
-        1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(12, 8, 32, 80)
+        1, (1 / 6, 1 / 16), Stopping(tolerance=1e-4, max_iterations=300), Evolution(12, 8, 8, 32, 1 << 24)
     ),
-    "best": SearchEffort(12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 256, 4096)),
+    "best": SearchEffort(
+        12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 20, 1024, 1 << 30)
+    ),
 }
 
 #: From so many rows for each that is searched, a pass over all takes longer than the best search.
@@ -55,7 +49,8 @@ _FAR_MORE = 8
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _STARTS_TIMES_GENERATORS = 512
-_FEWER = Fewer(per_generator=50, at_least=1 << 14)
+#: How many points a search needs: so many for each generator, and so many in total.
+_FEWER = 50, 1 << 14
 #: Part of the time that the search over fewer points takes.
 SEARCHED = 0.7
 
@@ -78,7 +73,7 @@ def search(
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)
     if some is points and effort.evolution and n_generators > len(fixed):
-        return evolve(points, fixed, n_generators, init, method, conditions, effort.evolution)
+        return evolve(points, fixed, n_generators, init, conditions, effort.evolution)
     n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
     ends: list[Iteration] = []
     while len(ends) < n_starts and not _agree(ends) and not conditions.watch.stopped:
@@ -101,9 +96,9 @@ def _agree(ends: list[Iteration]) -> bool:
     return sum(energy <= min(energies) * (1 + _ABOUT) for energy in energies) >= _AGREEING
 
 
-def fewer_points(points: Points, n_generators: int, fewer: Fewer, rng: np.random.Generator) -> Points:
+def fewer_points(points: Points, n_generators: int, enough: tuple[int, int], rng: np.random.Generator) -> Points:
     """Return one of 2, 4, .. 32 points, the fewest that are enough, or the points themselves."""
-    spare = points.n_points // max(fewer.per_generator * n_generators, fewer.at_least)
+    spare = points.n_points // max(enough[0] * n_generators, enough[1])
     factor = 1 << min(max(spare, 1).bit_length() - 1, 5)
     if factor == 1:
         return points

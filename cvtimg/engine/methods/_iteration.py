@@ -52,8 +52,6 @@ class Ends(NamedTuple):
 
 #: Takes points, initial generators (K, D) and conditions; returns the end of the iteration.
 Iterate = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
-#: The same for n sets (n, K, D) of initial generators.
-IterateSets = Callable[[Points, NDArray[np.float64], Conditions], Ends]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +64,9 @@ class Method:
     # Whether it finds the global optimum in one dimension, and works in no other. Of the initial generators only the
     # number matters then.
     exact_in_one_dimension: bool = False
-    # The same from many sets of generators, faster over so few points that a pass takes less time than calling for it;
-    # empty cells may stay empty. By default one `iterate` after the other.
-    of_sets: IterateSets | None = None
+    # The same from many (n, K, D) sets of generators, faster over so few points that a pass takes less time than
+    # calling for it; empty cells may stay empty.
+    of_sets: Callable[[Points, NDArray[np.float64], Conditions], Ends] | None = None
 
     def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
         """Iterate from these generators."""
@@ -81,10 +79,3 @@ class Method:
         ends = self.of_sets(points, generators[None], conditions)
         lowest = float(ends.energies[0])
         return Iteration(ends.generators[0], [lowest], converged=not conditions.watch(lowest))
-
-    def descend_all(self, points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
-        """Iterate from each of (n, K, D) sets of generators."""
-        if self.of_sets is not None:
-            return self.of_sets(points, sets, conditions)
-        ends = [self.iterate(points, generators, conditions) for generators in sets]
-        return Ends(np.stack([end.generators for end in ends]), np.array([end.energies[-1] for end in ends]))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
-from cvtimg.engine.points import Points, assign, assign_two, cell_energies
+from cvtimg.engine.points import Points, assign, assign_next, cell_energies
 from cvtimg.engine.seeding import halves
 
 #: After adding generators the iteration need not converge; after removing them, nearly.
@@ -70,7 +70,8 @@ def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: 
 
 def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
     """Remove the generators whose loss raises the energy least, and no two neighbors unless there is no other way."""
-    labels, seconds, gaps = assign_two(points, generators)
+    labels = assign(points, generators)
+    seconds, gaps = assign_next(points, generators, labels)
     n_generators = len(generators)
     costs = np.bincount(labels, points.density * gaps, n_generators)
     if n_fewer == 1:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
-from cvtimg._shared.threads import in_parts, of_each
+from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
@@ -46,18 +46,6 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
     """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
     return Cells.after(points, sets, conditions.stopping, conditions.n_locked).ends
-
-
-def masses_and_distances(points: Points, sets: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the (n, K) masses of the cells of (n, K, D) sets, and (n, M) squared distances to the own generator."""
-    cells = Cells.after(points, sets, Stopping(tolerance=0, max_iterations=0))
-    distances = np.empty(cells.labels.shape)
-
-    def measure(n: int) -> None:
-        _kernels.distances_to_own(points.tiles, sets[n], cells.labels[n], distances[n])
-
-    of_each(measure, len(sets), work=len(sets) * points.tiles.size)
-    return cells.sums[:, :, -1], distances
 
 
 class Cells(NamedTuple):

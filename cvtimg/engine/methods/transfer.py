@@ -42,14 +42,20 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
 
 def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
     """Sweep over the points from each of (n, K, D) sets of generators, until each rests; empty cells may fill."""
-    cells = Cells.after(points, sets, _NEVER)
+    # Lloyd's method does most of the way in less time, but cells that are weighted it would take astray.
+    power = conditions.volume_power
+    cells = Cells.after(points, sets, _NEVER if power else conditions.stopping, conditions.n_locked)
     masses = cells.sums[:, :, -1].copy()
     free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
-    means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=sets.copy(), where=free[:, :, None])
-    parts = np.stack([cell_energies(points, *own) for own in zip(means, cells.labels, strict=True)])
+    means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=cells.ends.generators, where=free[:, :, None])
+    if power:
+        parts = np.stack([cell_energies(points, *own) for own in zip(means, cells.labels, strict=True)])
+    else:  # transfers change the sum alone, and go by nothing else
+        parts = np.zeros(masses.shape)
+        norms, cross = masses[:, :, None] * means, cells.sums[:, :, :-1]
+        parts[:, 0] = points.energy_about_origin + np.einsum("nkd,nkd->n", means, norms - 2 * cross)
     _sweep(points, cells.labels, masses, means, parts, conditions)
-    power = conditions.volume_power
-    return Ends(means, np.array([weighted_energy(*own, power) for own in zip(masses, parts, strict=True)]))
+    return Ends(means, np.einsum("nk,nk->n", (masses / masses[0].sum()) ** power, parts))
 
 
 def _sweep(
@@ -62,9 +68,9 @@ def _sweep(
 ) -> int:
     """Transfer points between the cells of n sets, in place; return how many moved last."""
     (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
-    scratch = (np.empty((n_cells, n), np.float32) for n in (_kernels.TILE, n_dims))
+    scratch = np.empty((n_cells, n_dims), np.float32), np.empty((2, n_cells), np.float32)
     rule = conditions.n_locked, conditions.volume_power, masses[0].sum(), stopping.tolerance, stopping.max_iterations
-    state = labels, masses, means, parts, *scratch, np.empty(n_cells, np.float32)
+    state = labels, masses, means, parts, *scratch
     n_moved: int = _kernels.transfer(points.tiles, points.density, *state, *rule)
     return n_moved
 
