@@ -14,8 +14,9 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import of_each, side_by_side
+from cvtimg._shared.threads import of_each
 from cvtimg.looks import _looks
+from cvtimg.looks.similarity import blurred
 
 #: Rows that are mapped without those above them, so that several threads share the work.
 _BAND = 64
@@ -39,7 +40,6 @@ _FAR, _LEAST = 1e15, 1e-12
 #: Shortest step between entries.
 _LEAST_STEP = 1e-3
 
-
 #: Ways to code indices: of PNG, and of GIF.
 CoderName: TypeAlias = Literal["deflate", "lzw"]
 
@@ -61,23 +61,23 @@ class Rate(NamedTuple):
 USUAL = Rate()
 
 
-def visibility(brightness: NDArray[Any], half: float = 3.0, radius: float = 3.0) -> NDArray[np.float32]:
+def visibility(brightness: NDArray[Any]) -> NDArray[np.float32]:
     """Return how much an error counts in each pixel, in 0..1: less where the brightness varies, which hides errors.
+
+    Errors count half where its standard deviation is 3 levels, in a Gaussian window of sigma 3.
 
     Parameters
     ----------
     brightness : (H, W) array
         In levels of 8 bits.
-    half : float
-        Standard deviation of the brightness at which errors count half.
-    radius : float
-        Sigma of the Gaussian window, in pixels.
     """
-    from scipy.ndimage import gaussian_filter
-
-    levels = np.asarray(brightness, np.float32)
-    mean, squares = side_by_side(lambda values: gaussian_filter(values, radius), [levels, levels * levels])
-    return 1 / (1 + np.sqrt(np.maximum(squares - mean * mean, 0)) / np.float32(half))
+    # Squares of less are rounded less. Four blurs of sigma 1.5 are one of 3, and reach 20 pixels.
+    levels = np.pad(np.asarray(brightness, np.float32) - 128, ((0, 0), (20, 20)), "symmetric")
+    planes = [levels, levels * levels]
+    for _ in range(4):
+        planes = blurred(planes)
+    mean, square = (plane[:, 20:-20] for plane in planes)
+    return 1 / (1 + np.sqrt(np.maximum(square - mean * mean, 0)) / np.float32(3))
 
 
 def map_by_rate(
@@ -117,9 +117,7 @@ def map_by_rate(
     if rate.coder == "lzw":
         below = None if kept is None else _wide(kept)
         n_paths = min(max(rate.n_matches // 2, 1), _looks.MOST_PATHS)
-        _looks.map_phrases(
-            targets, weights, palette, below, n_paths, rate.price, strength, longest, indices
-        )  # fmt: skip
+        _looks.map_phrases(targets, weights, palette, below, n_paths, rate.price, strength, longest, indices)
         return indices
     shift = next(shift for shift in (3, 2, 1, 0) if len(entries) <= 1 << (8 >> shift))
     lengths, distances = ((rate.price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))

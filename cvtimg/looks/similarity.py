@@ -173,21 +173,21 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
 def _scale(linear: NDArray[np.float32]) -> _Scale:
     planes, n_pixels = np.empty_like(linear), linear[0].size
     in_parts(lambda start, stop: _looks.xyb(linear, planes, start, stop), n_pixels, 40 * n_pixels)
-    return _Scale(planes, _blurred(planes), _blurred(planes, planes))
+    return _Scale(planes, blurred(planes), blurred(planes, planes))
 
 
-def _blurred(*factors: NDArray[np.float32]) -> list[_Plane]:
-    """Blur planes, or the products of planes."""
+def blurred(*factors: list[_Plane] | _Plane) -> list[_Plane]:
+    """Blur planes, or the products of planes, by a Gaussian of sigma 1.5; beyond the sides are zeros."""
 
     def blur(channel: int) -> _Plane:
         return _looks.blur(reduce(np.multiply, (planes[channel] for planes in factors)), _BLUR)
 
-    return of_each(blur, 3, 20 * factors[0].size)
+    return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)
 
 
 def _errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
     """Return the mean and the fourth root of the mean of fourth powers of each error, (3, 2, 3) by channel."""
-    products = _blurred(original.planes, other.planes)
+    products = blurred(original.planes, other.planes)
     given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]
     sums = of_each(lambda channel: _looks.errors(*(one[channel] for one in given)), 3, 20 * original.planes.size)
     means = np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1) / original.planes[0].size

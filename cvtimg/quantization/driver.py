@@ -70,9 +70,8 @@ class _Aiming:
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
-    near: float = 1.0  # to the quality with few matches is near enough to go on with all
-    n_cheap: int = 2
-    n_trials: int = 5  # with those
+    near: float = 2.0  # to the quality with few matches is near enough to go on with all
+    n_trials: int = 5  # with at most two of few matches
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -330,8 +329,11 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     found: dict[tuple[int, float], Any] = {}
 
     def result(rung: tuple[int, float]) -> Any:
-        found[rung] = _seen(source, palettes.mapped(source, *rung))
-        return found[rung].quality
+        if rung not in found:
+            found[rung] = _seen(source, palettes.mapped(source, *rung))
+        # A point less, by fewer colors, saves hardly any bytes.
+        is_near = -0.5 <= (found[rung].quality - wanted) / aiming.close <= 1.5 and rung[0] < palettes.most
+        return wanted if is_near else found[rung].quality
 
     def best() -> Any:
         return max(found.values(), key=lambda one: one.quality)
@@ -348,17 +350,18 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     wanted = how.quality_range[1] + aiming.close / 2
     with part(0.1, 0.3):
         first = rungs[-1] if how.quality is None else line.at(wanted)
-        seen = trial(first)
+        seen = (trial if how.quality is None or first != rungs[-1] else result)(first)
         if how.quality is None:
             wanted = min(aiming.same, seen - aiming.below_best) + aiming.close / 2
         palettes.expect(first, seen)
         rung = line.at(wanted)
-        if abs(seen - wanted) > aiming.near and rung != first:
+        if abs(seen - wanted) > aiming.near and rung not in (first, rungs[-1]):
             line.seen[line.place(first)] = seen
-            rung = line.seek(wanted, rung, aiming.near, aiming.n_cheap - 1)
+            rung = line.seek(wanted, rung, aiming.near, 1)
     with part(0.3, 1):
         n_left, least, step = aiming.n_trials - max(1, len(line.seen)), wanted - aiming.close / 2, aiming.close
-        line = replace(line, result=result)
+        missed = 0.0 if how.rate.coder == "lzw" else result(rung) - wanted
+        line = replace(line, result=result, seen={place: figure + missed for place, figure in line.seen.items()})
         rung = line.seek(wanted, rung, aiming.close / 2, 1 if how.quality is None else n_left)
         while best().quality < least and how.quality is not None and rungs[-1] not in found:
             above = line.at(max(map(line.place, found)) + step)

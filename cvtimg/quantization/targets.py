@@ -96,7 +96,7 @@ class Ladder(Generic[R]):
         near, *others = places if self.seen[places[0]] >= target else places[::-1]
         growth = self.growth
         for other in [other for other in others if abs(other - near) > _APART][:1]:
-            growth = min(max((self.seen[other] - self.seen[near]) / (other - near), growth / 4), growth * 4)
+            growth = min(max((self.seen[other] - self.seen[near]) / (other - near), growth / 2), growth * 2)
         return near + min(max((target - self.seen[near]) / growth, -_FARTHEST), _FARTHEST)
 
     def at(self, place: float) -> Any:
