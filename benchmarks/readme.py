@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from common import DATA, OUT, machine
+from common import DATA, OUT, group, machine
 from quantization import MEASURE
 
 Rows = list[dict[str, Any]]
@@ -51,12 +51,13 @@ def span(values: list[float], form: str = ".0f") -> str:
 
 
 def files(rows: Rows) -> Claims:
-    """Compare bytes at equal looks."""
-    ratios = {name: np.array([row[name] for row in rows]) for name in ("pngquant", "pngquant + oxipng")}
-    means = {name: f"{np.exp(np.log(some).mean()):.2f}" for name, some in ratios.items()}
-    yield "Smaller files: times as large as pngquant's, range", span(list(ratios["pngquant"]), ".2f")
-    yield f"Smaller files: on average over {len(rows)} images", means["pngquant"]
-    yield "Smaller files: if oxipng recompresses pngquant's", means["pngquant + oxipng"]
+    """Compare files of equal looks, and of as many colors without dithering."""
+    for (k, dithered), own in sorted(group(rows, lambda row: (row["k"], row["dithered"])).items()):
+        title = f"{'Smaller files' if dithered else 'Better palettes'}: {len(own)} images, {k} colors of pngquant"
+        for key in ("bytes", "oxipng", "error"):
+            values = np.array([row[key] for row in own])
+            yield f"{title}: {key}, mean and worst", f"{np.exp(np.log(values).mean()):.3f}, {values.max():.3f}"
+        yield f"{title}: seconds of both", f"{mean(own, 'cvtimg_seconds'):.2f}, {mean(own, 'seconds'):.2f}"
 
 
 def palettes(rows: Rows) -> Claims:
@@ -69,7 +70,7 @@ def palettes(rows: Rows) -> Claims:
         less = [
             100 * (1 - mean(rows, "error", rival=MEASURE, k=k) / mean(rows, "error", rival=pngquant, k=k)) for k in ks
         ]
-        yield f"Better palettes: % less squared error than pngquant at {span(ks)} colors", span(less)
+        yield f"Table: % less squared error than pngquant at {span(ks)} colors", span(less)
     for name in names:
         own = [row for row in rows if row["rival"] == name]
         cells = []
@@ -80,15 +81,6 @@ def palettes(rows: Rows) -> Claims:
             cells.append(f"{error:.1f}" if len(some) == len(ours) / len(ks) else f"x {error / base:.3f} ({len(some)})")
         last = [row["seconds"] / ours[row["picture"], ks[-1]]["seconds"] for row in own if row["k"] == ks[-1]]
         yield f"Table: {name}", " | ".join([*cells, f"{statistics.median(last):.2g}" if last else "-"])
-
-
-def bytes_of_files(rows: Rows) -> Claims:
-    """Compare bytes without dithering."""
-    less = []
-    for k in sorted({row["k"] for row in rows}):
-        ours, theirs = (mean(rows, "n_bytes", program=name, k=k, dithered=False) for name in ("cvtimg", "pngquant"))
-        less.append(100 * (1 - ours / theirs))
-    yield "Better palettes: % smaller than pngquant's without dithering", span(less)
 
 
 def processes(rows: Rows) -> Claims:
@@ -139,8 +131,7 @@ PARTS = {
         "restoration.py --photographs {data}/kodak --damages 1 --rivals BM3D", "photographs", restoration
     ),
     "regions": Part("hierarchy.py --parts regions", "hierarchy_regions", regions),
-    "files": Part("looks.py --pictures 6 --rivals pngquant", "looks", files),
-    "bytes": Part("dithering.py --pictures 4 --rivals cvtimg pngquant", "dithering", bytes_of_files),
+    "files": Part("looks.py --parts png {cvtimg}", "looks_png", files),
 }
 
 
