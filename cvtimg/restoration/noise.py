@@ -14,7 +14,7 @@ differences across the diagonals of four adjacent pixels have to do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -202,19 +202,26 @@ class _Look:
         return int(_QUIET[0 if self.has_texture else 1] * n)
 
 
-def _looks(versions: Versions, *, in_place: bool) -> Iterator[_Look]:
-    """Yield what shows the noise of versions: each of them; or what two differ by, if they are `in_place`."""
+def _looks(versions: Versions, *, in_place: bool) -> list[Callable[[], _Look]]:
+    """Makers of what shows the noise: of each version, or of what two differ by if they are `in_place`."""
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
-    lost = {number: versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers}
-    for number in numbers:
-        lost[number][~versions.known[:, :, number]] = np.inf
+
+    def lost(number: int) -> Floats:
+        share = versions.cut_off(number).mean(axis=2, dtype=np.float32)
+        share[~versions.known[:, :, number]] = np.inf
+        return share
+
+    def of_one(number: int) -> _Look:
+        return _Look(versions.bands(number), versions.bands(number), lost(number))
+
+    def of_two(one: int, other: int) -> _Look:
+        left, right = versions.bands(one), versions.bands(other)
+        apart, mean = (left - right) * np.float32(np.sqrt(0.5)), (left + right) * np.float32(0.5)
+        return _Look(apart, mean, np.maximum(lost(one), lost(other)), has_texture=False)
+
     if in_place and len(numbers) > 1:
-        for one, other in pairwise(numbers):
-            left, right = versions.bands(one), versions.bands(other)
-            apart, mean = (left - right) * np.float32(np.sqrt(0.5)), (left + right) * np.float32(0.5)
-            yield _Look(apart, mean, np.maximum(lost[one], lost[other]), has_texture=False)
-    else:
-        yield from (_Look(versions.bands(number), versions.bands(number), lost[number]) for number in each(numbers))
+        return [partial(of_two, *pair) for pair in pairwise(numbers)]
+    return [partial(of_one, number) for number in numbers]
 
 
 def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
@@ -246,6 +253,11 @@ def _levels_of(look: _Look) -> _Doubles:
         if len(patches) >= _PER_VALUE * side**2 * n_bands:
             return _levels_in(patches, look.quiet(len(patches)))
     return np.full(n_bands, np.nan)
+
+
+def _levels_of_some(look: _Look, patches: _Doubles, part: NDArray[np.intp]) -> _Doubles:
+    """(C,) standard deviation of the noise in each band of a part of the patches of a look."""
+    return _levels_in(patches[part], look.quiet(len(part)))
 
 
 def _levels_in(patches: _Doubles, n_quiet: int) -> _Doubles:
@@ -290,7 +302,8 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     seen = [*side_by_side(partial(_inside, versions), range(versions.n_versions))]
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
     found = [np.full(one.shape[2], np.nan) for one in seen]
-    for number, levels in zip(numbers, side_by_side(_levels_of, [*_looks(versions, in_place=False)]), strict=True):
+    looks = _looks(versions, in_place=False)
+    for number, levels in zip(each(numbers), side_by_side(lambda look: _levels_of(look()), looks), strict=True):
         found[number] = levels
     if any(np.isnan(found[number]).any() for number in numbers):
         found = [scattered_noise(versions.bands(number), inside) for number, inside in enumerate(seen)]
@@ -333,14 +346,13 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
     from scipy.stats import f as distribution
 
     levels, variances, usual = [], [], []
-    for look in _looks(versions, in_place=in_place):
+    for make in _looks(versions, in_place=in_place):
+        look = make()
         patches, means = look.patches(_SIDES[0])
         parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
         if not len(patches) or len(parts[-1]) < 3 * patches[:1].size:
             continue
-        classes = [(patches[part], look.quiet(len(part))) for part in parts]
-        found = side_by_side(lambda one: _levels_in(*one), classes)
-        squares = np.square([one for _, one in zip(each(classes), found, strict=True)])
+        squares = np.square([*side_by_side(partial(_levels_of_some, look, patches), parts)])
         levels += [means[part].mean(axis=0) for part in parts]
         # Versions may be more or less noisy; what matters is how noise changes with the level.
         usual.append(squares.mean(axis=0))
@@ -366,11 +378,12 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
 
     grain = _GRAIN * 256 * versions.rounding
 
-    def found_in(look: _Look) -> list[_Doubles]:
+    def found_in(make: Callable[[], _Look]) -> list[_Doubles]:
+        look = make()
         spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
         return _shared_in(replace(look, values=(look.values / spread).astype(np.float32)), grain)
 
-    found = [one for some in side_by_side(found_in, [*_looks(versions, in_place=in_place)]) for one in some]
+    found = [one for some in side_by_side(found_in, _looks(versions, in_place=in_place)) for one in some]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
@@ -390,7 +403,7 @@ def _shared_in(look: _Look, grain: float) -> list[_Doubles]:
 
     def spectrum(group: slice) -> _Doubles:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
-        waves = [np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves]
+        waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
         return np.asarray(sum(np.einsum("bxyi,bxyj->xyij", one, one.conj()) / len(one) for one in waves))
 
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
