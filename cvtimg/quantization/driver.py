@@ -310,7 +310,7 @@ def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
     if how.quality is not None and result.quality < wanted:
         colors = f"{_most_colors(result)} colors"
         if result.quality < least:
-            refuse("quality", how.quality, f"at most {result.quality:.1f} at its lower end, which {colors} reach")
+            refuse("quality", least, f"at most {result.quality:.1f} at its lower end, which {colors} reach")
         text = f"quality={wanted:g} is out of reach of {colors}: {result.quality:.1f}"
         warnings.warn(text, UserWarning, stacklevel=4)
     return result
