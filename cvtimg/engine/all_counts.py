@@ -17,7 +17,7 @@ from cvtimg._shared.progress import each, part
 from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.points import SMALL_ENERGY, Points, assign, cell_energies, cell_moments
+from cvtimg.engine.points import SMALL_ENERGY, Points, cell_energies, cell_moments
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, fewer_points, search
 from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
 
@@ -45,6 +45,7 @@ def chain(
             end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
             end = _divided(points, ends[-1], method, conditions)
+        ends[-1:] = [replace(last, labels=None) for last in ends[-1:]]  # one for each point
         ends.append(end)
         if end.energies[-1] == 0 or conditions.watch.stopped:
             break
@@ -73,7 +74,7 @@ def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions)
             if number not in best:
                 return
             move = add if step > 0 else remove
-            offer(iterate(points, move(points, best[number].generators, 1, 0), conditions.until(_LINK)))
+            offer(iterate(points, move(points, best[number], 1, 0), conditions.until(_LINK)))
 
     numbers = sorted({*(1 << power for power in range(n_max.bit_length())), n_max})
     for number in numbers:
@@ -102,7 +103,7 @@ def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iterati
     """Sum a small energy point by point, where the moments of the cells lose digits."""
     if end.energies and end.energies[-1] > SMALL_ENERGY * points.energy_about_origin:
         return end
-    labels = assign(points, end.generators) if end.labels is None else end.labels
+    labels = end.labels_of(points)
     masses, _ = cell_moments(points, labels, len(end.generators))
     parts = cell_energies(points, end.generators, labels)
     energy = weighted_energy(masses, parts, conditions.volume_power)
@@ -111,8 +112,7 @@ def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iterati
 
 def _divided(points: Points, end: Iteration, method: Method, conditions: Conditions) -> Iteration:
     """Divide the worst cell of an end, which lowers the energy even if the method then fails to."""
-    labels = assign(points, end.generators) if end.labels is None else end.labels
-    generators, labels = divide_worst(points, end.generators, labels)
+    generators, labels = divide_worst(points, end.generators, end.labels_of(points))
     divided = _measured(points, Iteration(generators, [], False, labels), conditions)
     moved = _measured(points, method(points, generators, conditions.until(_LAST)), conditions)
     return min(moved, divided, key=lambda some: some.energies[-1])

@@ -32,7 +32,7 @@ from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_points, survey
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.points import Frame, Points, assign, cell_energies, cell_moments, pack
+from cvtimg.engine.points import Frame, Points, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples, pack_in_order
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS
@@ -182,7 +182,7 @@ def tessellate(
         start = descent.search(settings)
     with part(SEARCHED, 1):
         end = descent.method.iterate(points, start, descent.conditions)
-    labels = assign(points, end.generators) if end.labels is None else end.labels
+    labels = end.labels_of(points)
     masses, _ = cell_moments(points, labels, n_generators)
     parts = cell_energies(points, end.generators, labels)
     weighted = weighted_energy(masses, parts, power)

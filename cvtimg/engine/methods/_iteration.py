@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
-from cvtimg.engine.points import Points
+from cvtimg.engine.points import Points, assign
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,11 @@ class Iteration:
     generators: NDArray[np.float64]  # (K, D) in the frame of the points
     energies: list[float]  # before each step and at the end, weighted by `Conditions.volume_power`
     converged: bool
-    labels: NDArray[np.int32] | None = None  # of all points, padding included, if not those of the nearest generators
+    labels: NDArray[np.int32] | None = None  # of all points, padding included; None for those of the nearest generators
+
+    def labels_of(self, points: Points) -> NDArray[np.int32]:
+        """Return the labels of the points, found if the iteration had none."""
+        return assign(points, self.generators) if self.labels is None else self.labels
 
 
 class Ends(NamedTuple):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
-from cvtimg.engine.points import Points, assign, assign_next, cell_energies
+from cvtimg.engine.points import Points, assign_next, cell_energies
 from cvtimg.engine.seeding import halves
 
 #: After adding generators the iteration need not converge; after removing them, nearly.
@@ -39,11 +39,11 @@ def breathe(
     best = descend(points, generators, conditions.until(_OUT))
     energies = list(best.energies)
     while breath >= smallest and energies[-1] > 0 and not conditions.watch.stopped:
-        more = descend(points, add(points, best.generators, breath, n_locked), conditions.until(_IN))
+        more = descend(points, add(points, best, breath, n_locked), conditions.until(_IN))
         n_added = len(more.generators) - len(best.generators)
         if not n_added:
             break  # every cell is a single point
-        fewer = descend(points, remove(points, more.generators, n_added, n_locked), conditions.until(_OUT))
+        fewer = descend(points, remove(points, more, n_added, n_locked), conditions.until(_OUT))
         if fewer.energies[-1] < energies[-1] * (1 - _WORTHWHILE):
             best = fewer
             energies.append(fewer.energies[-1])
@@ -56,9 +56,9 @@ def breathe(
     return replace(end, energies=energies + [lower for lower in end.energies if lower < energies[-1]])
 
 
-def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: int) -> NDArray[np.float64]:
+def add(points: Points, end: Iteration, n_more: int, n_locked: int) -> NDArray[np.float64]:
     """Divide the `n_more` cells of highest energy, or as many as can be divided; locked generators stay as well."""
-    labels = assign(points, generators)
+    generators, labels = end.generators, end.labels_of(points)
     energies = cell_energies(points, generators, labels)
     worst = np.argsort(-energies, kind="stable")[: min(n_more, np.count_nonzero(energies))]
     lower, upper = halves(points, labels, worst, len(generators))
@@ -68,9 +68,9 @@ def add(points: Points, generators: NDArray[np.float64], n_more: int, n_locked: 
     return more
 
 
-def remove(points: Points, generators: NDArray[np.float64], n_fewer: int, n_locked: int) -> NDArray[np.float64]:
+def remove(points: Points, end: Iteration, n_fewer: int, n_locked: int) -> NDArray[np.float64]:
     """Remove the generators whose loss raises the energy least, and no two neighbors unless there is no other way."""
-    labels = assign(points, generators)
+    generators, labels = end.generators, end.labels_of(points)
     seconds, gaps = assign_next(points, generators, labels)
     n_generators = len(generators)
     costs = np.bincount(labels, points.density * gaps, n_generators)

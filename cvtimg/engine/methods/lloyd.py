@@ -40,7 +40,7 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
         return measure()
 
     history = iterate(measure(), step, conditions.stopping, conditions.watch)
-    return Iteration(generators, *history)
+    return Iteration(generators, *history, labels)
 
 
 def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
