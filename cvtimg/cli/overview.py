@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -173,7 +172,9 @@ def _width() -> int:
 
 def _wrapped(text: str, indent: str, width: int) -> list[str]:
     """Break a text into lines between words, which users copy."""
-    return wrap(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False) or [indent]
+    from textwrap import TextWrapper  # for help alone
+
+    return TextWrapper(width, indent, indent, break_long_words=False, break_on_hyphens=False).wrap(text) or [indent]
 
 
 def version() -> str:

@@ -144,7 +144,7 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
         if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
             hint = _DEEP
         elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
-            hint = _LARGER + "; -k 256 has an index, more have none" * (result.n_colors > 256)
+            hint = _LARGER + ("; -k 256 has an index, more have none" if result.n_colors > 256 else "")
     return result.summary() | ({"warning": hint} if hint else {})
 
 

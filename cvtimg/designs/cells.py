@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from cvtimg._shared.checks import check_rows, check_within
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg.designs import _designs
-from cvtimg.engine.points import assign, cell_moments, energy, pack
+from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import CellSums, Moments
@@ -173,20 +174,23 @@ class Cube(SampleMoments):
         region = unit_box(samples.shape[1], periodic)
         super().__init__(WeightedSamples(samples, loads, in_order=False), LpGauge(2), region)
         self.samples, self.weights, self.periodic, self.exact = samples, weights, periodic, exact
-        self._packed = pack(samples, loads)
+
+    @cached_property
+    def _packed(self) -> Points:
+        return pack(self.samples, self._weights)
 
     def __call__(self, generators: _Floats, /) -> Moments:
         """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
-        if self.periodic and not self.exact:
+        if self.exact:
+            sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
+            return sums.moments(generators)
+        if self.periodic:
             return super().__call__(generators)
-        if not self.exact:
-            places, frame = self._packed.frame.inward(generators), self._packed.frame
-            masses, firsts = cell_moments(self._packed, assign(self._packed, places), len(places))
-            found = energy(self._packed.energy_about_origin, places, masses, firsts)
-            moves = per_mass(firsts - masses[:, None] * places, masses)
-            return Moments(masses, frame.outward(places + moves), frame.energy(found))
-        sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
-        return sums.moments(generators)
+        places, frame = self._packed.frame.inward(generators), self._packed.frame
+        masses, firsts = cell_moments(self._packed, assign(self._packed, places), len(places))
+        found = energy(self._packed.energy_about_origin, places, masses, firsts)
+        moves = per_mass(firsts - masses[:, None] * places, masses)
+        return Moments(masses, frame.outward(places + moves), frame.energy(found))
 
     def labels(self, generators: _Floats) -> NDArray[Any]:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""

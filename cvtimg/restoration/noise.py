@@ -206,18 +206,18 @@ def _looks(versions: Versions, *, in_place: bool) -> list[Callable[[], _Look]]:
     """Makers of what shows the noise: of each version, or of what two differ by if they are `in_place`."""
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
 
-    def lost(number: int) -> Floats:
-        share = versions.cut_off(number).mean(axis=2, dtype=np.float32)
-        share[~versions.known[:, :, number]] = np.inf
-        return share
+    lost = {number: versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers}
+    for number in numbers:
+        lost[number][~versions.known[:, :, number]] = np.inf
 
     def of_one(number: int) -> _Look:
-        return _Look(versions.bands(number), versions.bands(number), lost(number))
+        bands = versions.bands(number)
+        return _Look(bands, bands, lost[number])
 
     def of_two(one: int, other: int) -> _Look:
         left, right = versions.bands(one), versions.bands(other)
         apart, mean = (left - right) * np.float32(np.sqrt(0.5)), (left + right) * np.float32(0.5)
-        return _Look(apart, mean, np.maximum(lost(one), lost(other)), has_texture=False)
+        return _Look(apart, mean, np.maximum(lost[one], lost[other]), has_texture=False)
 
     if in_place and len(numbers) > 1:
         return [partial(of_two, *pair) for pair in pairwise(numbers)]
@@ -380,8 +380,10 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
 
     def found_in(make: Callable[[], _Look]) -> list[_Doubles]:
         look = make()
-        spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
-        return _shared_in(replace(look, values=(look.values / spread).astype(np.float32)), grain)
+        if versions.lines is not None:  # noise becomes as large at all levels
+            spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
+            look = replace(look, values=(look.values / spread).astype(np.float32))
+        return _shared_in(look, grain)
 
     found = [one for some in side_by_side(found_in, _looks(versions, in_place=in_place)) for one in some]
     return SharedNoise(np.mean(found, axis=0)) if found else None

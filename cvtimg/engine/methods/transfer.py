@@ -55,7 +55,7 @@ def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Cond
         norms, cross = masses[:, :, None] * means, cells.sums[:, :, :-1]
         parts[:, 0] = points.energy_about_origin + np.einsum("nkd,nkd->n", means, norms - 2 * cross)
     _sweep(points, cells.labels, masses, means, parts, conditions)
-    return Ends(means, np.einsum("nk,nk->n", (masses / masses[0].sum()) ** power, parts))
+    return Ends(means, _weighted(masses / masses[0].sum(), parts, power))
 
 
 def _sweep(
@@ -77,8 +77,12 @@ def _sweep(
 
 def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], volume_power: float) -> float:
     """Sum the energies of the cells, each times its fraction of the mass to the power `volume_power`."""
+    return float(_weighted(masses / masses.sum(), energies, volume_power))
+
+
+def _weighted(shares: NDArray[np.float64], energies: NDArray[np.float64], power: float) -> NDArray[np.float64]:
     # Not by BLAS, whose bits depend on the processor.
-    return float(np.einsum("k,k->", (masses / masses.sum()) ** volume_power, energies))
+    return np.asarray(np.einsum("...k,...k->...", shares**power, energies))
 
 
 def _labels_of_full_cells(
