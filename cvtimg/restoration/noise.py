@@ -197,9 +197,15 @@ class _Look:
         patches = np.moveaxis(seen(self.values)[inside], 1, 3).astype(np.float64)
         return patches, seen(self.image)[inside].mean(axis=(2, 3), dtype=np.float64)
 
-    def quiet(self, n: int) -> int:
-        """Return how many of so many patches are quiet enough to show noise."""
-        return int(_QUIET[0 if self.has_texture else 1] * n)
+    def enough(self, per_value: int) -> tuple[_Doubles, _Doubles] | None:
+        """Patches, and their levels, of the largest side of which there are so many for each value of a patch."""
+        found = map(self.patches, _SIDES)
+        return next((pair for pair in found if len(pair[0]) >= per_value * np.prod(pair[0].shape[1:])), None)
+
+    @property
+    def quiet(self) -> float:
+        """Share of patches that are quiet enough to show noise."""
+        return _QUIET[0 if self.has_texture else 1]
 
 
 def _looks(versions: Versions, *, in_place: bool) -> list[Callable[[], _Look]]:
@@ -247,22 +253,14 @@ def _order_of(halves: _Doubles) -> NDArray[np.intp]:
 
 def _levels_of(look: _Look) -> _Doubles:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
-    n_bands = look.values.shape[2]
-    for side in _SIDES:
-        patches, _ = look.patches(side)
-        if len(patches) >= _PER_VALUE * side**2 * n_bands:
-            return _levels_in(patches, look.quiet(len(patches)))
-    return np.full(n_bands, np.nan)
+    if (found := look.enough(_PER_VALUE)) is None:
+        return np.full(look.values.shape[2], np.nan)
+    return _levels_in(found[0], look.quiet)
 
 
-def _levels_of_some(look: _Look, patches: _Doubles, part: NDArray[np.intp]) -> _Doubles:
-    """(C,) standard deviation of the noise in each band of a part of the patches of a look."""
-    return _levels_in(patches[part], look.quiet(len(part)))
-
-
-def _levels_in(patches: _Doubles, n_quiet: int) -> _Doubles:
-    """(C,) standard deviation of the noise in each band of patches, (N, side, side, C), so many of them quiet."""
-    n_bands = patches.shape[3]
+def _levels_in(patches: _Doubles, quiet: float) -> _Doubles:
+    """(C,) standard deviation of the noise in each band of patches, (N, side, side, C), a share of them quiet."""
+    n_bands, n_quiet = patches.shape[3], int(quiet * len(patches))
     bands = np.array([*side_by_side(lambda band: _least(patches[..., band : band + 1], n_quiet), range(n_bands))])
     if n_bands == 1 or not bands.max():
         return bands
@@ -348,11 +346,12 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
     levels, variances, usual = [], [], []
     for make in _looks(versions, in_place=in_place):
         look = make()
-        patches, means = look.patches(_SIDES[0])
-        parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
-        if not len(patches) or len(parts[-1]) < 3 * patches[:1].size:
+        if (found := look.enough(3 * _CLASSES)) is None:
             continue
-        squares = np.square([*side_by_side(partial(_levels_of_some, look, patches), parts)])
+        patches, means = found
+        parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
+        some = [patches[part] for part in parts]
+        squares = np.square([*side_by_side(partial(_levels_in, quiet=look.quiet), some)])
         levels += [means[part].mean(axis=0) for part in parts]
         # Versions may be more or less noisy; what matters is how noise changes with the level.
         usual.append(squares.mean(axis=0))
@@ -410,7 +409,7 @@ def _shared_in(look: _Look, grain: float) -> list[_Doubles]:
 
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white = np.square(window).sum()
-    quiet = spectrum(slice(first if look.has_texture else look.quiet(len(blocks))))
+    quiet = spectrum(slice(first if look.has_texture else int(look.quiet * len(blocks))))
     if look.has_texture:
         quiet = quiet - _texture_in(quiet, spectrum(slice(second, third)), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
