@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each, part
+from cvtimg._shared.threads import blur, in_parts
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
@@ -47,80 +49,18 @@ class Balance:
 BALANCE = Balance()
 
 
-def balance_tones(amount: Floats32, points: Floats) -> Floats:
-    """Move (N, 2) dots until each stands for about the same amount, everywhere but for the noise of single dots.
-
-    They are a tessellation, or nearly, of the square of the (H, W) dots that each pixel asks for, in any unit.
-    """
-    amounts = picture_moments(amount, len(points))
-    density = amount * amount
-    for _ in each(range(BALANCE.rounds)):
-        density *= corrections(amounts, points)
-        moments = picture_moments(density, len(points))
-        terms = Terms(Stopping(0.0, BALANCE.moves), project=WhereMassIs(moments))
-        points = DESCENTS["l-bfgs"](moments, points, terms).generators
-    return points
-
-
-def corrections(amounts: PixelMoments, points: Floats) -> Floats32:
-    """Compute the factors of a density, above 1 where points are too few for their amount, for each pixel."""
-    from scipy.ndimage import gaussian_filter
-
-    n_points = len(points)
-    # There are rho^(1/2) dots in an area where the density is rho.
-    lacking = (amounts(points).masses * (n_points / amounts.mass)) ** 2
-    factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
-    width = BALANCE.smoothed * np.sqrt(np.count_nonzero(amounts.density) / n_points) / amounts.scale
-    return gaussian_filter(_of_pixels(factors, amounts, points), width, mode="nearest")
-
-
 def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
     """Give each pixel of the picture, before it was enlarged, the mean value of the cells that it lies in."""
-    fine = values.astype(np.float32)[moments.labels(points)]
-    factor = round(moments.scale)
-    height, width = fine.shape
-    return fine.reshape(height // factor, factor, width // factor, factor).mean(axis=(1, 3))
+    labels, factor = moments.labels(points), round(moments.scale)
+    shares = (values / factor**2).astype(np.float32)
+    means = np.zeros([side // factor for side in labels.shape], np.float32)
 
+    def add(start: int, stop: int) -> None:
+        for row, column in product(range(factor), repeat=2):
+            means[start:stop] += shares[labels[row::factor, column::factor][start:stop]]
 
-def keep_apart(amounts: Sequence[Floats32], points: Sequence[Floats]) -> list[Floats]:
-    """Move apart the dots of several pens, placed without regard to each other.
-
-    Amounts are the (H, W) dots that each pixel asks for of each pen, in any unit.
-    """
-    placed = list(points)
-    if sum(len(own) > 0 for own in placed) < 2:
-        return placed
-    # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
-    counts = [len(own) for own in placed]
-    together = np.zeros_like(amounts[0])
-    for amount, count in zip(amounts, counts, strict=True):
-        if count:
-            together += amount * np.float32(count / amount.sum(dtype=np.float64))
-    of_all = picture_moments(together * together, sum(counts))
-    pens = {pen: _Pen(amounts[pen], count) for pen, count in enumerate(counts) if count}
-    size = np.array(together.shape[::-1])
-    for move in each(range(1, BALANCE.pen_moves + 1)):
-        centers = np.split(of_all(np.concatenate(placed)).centroids, np.cumsum(counts)[:-1])
-        for pen, own in pens.items():
-            if move % BALANCE.moves == 0 and move < BALANCE.pen_moves:
-                own.correct(placed[pen])
-            among_own = own.moments(placed[pen]).centroids
-            moved = np.clip(among_own + BALANCE.to_all * (centers[pen] - placed[pen]), 0, size)
-            placed[pen] = own.into_ink(moved, placed[pen])
-    return placed
-
-
-class _Pen:
-    """The density that the dots of one of several pens follow."""
-
-    def __init__(self, amount: Floats32, n_dots: int) -> None:
-        self._amount, self._density, self._n_dots = picture_moments(amount, n_dots), amount * amount, n_dots
-        self.into_ink = WhereMassIs(self._amount)
-        self.moments = picture_moments(self._density, n_dots)
-
-    def correct(self, points: Floats) -> None:
-        self._density *= corrections(self._amount, points)
-        self.moments = picture_moments(self._density, self._n_dots)
+    in_parts(add, len(means), work=8.0 * labels.size)
+    return means
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,53 +73,106 @@ class DotLayer:
     energy: float
 
 
+_NO_DOTS = DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)
+
+
+class _Pen:
+    """One of several pens: the ink of its dots, the (H, W) area of disks that each pixel asks for, which is not 0."""
+
+    def __init__(self, ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> None:
+        self.ink, self.n_dots, self.radius_range = ink, n_dots, radius_range
+        self.amount = _amount(ink, n_dots, radius_range)
+        self.amounts = picture_moments(self.amount, n_dots)
+        self.into_ink = WhereMassIs(self.amounts)
+        n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
+        self.smoothed = BALANCE.smoothed * float(np.sqrt(n_pixels / n_dots))
+        self.start()
+
+    def start(self) -> None:
+        """Let dots follow a density by which there are as many as pixels ask for: rho^(1/2) in an area."""
+        self.density = self.amount * self.amount
+
+    def correct(self, points: Floats) -> PixelMoments:
+        """Let the density grow where dots are too few, and return its moments."""
+        # There are rho^(1/2) dots in an area where the density is rho.
+        lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
+        factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
+        self.density *= blur(_of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest")
+        return picture_moments(self.density, self.n_dots)
+
+    def spread(self, *, balanced: bool = True) -> Floats:
+        """Place the (N, 2) dots; balanced ones stand for about equal amounts, but for the noise of single ones."""
+        with part(0, 1 / 2):
+            points = place_generators(None, self.n_dots, density=self.density, effort="fast").points
+        with part(1 / 2, 1):
+            terms = Terms(Stopping(0.0, BALANCE.moves), project=self.into_ink)
+            for _ in each(range(BALANCE.rounds if balanced else 0)):
+                points = DESCENTS["l-bfgs"](self.correct(points), points, terms).generators
+        return points
+
+    def finished(self, points: Floats, dots: str, n_moves: int) -> DotLayer:
+        """Make the last moves of dots, and find their sizes."""
+        moments = self.amounts if self.amount is self.ink else picture_moments(self.ink, self.n_dots)
+        # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
+        for _ in range(n_moves):
+            points = moments(points).centroids
+        points = self.into_ink(points, points)
+        found = moments(points)
+        radii = np.full(self.n_dots, np.sqrt(moments.mass / self.n_dots / np.pi))
+        if dots == "sized":
+            radii = np.clip(np.sqrt(found.masses / np.pi), *(self.radius_range or (0, np.inf)))
+        return DotLayer(points, radii, found.masses, found.energy)
+
+
 def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float, float] | None) -> DotLayer:
     """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for."""
-    amount = _amount(ink, n_dots, radius_range)
-    points = _spread_dots(amount, n_dots, balanced=dots != "sized" or radius_range is not None)
-    return _finished(ink, points, dots, radius_range, _LAST_MOVES[dots])
+    if n_dots == 0:
+        return _NO_DOTS
+    pen = _Pen(ink, n_dots, radius_range)
+    points = pen.spread(balanced=dots != "sized" or radius_range is not None)
+    return pen.finished(points, dots, _LAST_MOVES[dots])
 
 
 def place_pens(
     inks: Sequence[Floats32], counts: Sequence[int], dots: str, radius_range: tuple[float, float] | None
 ) -> list[DotLayer]:
     """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
-    amounts = [_amount(ink, count, radius_range) for ink, count in zip(inks, counts, strict=True)]
+    given = [number for number, count in enumerate(counts) if count]
+    pens = [_Pen(inks[number], counts[number], radius_range) for number in given]
     with part(0, 1 / 2):
-        placed = [_spread_dots(*pen, balanced=True) for pen in each(list(zip(amounts, counts, strict=True)))]
+        placed = [pen.spread() for pen in each(pens)]
     with part(1 / 2, 1):
-        apart = keep_apart(amounts, placed)
-    return [_finished(ink, points, dots, radius_range, 0) for ink, points in zip(inks, apart, strict=True)]
+        apart = _kept_apart(pens, placed)
+    layers = [_NO_DOTS] * len(counts)
+    for number, pen, points in zip(given, pens, apart, strict=True):
+        layers[number] = pen.finished(points, dots, 0)
+    return layers
 
 
-def _spread_dots(amount: Floats32, n_dots: int, *, balanced: bool) -> Floats:
-    if n_dots == 0:
-        return np.empty((0, 2))
-    # In a tessellation of density rho there are rho^(1/2) dots in an area.
-    with part(0, 1 / 2):
-        points = place_generators(None, n_dots, density=amount * amount, effort="fast").points
-    with part(1 / 2, 1):
-        return balance_tones(amount, points) if balanced else points
-
-
-def _finished(
-    ink: Floats32, points: Floats, dots: str, radius_range: tuple[float, float] | None, n_moves: int
-) -> DotLayer:
-    """Make the last moves of dots, and find their sizes."""
-    n_dots = len(points)
-    if n_dots == 0:
-        return DotLayer(points, np.empty(0), np.empty(0), 0.0)
-    moments = picture_moments(ink, n_dots)
-    # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
-    for _ in range(n_moves):
-        points = moments(points).centroids
-    points = WhereMassIs(moments)(points, points)
-    found = moments(points)
-    masses = found.masses
-    radii = np.full(n_dots, np.sqrt(moments.mass / n_dots / np.pi))
-    if dots == "sized":
-        radii = np.clip(np.sqrt(masses / np.pi), *(radius_range or (0, np.inf)))
-    return DotLayer(points, radii, masses, found.energy)
+def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
+    """Move apart the dots of several pens, placed without regard to each other."""
+    if len(pens) < 2:
+        return placed
+    # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
+    together = np.zeros_like(pens[0].amount)
+    for pen in pens:
+        together += pen.amount * np.float32(pen.n_dots / pen.amount.sum(dtype=np.float64))
+    counts = [pen.n_dots for pen in pens]
+    of_all = picture_moments(together * together, sum(counts))
+    for pen in pens:
+        pen.start()
+    moments = [picture_moments(pen.density, pen.n_dots) for pen in pens]
+    size = np.array(pens[0].ink.shape[::-1])
+    for move in each(range(1, BALANCE.pen_moves + 1)):
+        centers = np.split(of_all(np.concatenate(placed)).centroids, np.cumsum(counts)[:-1])
+        for number, pen in enumerate(pens):
+            points = placed[number]
+            if move % BALANCE.moves == 0 and move < BALANCE.pen_moves:
+                moments[number] = pen.correct(points)
+            among_own = moments[number](points).centroids
+            moved = np.clip(among_own + BALANCE.to_all * (centers[number] - points), 0, size)
+            placed[number] = pen.into_ink(moved, points)
+    return placed
 
 
 def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> Floats32:
@@ -190,7 +183,7 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
     """
     from scipy.optimize import bisect
 
-    if n_dots == 0 or radius_range is None:
+    if radius_range is None:
         return ink
     least, greatest = radius_range
     darkest = float(ink.max())

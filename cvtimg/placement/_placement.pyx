@@ -131,18 +131,33 @@ cdef class Buckets:
 
     def add_parts(
         self,
-        const double[:, :, ::1] sums,     # IN (P, K, 3)
-        const int32_t[:, ::1] touched,    # IN (P, 2)
+        const double[:, :, ::1] sums,        # IN (P, K, 3)
+        const int32_t[:, ::1] touched,       # IN (P, 2)
+        const double[:, ::1] generators,     # IN (K, 2): in the units of the results
+        const double[::1] origin,            # IN (2,): from which squared distances are counted
+        double scale,                        # IN: pixels in one of these units
+        Py_ssize_t start,                    # IN: parts start..stop - 1 of P of the generators are finished
+        Py_ssize_t stop,                     # IN
+        double[:, ::1] found,                # INOUT (K, 3): 0 before; mass, and its center, or the generator if it is 0
+        double[::1] energies,                # INOUT (P,): 0 before; of each part, less the second moment of the density
     ):
-        """Add the sums (K, 3) of all parts, the first to the last, so that no bit depends on threads."""
-        cdef Py_ssize_t part, k, d
-        cdef double[:, ::1] total = np.zeros((self.n_generators, 3))
+        """Add the sums of all parts, the first to the last, so that no bit depends on threads."""
+        cdef Py_ssize_t n_parts = sums.shape[0], own, first, last, part, place, k, d
+        cdef double here, *total
         with nogil:
-            for part in range(sums.shape[0]):
-                for k in range(touched[part, 0], touched[part, 1]):
-                    for d in range(3):
-                        total[self.order[k], d] += sums[part, k, d]
-        return np.asarray(total)
+            for own in range(start, stop):
+                first, last = self.n_generators * own // n_parts, self.n_generators * (own + 1) // n_parts
+                for part in range(n_parts):
+                    for place in range(max(first, touched[part, 0]), min(last, touched[part, 1])):
+                        for d in range(3):
+                            found[self.order[place], d] += sums[part, place, d]
+                for place in range(first, last):
+                    k = self.order[place]
+                    total = &found[k, 0]
+                    for d in range(2):
+                        total[1 + d] = total[1 + d] / (total[0] * scale) if total[0] > 0 else generators[k, d]
+                        here = generators[k, d] - origin[d]
+                        energies[own] += total[0] * here * (here - 2 * (total[1 + d] - origin[d]))
 
     def label_pixels(
         self,

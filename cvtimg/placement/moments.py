@@ -128,28 +128,8 @@ class PixelMoments:
     def __call__(self, generators: ArrayLike, /) -> Moments:
         """Compute the moments of the cells of (K, 2) generators (x, y)."""
         generators = check_places("points", generators, 2)
-        sums = self._sums(_sorted(self.density.shape, generators * self.scale))
-        masses = sums[:, 0].copy()
-        centroids = per_mass(sums[:, 1:], masses) / self.scale
-        centroids[masses <= 0] = generators[masses <= 0]
-        places, means = generators - self._center, centroids - self._center
-        # Not a product of matrices: the threads of a BLAS change bits, and spin while they wait.
-        energy = self._spread + float(np.einsum("k,kd,kd", masses, places - 2 * means, places))
-        return Moments(masses, centroids, max(energy, 0.0))
-
-    def labels(self, generators: NDArray[np.float64], /) -> NDArray[np.int32]:
-        """Find the generator nearest to the center of each pixel, (H, W)."""
-        return pixel_labels(self.density.shape, generators * self.scale)
-
-    def halved(self) -> PixelMoments:
-        """Take four pixels together, for a coarser level of the same image."""
-        height, width = self.density.shape
-        padded = np.pad(self.density, ((0, height % 2), (0, width % 2)))
-        halves = padded[::2] + padded[1::2]
-        return PixelMoments(halves[:, ::2] + halves[:, 1::2], self.scale / 2)
-
-    def _sums(self, buckets: _placement.Buckets) -> NDArray[np.float64]:
-        n, (height, width) = buckets.n_generators, self.density.shape
+        buckets = _sorted(self.density.shape, generators * self.scale)
+        n, (height, width) = len(generators), self.density.shape
         n_parts = min(_PARTS, buckets.rows)
         bands = np.linspace(0, buckets.rows, n_parts + 1).astype(np.int32)
         sums = np.empty((n_parts, n, 3))  # never written as a whole: a part touches what is near
@@ -159,7 +139,27 @@ class PixelMoments:
             buckets.sum_cells(self.density, bands, start, stop, sums, touched)
 
         in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
-        return buckets.add_parts(sums, touched)
+        found, energies = np.zeros((n, 3)), np.zeros(n_parts)
+
+        def finish(start: int, stop: int) -> None:
+            about = sums, touched, generators, self._center, self.scale
+            buckets.add_parts(*about, start, stop, found, energies)
+
+        in_parts(finish, n_parts, work=64 * n)
+        return Moments(found[:, 0].copy(), found[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
+
+    def labels(self, generators: NDArray[np.float64], /) -> NDArray[np.int32]:
+        """Find the generator nearest to the center of each pixel, (H, W)."""
+        return pixel_labels(self.density.shape, generators * self.scale)
+
+    def halved(self) -> PixelMoments:
+        """Take four pixels together, for a coarser level of the same image."""
+        height, width = self.density.shape
+        halves = self.density[::2].copy()
+        halves[: height // 2] += self.density[1::2]
+        quarters = halves[:, ::2].copy()
+        quarters[:, : width // 2] += halves[:, 1::2]
+        return PixelMoments(quarters, self.scale / 2)
 
 
 def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> NDArray[np.int32]:

@@ -156,8 +156,8 @@ class WhereMassIs:
             return there
         height, width = self._mass.shape
         places = there * self._scale
-        x, y = np.clip(places, 0, [width - 1, height - 1]).astype(np.intp).T
-        white = np.flatnonzero(~self._mass.ravel()[y * width + x])
+        x, y = (np.clip(at, 0, side - 1).astype(np.intp) for at, side in zip(places.T, (width, height), strict=True))
+        white = np.flatnonzero(~self._mass.take(y * width + x))
         if not len(white):
             return there
         if self._nearest is None:

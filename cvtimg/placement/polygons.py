@@ -301,7 +301,7 @@ class NearestPixel:
         from scipy.spatial import cKDTree
 
         self._centers, self._half = centers, half
-        self._tree = cKDTree(centers)
+        self._tree = cKDTree(centers, compact_nodes=False, balanced_tree=False)  # few points are looked for
 
     @classmethod
     def of(cls, mask: NDArray[np.bool_]) -> NearestPixel:
@@ -321,13 +321,13 @@ class NearestPixel:
 
 def _border(mask: NDArray[np.bool_]) -> Points:
     """Centers of the pixels of a mask that have a neighbor outside."""
-    padded = np.pad(mask, 1)
-    inner = np.ones_like(mask)
-    middle = tuple(slice(1, -1) for _ in range(mask.ndim))
+    inner = mask.copy()
     for axis in range(mask.ndim):
-        for step in (-1, 1):
-            inner &= np.roll(padded, step, axis)[middle]
-    return np.argwhere(mask & ~inner)[:, ::-1].astype(np.float64) + 0.5
+        layers, inside = np.moveaxis(mask, axis, 0), np.moveaxis(inner, axis, 0)
+        inside[1:] &= layers[:-1]
+        inside[:-1] &= layers[1:]
+        inside[[0, -1]] = False
+    return np.argwhere(mask ^ inner)[:, ::-1].astype(np.float64) + 0.5
 
 
 def as_region(region: Any) -> Region:

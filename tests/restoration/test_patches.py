@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference import at_threads
 
-from cvtimg._shared import threads
 from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
 from cvtimg.restoration.patches import Groups, group_patches, windows, with_border
 
@@ -113,13 +111,13 @@ def test_groups_hold_what_is_alike() -> None:
 def test_threads_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     noisy = noisy_image((16, 20, 3))
     features = np.random.default_rng(0).standard_normal((320, 6)).astype(np.float32)
-    monkeypatch.setattr(threads, "_TO_HAND_OVER", 1e-6)
-    found: list[NDArray[Any]] = []
-    for n in (1, 3):
-        monkeypatch.setattr(threads, "n_threads", lambda n=n: n)
+    monkeypatch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)
+
+    def both() -> bytes:
         groups = group_patches(features, np.zeros(320, np.int32), 40)
         half = group_patches(features[:160], np.zeros(160, np.int32), 40)
         blocks = [PatchBlock(slice(8 * part, 8 * part + 8), slice(0, 20), half) for part in range(2)]
-        one, parts = (filtered(noisy, blocks, from_estimate=False) for blocks in (whole(16, 20, groups), blocks))
-        found.append(np.stack([one, parts]))
-    assert found[0].tobytes() == found[1].tobytes()
+        return b"".join(filtered(noisy, some, False).tobytes() for some in (whole(16, 20, groups), blocks))
+
+    one, three = at_threads(both)
+    assert one == three
