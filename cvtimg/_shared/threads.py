@@ -133,8 +133,9 @@ def blur(image: _Floats, sigma: float, mode: str = "reflect") -> _Floats:
     for axis in (0, 1):
         # Threads share the lines along the axis.
         lines, image = image.swapaxes(1 - axis, 0), image.copy()
+        out = image.swapaxes(1 - axis, 0)
 
-        def part(start: int, stop: int, lines: _Floats = lines, out: _Floats = image.swapaxes(1 - axis, 0)) -> None:
+        def part(start: int, stop: int, lines: _Floats = lines, out: _Floats = out) -> None:
             gaussian_filter1d(lines[start:stop], sigma, 1, output=out[start:stop], mode=mode)
 
         in_parts(part, len(lines), work=8.0 * sigma * image.size)

@@ -131,7 +131,7 @@ class PixelMoments:
         buckets = _sorted(self.density.shape, generators * self.scale)
         n, (height, width) = len(generators), self.density.shape
         n_parts = min(_PARTS, buckets.rows)
-        bands = np.linspace(0, buckets.rows, n_parts + 1).astype(np.int32)
+        bands = np.arange(n_parts + 1, dtype=np.int32) * buckets.rows // n_parts
         sums = np.empty((n_parts, n, 3))  # never written as a whole: a part touches what is near
         touched = np.empty((n_parts, 2), np.int32)
 
