@@ -57,23 +57,34 @@ def measure_cells(
     const double[:, ::1] cells,      # IN (K + 1, 2 D + 1): masses, means about which to measure, energies
     double[:, ::1] moments,          # INOUT (K + 1, 2 D + 1): += weight times (1, v), (1, v^2), v the value less the mean
 ):
-    cdef Py_ssize_t height = values.shape[0], width = values.shape[1], dims = values.shape[2], y, x, d
-    cdef Py_ssize_t label
+    cdef Py_ssize_t height = values.shape[0], width = values.shape[1], dims = values.shape[2], y, x, d, first, last
+    cdef const int32_t *own
+    cdef double *moment
     cdef bint weighted = weights is not None
-    cdef double weight = 1, step
+    cdef double weight = 1, mass, total, square, mean, step
     with nogil:
         for y in range(height):
-            for x in range(width):
-                label = labels[y + margin, x + margin]
-                if label == 0:
+            own = &labels[y + margin, margin]
+            last = 0
+            while last < width:  # runs of a label, whose sums stay in registers
+                first = last
+                last += 1
+                while last < width and own[last] == own[first]:
+                    last += 1
+                if own[first] == 0:
                     continue
+                moment = &moments[own[first], 0]
                 for d in range(dims):
-                    if weighted:
-                        weight = weights[y, x, d]
-                    step = values[y, x, d] - cells[label, dims + d]
-                    moments[label, d] += weight
-                    moments[label, dims + d] += weight * step
-                    moments[label, 2 * dims] += weight * step * step
+                    mass, total, square = moment[d], moment[dims + d], moment[2 * dims]
+                    mean = cells[own[first], dims + d]
+                    for x in range(first, last):
+                        if weighted:
+                            weight = weights[y, x, d]
+                        step = values[y, x, d] - mean
+                        mass += weight
+                        total += weight * step
+                        square += weight * step * step
+                    moment[d], moment[dims + d], moment[2 * dims] = mass, total, square
 
 
 cdef inline double cost_of_pixel(

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from math import log
 from typing import Any, NamedTuple
@@ -66,13 +67,14 @@ def descend(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
     detail: float = 0,
+    in_turn: bool = True,
 ) -> EdgeWeighted:
     """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
     # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
     # is nobody's neighbor. Each pair of near pixels in different segments costs `edge_weight` twice, once from each
     # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
     # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `detail`, the
-    # edge weight is at least that of `State.descend`.
+    # edge weight is at least that of `State.descend`. The first sweep takes stripes in turn unless cells are near rest.
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
     whole = Layers(
         values=np.ascontiguousarray(values, dtype=np.float32),
@@ -81,7 +83,7 @@ def descend(
         others=np.zeros(padded.shape, np.uint16),
         stale=np.zeros(padded.shape, np.uint8),
     )
-    state = State(whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes))
+    state = State(whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes, in_turn))
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
     means, masses = state.cells.means[1:].copy(), state.cells.masses[1:].copy()
     inner = padded[radius:-radius, radius:-radius].copy()
@@ -120,6 +122,7 @@ class Moves(NamedTuple):
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
     planes: Planes | None = None  # those of a volume, or none: an image
+    in_turn: bool = True  # whether the first sweep takes stripes in turn
 
 
 class Planes(NamedTuple):
@@ -182,7 +185,7 @@ class State:
     Sweeps go over stripes of rows, every other one side by side and then those between: no pixel of one is near one of
     another. Each sees the cells as they were and what it changes itself. Stripes depend on the image alone, not on the
     threads; transfers in two of them could raise E a little together, which none of 120 descents on photographs did.
-    The first sweep, which moves most, takes them in turn, or borders would gather where stripes meet.
+    The first sweep, if it moves most, takes them in turn, or borders would gather where stripes meet.
     """
 
     def __init__(self, image: Layers, shape: tuple[int, ...], n_segments: int, moves: Moves) -> None:
@@ -194,9 +197,10 @@ class State:
         self._image, self._moves = image, moves
         self._stripes = _stripes(height, 2 * self._reach)
         self._n_pairs = self._n_boundary = 0
-        self._in_turn = True
-        self.measure()  # about the origin, to find the means
-        self.measure()
+        self._in_turn = moves.in_turn
+        self._measure = partial(self.cells.measure, image, self._stripes, radius)
+        self._measure()  # about the origin, to find the means
+        self._measure()
 
     def descend(self, edge_weight: float, detail: float, max_sweeps: int = _MAX_SWEEPS) -> tuple[Any, float, bool]:
         """Sweep until nothing moves; return the energies, the edge weight, and whether that was the end.
@@ -210,7 +214,6 @@ class State:
         self._begin()
         if shrinking > weight:
             self._settle(shrinking, max_sweeps)
-            self._wake()
         energies, converged = self._settle(weight, max_sweeps)
         return energies, weight, converged
 
@@ -220,7 +223,7 @@ class State:
         all_visited, converged = True, False
         shares: list[float] = []  # of pixels on boundaries that moved
         while not converged and len(energies) <= max_sweeps:
-            moved = self._sweep(edge_weight, backward=len(energies) % 2 == 0)
+            moved = self._sweep(edge_weight, len(energies) % 2 == 0, all_visited)
             energies.append(self._energy(edge_weight))
             shares.append(moved / max(self._n_boundary, 1))
             at_rest = shares[-1] <= _ALMOST_NONE
@@ -229,9 +232,7 @@ class State:
             # Generators have moved a little since some pixels were last visited: visit all once more before stopping.
             converged = at_rest and all_visited
             all_visited = at_rest
-            if at_rest:
-                self._wake()
-        self.measure()  # without the rounding of the sweeps
+        self._measure()  # without the rounding of the sweeps
         return tuple(energies), converged
 
     def _begin(self) -> None:
@@ -240,19 +241,13 @@ class State:
         height = self._stripes[-1][1]
 
         def count(stripe: tuple[int, int]) -> tuple[int, int]:
-            labels, others, stale = self._image.rows(*stripe, margin)[2:]
+            labels, others, _ = self._image.rows(*stripe, margin)[2:]
             ends = max(beyond - stripe[0], 0), min(height - beyond, stripe[1]) - stripe[0]
             _segments.count_others(labels, steps, margin, *ends, others)
-            stale[:] = 1
             own = others[margin:-margin]
             return int(own.sum(dtype=np.int64)), int(np.count_nonzero(own))
 
         self._n_pairs, self._n_boundary = map(sum, zip(*side_by_side(count, self._stripes), strict=True))
-
-    def _wake(self) -> None:
-        """Make the next sweep visit all pixels."""
-        for first, last in self._stripes:
-            self._image.stale[first : last + 2 * self._margin][:] = 1
 
     def _shares(self) -> NDArray[np.float64]:
         """(K + 1,) factors of the energies of cells: their shares of the mass to the power."""
@@ -279,31 +274,29 @@ class State:
 
         return max(side_by_side(greatest_in, self._stripes))
 
-    def _sweep(self, edge_weight: float, backward: bool) -> int:
-        """Return how many pixels were transferred."""
+    def _sweep(self, edge_weight: float, backward: bool, everywhere: bool) -> int:
+        """Visit the pixels on boundaries, or those of them near transfers; return how many were transferred."""
         moved, margin, rows, image = 0, self._margin, self.cells.rows, self._image
         total = float(self.cells.masses.mean(axis=1).sum())
         how = total, self._steps, margin, edge_weight, self._moves.volume_power, self._moves.connected, backward
 
         def sweep(stripe: tuple[int, int]) -> Any:
-            return _segments.sweep(image.rows(*stripe, margin), rows, *how)
+            own = slice(stripe[0] + margin, stripe[1] + margin)
+            if everywhere:
+                image.stale[own][:] = image.others[own] > 0
+            return _segments.sweep(image.rows(*stripe, margin), rows, *how) if image.stale[own].any() else None
 
         groups = [[ends] for ends in self._stripes] if self._in_turn else [self._stripes[::2], self._stripes[1::2]]
         self._in_turn = False
         for stripes in reversed(groups) if backward else groups:
-            awake = [ends for ends in stripes if image.stale[ends[0] + margin : ends[1] + margin].any()]
             changes = np.zeros_like(rows)
-            for n_moved, n_pairs, n_boundary, touched, change in side_by_side(sweep, awake):
+            for n_moved, n_pairs, n_boundary, touched, change in filter(None, side_by_side(sweep, stripes)):
                 moved += n_moved
                 self._n_pairs += n_pairs
                 self._n_boundary += n_boundary
                 changes[touched] += change
             self.cells.add(changes)
         return moved
-
-    def measure(self) -> None:
-        """Measure the cells anew."""
-        self.cells.measure(self._image, self._stripes, self._margin)
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

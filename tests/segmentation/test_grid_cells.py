@@ -12,7 +12,7 @@ from cvtimg import superpixels
 
 @pytest.mark.parametrize("n", [1, 50, 400])
 def test_superpixels_are_connected_and_about_as_many_as_asked(photograph: NDArray[Any], n: int) -> None:
-    result = superpixels(photograph, n)
+    result = superpixels(photograph[:255, 3:], n)  # odd sides, which have no halves
     assert abs(result.n_segments - n) <= max(0.1 * n, 0)
     assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
     assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
