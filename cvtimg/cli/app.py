@@ -6,6 +6,8 @@ in `cvtimg.cli.commands`.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -20,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _silence_libraries()
+        # Nothing that modules hold is garbage: not while they are imported, and not at the end.
+        gc.disable()
+        atexit.register(gc.freeze)
     given = list(sys.argv[1:] if arguments is None else arguments)
     if sys.stdout is None or sys.stderr is None:  # nobody listens
         from io import StringIO
@@ -32,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from cvtimg.cli.commands import command_of
 
         todo = command_of(given)(standalone_mode=False)
+        if arguments is None:
+            gc.freeze()
+            gc.enable()
         status = int((todo() if callable(todo) else todo) or 0)
         sys.stdout.flush()
         return status

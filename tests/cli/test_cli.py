@@ -555,7 +555,17 @@ def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
         "cvtimg.plotting.sheets",
         "matplotlib",
         "cvtimg.cli.segment_command",
+        "cvtimg.engine.all_counts",
+        "cvtimg.engine.block_descent",
+        "cvtimg.palettes.files",
+        "html",
     }
+
+
+def test_no_garbage_is_sought_in_what_was_imported(here: Path) -> None:
+    script = "import gc; from cvtimg.cli.app import main; main(); print(gc.isenabled(), gc.get_freeze_count() > 10_000)"
+    command = [sys.executable, "-P", "-c", script, "quantize", PICTURE, "-k", "4", "--quiet"]
+    assert subprocess.run(command, cwd=here, capture_output=True, text=True, check=True).stdout == "True True\n"
 
 
 def test_every_command_in_the_help_is_there() -> None:
