@@ -6,11 +6,11 @@ import shutil
 import signal
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.pipes import as_files, deliver
@@ -24,8 +24,7 @@ from cvtimg.files.whole import check_can_be_written, local_path, remove_leftover
 INTERRUPTED = 128 + signal.SIGINT
 
 
-@dataclass(frozen=True, slots=True)
-class Running:
+class Running(NamedTuple):
     """How a plan is run."""
 
     # Number of cores for worker processes, as many where there are inputs for them; with 1, all inputs are processed in

@@ -10,8 +10,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from cvtimg.options.record import Option
@@ -62,8 +61,7 @@ def overview() -> str:
     return "\n".join([*lines, "", *_wrapped(_STATUS, "  ", width)])
 
 
-@dataclass(frozen=True)
-class Described:
+class Described(NamedTuple):
     """What a command says about itself."""
 
     name: str

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -30,7 +29,7 @@ def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str]
     if not isinstance(report, Report):
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
     report.quiet |= sends  # a table would mix with the output
-    running = replace(running_of(given), **how, around=partial(_as_asked, given=given))
+    running = running_of(given)._replace(**how, around=partial(_as_asked, given=given))
     return partial(run, plan, partial(work, given=given), report, running)
 
 

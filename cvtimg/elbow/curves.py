@@ -26,11 +26,9 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.svg import captioned
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
-from cvtimg.engine.all_counts import chain
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
 from cvtimg.engine.points import Points, pack
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
@@ -64,6 +62,8 @@ class EnergyCurve(ReadOnly):
 
     def _repr_html_(self) -> str:
         """Draw the curve on logarithmic axes, with the elbow marked, for notebooks."""
+        from cvtimg._shared.svg import captioned
+
         floor = self.scale.floor(self.energies) or 1.0
         heights = np.log(self.energies + floor)
         across = np.log(np.arange(1, self.n_max + 1)) / max(np.log(self.n_max), 1e-9) * 380 + 10
@@ -213,6 +213,8 @@ def energy_curve(
     if method.exact_in_one_dimension:
         ends = _optimal(points, n_max, method, conditions)
     else:
+        from cvtimg.engine.all_counts import chain
+
         ends = chain(points, n_max, method, conditions, alone)
     return EnergyCurve(
         np.array([points.frame.energy(end.energies[-1]) for end in ends]),

@@ -6,7 +6,7 @@ A rule takes E(k) for k = 1, 2, ... and their scale, and returns k. `chord` is t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ CHORD_ENDS = 32
 _RELATIVE_FLOOR = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class Scale:
+class Scale(NamedTuple):
     """What energies are measured against."""
 
     n_values: float  # Number of samples times channels that the energy is summed over

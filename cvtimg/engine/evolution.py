@@ -6,8 +6,8 @@ Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the childr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ _RESTING = Stopping(tolerance=1e-3, max_iterations=100)
 _SAME = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Evolution:
+class Evolution(NamedTuple):
     """How much to evolve."""
 
     n_kept: int  # tessellations that become parents

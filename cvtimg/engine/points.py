@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,7 @@ _TOO_LARGE = 1e140
 SMALL_ENERGY = float(np.sqrt(np.finfo(np.float64).eps))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class Frame(NamedTuple):
     """An origin near the mean of the points, and a scale, so that float32 holds the digits that matter."""
 
     center: NDArray[np.float64]

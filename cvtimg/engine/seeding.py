@@ -7,7 +7,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
 _MOST_DIMS = 64
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
+class _Cells(NamedTuple):
     """Counts of the points of positive density in K cells, and the moments of `_kernels.divide_cells`."""
 
     counts: NDArray[np.int64]

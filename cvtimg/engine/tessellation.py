@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +29,6 @@ from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_points, survey
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import Frame, Points, cell_energies, cell_moments, pack
@@ -191,8 +190,7 @@ def tessellate(
     return _of_frame(points.frame, end, own, masses, float(parts.sum()), weighted)
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
+class _Asked(NamedTuple):
     """Arguments of `tessellate` for samples of any kind."""
 
     n_generators: int
@@ -234,6 +232,8 @@ class _Descent:
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
+    from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_points, survey
+
     check_by_blocks(asked.method, asked.volume_power)
     found = survey(blocks, asked.n_generators, asked.rng)
     points, _ = sample_points(blocks, found, asked.n_generators)

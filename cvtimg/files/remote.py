@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 from cvtimg._shared.extras import needs
@@ -62,6 +61,8 @@ def local_copy(path: StrPath) -> Iterator[Path]:
     if not is_remote(path):
         yield Path(path)
         return
+    from tempfile import TemporaryDirectory
+
     with TemporaryDirectory(prefix="cvtimg-") as folder:
         copy = Path(folder, Path(path).name)
         with elsewhere(path) as (files, place):

@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
 from cvtimg._shared.messages import one_line
@@ -171,6 +170,8 @@ def check_can_be_written(path: StrPath, *, overwrite: bool) -> None:
 @contextmanager
 def local_path(path: StrPath, *, overwrite: bool) -> Iterator[Path]:
     """Give a path here whose file or folder, if there is one, is copied to a URL when the block succeeds."""
+    from tempfile import TemporaryDirectory
+
     _check_is_new(path, overwrite)
     with TemporaryDirectory(prefix="cvtimg-") as folder:
         copy = Path(folder, Path(path).name)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cvtimg.options import common
 from cvtimg.options.common import file
 from cvtimg.options.record import Choice, Option, Whole, passed
 
 BASIS = (
-    replace(
-        common.IMAGES, help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
+    common.IMAGES._replace(
+        help="An animation (GIF, APNG, WebP), images, a folder of them, or an array, .npy or .zarr."
     ),
     Option(
         "number",

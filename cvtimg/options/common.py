@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from string import hexdigits
 from typing import Any, get_args
 
 from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodName, SpaceName
@@ -21,7 +20,7 @@ def color(text: str) -> str:
     digits = text.removeprefix("#")
     if len(digits) in (3, 4):
         digits = "".join(2 * digit for digit in digits)
-    if len(digits) in (6, 8) and set(digits) <= set(hexdigits):
+    if len(digits) in (6, 8) and set(digits) <= set("0123456789abcdefABCDEF"):
         return f"{digits:f<8}"
     from PIL import ImageColor
 

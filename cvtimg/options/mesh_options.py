@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from cvtimg.options import common
@@ -35,11 +34,10 @@ def _name(text: Any) -> tuple[str, list[float]]:
 
 
 MESH = (
-    replace(
-        common.IMAGES,
+    common.IMAGES._replace(
         help="Masks (images of black and one more value), images of labels (0 is not meshed), or polygons: .geojson, "
         ".json, .wkt, .wkb, or .csv with columns x and y. Stacks of voxels, filled with tetrahedra: .tif of several "
-        "pages, or .npy.",
+        "pages, or .npy."
     ),
     passed(
         "n",
@@ -89,7 +87,7 @@ MESH = (
 )
 
 SURFACE = (
-    replace(common.IMAGES, help="Surfaces of triangles: .stl, .obj, .ply or .off."),
+    common.IMAGES._replace(help="Surfaces of triangles: .stl, .obj, .ply or .off."),
     Option("number", Whole(4, 1 << 24), "Number of points.", "--points -n", required=True),
     common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
     OUT_DIR,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -153,8 +152,8 @@ QUANTIZE = (
         excludes=("palette",),
     ).on_page("Hardware", default="any"),
     file("weight_map", "Gray image of the same size: the weight of each pixel.", keyword="weights", to=_weights),
-    replace(common.MASK, keyword="mask"),
-    replace(common.NODATA, keyword="nodata"),
+    common.MASK._replace(keyword="mask"),
+    common.NODATA._replace(keyword="nodata"),
     passed("depth", Choice(("8", "16")), "Bits per channel to work and write with; by default those of the image."),
     switch(
         "shared_palette",
@@ -173,7 +172,7 @@ QUANTIZE = (
     ),
     switch("in_place", "Replace each input by its output, in the same format, once that is complete."),
     switch("skip_if_larger", "Write no output that is not smaller than its input."),
-    replace(common.PALETTE_OUTPUT, excludes=("palette_per_frame",)),
+    common.PALETTE_OUTPUT._replace(excludes=("palette_per_frame",)),
     switch(
         "keep_metadata",
         "Keep the color profile, resolution, EXIF and georeference where still valid.",
@@ -184,7 +183,7 @@ QUANTIZE = (
         "Own palettes", "Each frame has its own. Colors that stand still may change."
     ),
     common.SKIP_EXISTING,
-    replace(common.MAX_PIXELS, keyword="max_pixels"),
+    common.MAX_PIXELS._replace(keyword="max_pixels"),
     *common.READING,
     *common.ENGINE,
     *common.BATCH,
@@ -204,7 +203,7 @@ PALETTE = (
         "do not dominate.",
         excludes=("space",),
     ),
-    replace(_LOCK, needs=("number",)),
+    _LOCK._replace(needs=("number",)),
     Option(
         "sort",
         Choice(("share", "lightness", "hue")),

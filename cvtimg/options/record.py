@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from cvtimg._shared.extras import needs
 from cvtimg.batch import WrongUsageError, check_suffix
@@ -23,8 +22,7 @@ from cvtimg.batch.pipes import STANDARD
 from cvtimg.batch.report import reason
 
 
-@dataclass(frozen=True, slots=True)
-class Real:
+class Real(NamedTuple):
     """A finite number in low..high that is greater than `above`; or "auto", or a size with a unit, where allowed."""
 
     low: float = -math.inf
@@ -72,13 +70,12 @@ class Whole(Real):
         return f"{'an even' if self.even else 'a whole'} number in {self.low}..{self.high}"
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(NamedTuple):
     """One of a few names; the page shows those in `labels` by their labels, and `aliases` stand for names."""
 
     names: Sequence[str]
-    labels: Mapping[str, str] = field(default_factory=dict)
-    aliases: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = {}
+    aliases: Mapping[str, str] = {}
 
     def parse(self, text: Any) -> Any:
         """Return the name that a text is or stands for."""
@@ -88,7 +85,6 @@ class Choice:
         return text
 
 
-@dataclass(frozen=True, slots=True)
 class Switch:
     """On or off."""
 
@@ -97,16 +93,14 @@ class Switch:
         return bool(value)
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(NamedTuple):
     """A text, or what `parse` makes of it; the page offers those in `labels`, by their labels."""
 
     parse: Callable[[Any], Any] = str
-    labels: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class File:
+class File(NamedTuple):
     """A file; `suffixes` is what its name may end in: a sequence, or a function, so that --help imports little.
 
     With `standard`, "-" stands for standard output in the format of that suffix, and "FORM:-" for another format.
@@ -132,8 +126,7 @@ class File:
         return self.suffixes() if callable(self.suffixes) else self.suffixes
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(NamedTuple):
     """Two numbers, one after the other."""
 
     first: Real = Real()
@@ -161,8 +154,7 @@ def _called(module: str, name: str, *given: Any) -> Any:
 Kind: TypeAlias = Real | Choice | Switch | Text | File | Pair
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
+class Option(NamedTuple):
     """An option of a verb."""
 
     name: str  # Its name among the values that a command gets
@@ -208,7 +200,7 @@ class Option:
 
     def on_page(self, label: str, about: str = "", **look: Any) -> Option:
         """Return the option as the page shows it, too."""
-        return replace(self, page={"label": label, "about": about, **look})
+        return self._replace(page={"label": label, "about": about, **look})
 
     def parse(self, given: Any) -> Any:
         """Return the value of what the command line gave, None for nothing; the default is converted, too."""

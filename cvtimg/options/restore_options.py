@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
 from typing import get_args
 
 from cvtimg._shared.choices import AlignName, AutoEffortName, NoiseName
@@ -125,16 +124,15 @@ RESTORE = (
         default="auto",
         excludes=("detail",),
     ).on_page("Edge weight", slider=(0, 200), step=0.5, high=10**6),
-    replace(
-        common.SPACE, help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None
+    common.SPACE._replace(
+        help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None
     ).on_page("Color space", default="rgb"),
-    replace(
-        common.EFFORT,
+    common.EFFORT._replace(
         kind=Choice(get_args(AutoEffortName)),
         default="auto",
         help=f"{common.EFFORT.help[:-1]}; auto: with --detail, less for large images.",
     ),
-    replace(common.SEED, help="With --detail: seed of the sample of patches that large images are learned from."),
+    common.SEED._replace(help="With --detail: seed of the sample of patches that large images are learned from."),
     file(
         "labels",
         "Write the segment of each pixel, from 1: .png, .tif or .npy.",

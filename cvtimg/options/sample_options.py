@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
@@ -25,8 +24,7 @@ _TABLE = (
 )
 
 CLUSTER = (
-    replace(
-        common.IMAGES,
+    common.IMAGES._replace(
         help="Tables (.csv, .tsv, .npy, .parquet, .zarr), URLs of them, folders, patterns like 'a/*.csv', - for "
         "standard input, or @FILE for a list of names.",
         metavar="TABLE...",
@@ -54,7 +52,7 @@ CLUSTER = (
 )
 
 ELBOW = (
-    replace(common.IMAGES, help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
+    common.IMAGES._replace(help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
     Option("k_max", Whole(1, 4096), "Largest number of generators to try.", default=64, keyword="n_max"),
     Option(
         "rule",
@@ -73,8 +71,8 @@ ELBOW = (
     common.VOLUME_POWER,
     Option("averaging", Choice(common.AVERAGING_NAMES), "Measure segments made with this --averaging.", default="none"),
     Option("edge_weight", Real(0), "Measure segments made with this --edge-weight.", metavar="L"),
-    replace(
-        common.EFFORT, help="fast: all numbers in one pass; balanced, best: also search each by itself.", default="fast"
+    common.EFFORT._replace(
+        help="fast: all numbers in one pass; balanced, best: also search each by itself.", default="fast"
     ),
     *_TABLE,
     file("csv", "Write all curves, one line for each k."),

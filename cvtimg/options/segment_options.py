@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.util import find_spec
 
 from cvtimg.labels.formats import CONTOUR_FORMATS
@@ -74,10 +73,8 @@ SEGMENT = (
     Option("line_width", Whole(1, 1000), "Width of the lines that --overlay draws.", metavar="PIXELS", default=1),
     switch("subpixel", "Place --contours with subpixel accuracy."),
     Option("simplify", Real(0), "Simplify --contours, at most this far off the border.", metavar="PIXELS", default=0),
-    replace(
-        common.SPACE,
-        help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.",
-        default=None,
+    common.SPACE._replace(
+        help="Color space in which distances are measured; by default rgb, or lab for --hierarchy.", default=None
     ).on_page("Color space", default="rgb"),
     switch(
         "shading",
@@ -85,7 +82,7 @@ SEGMENT = (
         excludes=_BY_COLOR,
         keyword="shading",
     ).on_page("even light"),
-    replace(common.AVERAGING, excludes=_BY_COLOR),
+    common.AVERAGING._replace(excludes=_BY_COLOR),
     Option(
         "kernel",
         Choice(("gaussian", "box"), {"gaussian": "Gaussian"}),
@@ -221,7 +218,7 @@ SEGMENT = (
         "Use the same segments in all pages, as a volume if their distance is known; with --objects: its objects.",
     ),
     switch("track", "Objects of a time series keep their label from frame to frame, by overlap.", needs=("objects",)),
-    replace(common.VOLUME_POWER, excludes=_OTHER_WAYS),
+    common.VOLUME_POWER._replace(excludes=_OTHER_WAYS),
     common.EFFORT,
     common.SEED,
     common.SKIP_EXISTING,

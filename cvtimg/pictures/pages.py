@@ -202,7 +202,7 @@ def _chosen(source: _Decoded | StoredStack) -> Pages:
     names = "RGBA"[:n_bands] if n_bands in (3, 4) else [f"B{band}" for band in range(1, n_bands + 1)]
     if (band := source.stack.band(chosen, tuple(names))) is not None:
         images = [np.ascontiguousarray(image.reshape(*image.shape[:2], -1)[:, :, band]) for image in images]
-        stack, alpha = replace(stack, channels=stack.channels[band : band + 1]), False
+        stack, alpha = stack._replace(channels=stack.channels[band : band + 1]), False
     kind = source.kind or ("imagej" if chosen.pixel_size else "")
     scale = chosen.pixel_size.scale(kind) if chosen.pixel_size else source.scale
     pages = Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, alpha, stack.channels)

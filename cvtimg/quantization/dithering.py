@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,8 +25,7 @@ from cvtimg.quantization import _dithering
 MAX_DIMS = _dithering.DIMS
 
 
-@dataclass(frozen=True, slots=True)
-class _Cells:
+class _Cells(NamedTuple):
     """How fine the grid is: cells for each entry (fewer would have more candidates, more would take longer to list)."""
 
     per_entry: int = 64
@@ -62,8 +60,7 @@ STRENGTH = 0.9
 _WIDEST_GAPS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class _Clean:
+class _Clean(NamedTuple):
     """What "edge-aware" takes for text, drawings and flat areas, which stay clean."""
 
     large: int = 25  # pixels of pieces in which the steps of a smooth transition are tiny: at most
@@ -74,8 +71,7 @@ class _Clean:
 _CLEAN = _Clean()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class Job(NamedTuple):
     """The arguments of a dithering method."""
 
     places: NDArray[np.float32]  # (M, 4) place of each color, from 0 up

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import repeat
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,8 +47,7 @@ from cvtimg.quantization.remapping import MAX_COLORS
 from cvtimg.quantization.targets import Ladder
 
 
-@dataclass(frozen=True, slots=True)
-class _Aiming:
+class _Aiming(NamedTuple):
     """Where searches begin and end, and first guesses of how figures grow."""
 
     number: int = 32

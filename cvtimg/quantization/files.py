@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
-from cvtimg.palettes.files import read_palette, write_palette
 from cvtimg.pictures.files import Metadata, read_metadata
 from cvtimg.pictures.formats.animated import FRAME_WRITERS
 from cvtimg.pictures.pages import PAGE_SUFFIXES
@@ -184,6 +183,8 @@ def quantize_file(
         how, mask = _at_depth(how, image.dtype), masks and masks[0]
         work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata)
         if stack.header and stack.header.mode == "P" and how.palette is None:
+            from cvtimg.palettes.files import read_palette
+
             kept = work.kept(read_palette(source), how)
     else:
         keeps_nodata = reading.nodata is None and stack.nodata is not None
@@ -225,6 +226,8 @@ def _at_depth(how: QuantizeOptions, dtype: np.dtype[Any]) -> QuantizeOptions:
 def _write_palette(writing: Writing, result: QuantizedSeries) -> None:
     """Write the palette, with the number of pixels of each color."""
     if writing.save_palette is not None:
+        from cvtimg.palettes.files import write_palette
+
         counted = [one.indices.ravel() for one in result.results if one.indices is not None]
         density: Any = sum(np.bincount(indices, minlength=len(result.palette)) for indices in counted)
         path, overwrite = writing.save_palette, writing.overwrite

@@ -14,7 +14,6 @@ A. Aggarwal, B. Schieber, T. Tokuyama, Discrete & Computational Geometry 12 (199
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +51,7 @@ class _Cut(NamedTuple):
         return len(self.bounds) - 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Levels:
+class _Levels(NamedTuple):
     """Sorted distinct values (M,), their density > 0, and moments (M + 1, 3)."""
 
     # The moments are the sums of density times (1, y, y^2) over the levels before each, where y is the level minus the

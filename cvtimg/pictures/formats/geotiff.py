@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from PIL.ExifTags import Base
 
@@ -36,8 +35,7 @@ GEO_TYPES: dict[int, str] = dict.fromkeys(map(int, GeoTag), "d")
 GEO_TYPES |= {GeoTag.KEYS: "H", GeoTag.TEXT: "s", GeoTag.NODATA: "s"}
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """Georeferencing of an image, from GeoTIFF tags, as `ImageInfo` has it; None for what the file does not state."""
 
     geo_transform: tuple[float, float, float, float, float, float] | None

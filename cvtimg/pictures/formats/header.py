@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
@@ -119,7 +119,7 @@ def _chosen(header: ImageInfo) -> ImageInfo:
     known = Arrangement(header.axes[:-2], header.shape, header.channels)
     if (at := known.band(chosen, header.bands)) is not None:
         header = replace(header, bands=header.bands[at : at + 1], has_alpha=False)
-        known = replace(known, channels=known.channels[at : at + 1])
+        known = known._replace(channels=known.channels[at : at + 1])
     stack, numbers = known.chosen(chosen)
     return replace(
         header,
@@ -186,7 +186,7 @@ def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:
         ),
         has_alpha=image.has_transparency_data,
         icc=profile_name(image.info.get("icc_profile")),
-        **asdict(Place.of(tags_of(image))),
+        **Place.of(tags_of(image))._asdict(),
     )
 
 
@@ -205,7 +205,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
             bits=layout.bits,
             has_alpha=layout.alpha,
             icc=profile_name(icc_profile(tags)),
-            **asdict(Place.of(tags)),
+            **Place.of(tags)._asdict(),
             **pages,
         )
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, TypeGuard
+from typing import Any, BinaryIO, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,7 @@ MICROSCOPE_SUFFIXES = (".czi", ".nd2")
 _NOUNS = {"C": "channel", "T": "frame", "Z": "plane"}
 
 
-@dataclass(frozen=True, slots=True)
-class Arrangement:
+class Arrangement(NamedTuple):
     """How the pages of a file are arranged: letters of axes, their lengths, and names of channels where known."""
 
     axes: str

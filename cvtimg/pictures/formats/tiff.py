@@ -6,10 +6,9 @@ import math
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from enum import IntEnum
 from itertools import islice
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +54,7 @@ _OF_OME = ("PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ", "TimeIncrement")
 _ALPHA = ((_Value.EXTRA_PREMULTIPLIED,), (_Value.EXTRA_ALPHA,), (_Value.EXTRA_OF_CORELDRAW,))
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(NamedTuple):
     """Meaning of the samples of a pixel."""
 
     # Samples per pixel, and bits of the largest sample.
