@@ -136,10 +136,11 @@ class _Part:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
         # `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
         from scipy.ndimage import uniform_filter
+        from scipy.stats import chi2, norm
 
         known = self.known[version] & np.isfinite(residual[..., 0])
         residual = np.where(known[..., None], residual, np.float32(0))
-        rare = _largest_by_chance(residual.shape[2])
+        rare = chi2.isf(norm.sf(_RARE), residual.shape[2])
         alone = np.square(residual / scales[0]).sum(axis=2)
         found = alone > rare
         for side, scale in zip(_SIDES[1:], scales[1:], strict=True):
@@ -201,13 +202,6 @@ def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> 
     return scales
 
 
-def _largest_by_chance(n_dims: int) -> float:
-    """Return the square of white noise in `n_dims` dimensions that is exceeded as rarely as is rare in one."""
-    from scipy.stats import chi2, norm
-
-    return float(chi2.isf(norm.sf(_RARE), n_dims))
-
-
 def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
     """(C,) mean of the fullest of boxes, so many per channel, over all that is known."""
     n_bands = min(int(np.count_nonzero(versions.version_of == 0)), 3)
@@ -246,11 +240,18 @@ class Suspicion:
         known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
         n_bands = estimate.shape[2]
         for version in np.flatnonzero(self.shares):
-            squares = np.square(versions.bands(int(version)) - estimate).sum(axis=2) / versions.noisiness(estimate)
-            alone, confirmed = self._compared(versions, int(version))
-            # Versions that disagree here: one of them holds an addition.
-            share = np.where(alone, self.shares[version], 0.5)
-            variance = self._variance(int(version), squares, versions.known[:, :, version], n_bands)
+            values, own = versions.bands(int(version)), versions.known[:, :, version]
+            confirmed, is_alone = np.zeros_like(own), own.copy()
+            for other in (number for number in range(versions.n_versions) if number != version):
+                both = own & versions.known[:, :, other]
+                apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
+                variance = self.noise[version] ** 2 + self.noise[other] ** 2
+                confirmed |= both & (apart <= (_RARE**2 + 2 * n_bands) * variance)
+                is_alone &= ~both
+            # Of versions that disagree here, one holds an addition.
+            share = np.where(is_alone, self.shares[version], 0.5)
+            squares = np.square(values - estimate).sum(axis=2) / versions.noisiness(estimate)
+            variance = self._variance(int(version), squares, own, n_bands)
             room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
             likelier = np.log((1 - share) / share) + n_bands / 2 * room
             known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
@@ -265,18 +266,6 @@ class Suspicion:
         share = uniform_filter(seen.astype(np.float32), around, mode="constant")
         mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
         return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
-
-    def _compared(self, versions: Versions, version: int) -> tuple[_Bools, _Bools]:
-        """(H, W) where a version alone knows a pixel, and where another confirms what it shows."""
-        own, values = versions.known[:, :, version], versions.bands(version)
-        confirmed, others = np.zeros_like(own), np.zeros_like(own)
-        for other in (number for number in range(versions.n_versions) if number != version):
-            both = own & versions.known[:, :, other]
-            apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
-            variance = self.noise[version] ** 2 + self.noise[other] ** 2
-            confirmed |= both & (apart <= (_RARE**2 + 2 * values.shape[2]) * variance)
-            others |= both
-        return own & ~others, confirmed
 
 
 def first_estimate(fused: Floats) -> Floats:

@@ -68,8 +68,7 @@ class Alignment:
 
 def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]:
     """Find how versions moved and move them to the place of the first; pixels that this uncovers are unknown."""
-    # D. Padfield, IEEE Trans. Image Processing 21 (2012), doi 10.1109/TIP.2011.2181402, for masked correlation; S.
-    # Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
+    # S. Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
     values, known = list(versions.stack), versions.known.copy()
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
@@ -121,17 +120,10 @@ class _Level:
 
 def _pyramid(versions: Versions, version: int) -> list[_Level]:
     """Levels of the mean of the bands of a version, from the finest to the coarsest."""
-    values: Floats = versions.bands(version).mean(axis=2)
-    weight = versions.known[:, :, version].astype(np.float32)
-    levels = [_Level.of(values, weight)]
-    while max(values.shape) > _TOP:
-        height, width = (side // 2 * 2 for side in values.shape)
-        parts = [(slice(down, height, 2), slice(right, width, 2)) for down in (0, 1) for right in (0, 1)]
-        sums = np.sum([weight[part] for part in parts], axis=0)
-        total = np.sum([weight[part] * values[part] for part in parts], axis=0)
-        values = np.divide(total, sums, out=np.zeros_like(sums), where=sums > 0)
-        weight = sums / 4
-        levels.append(_Level.of(values, weight))
+    gray, weight = versions.bands(version).mean(axis=2), versions.known[:, :, version].astype(np.float32)
+    levels = [_Level.of(gray, weight)]
+    while max(levels[-1].values.shape) > _TOP:
+        levels.append(_Level.of(levels[-1].values[::2, ::2], levels[-1].weight[::2, ::2]))
     return levels
 
 
@@ -139,7 +131,7 @@ def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_
     """(3, 3) transform from pixels of one image to those of another, and its model."""
     wanted = "euclidean" if model == "auto" else model
     transform = _whole_shift(fixed[-1], moving[-1])
-    doubled = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]])  # centers of pixels lie at 2 x + 1/2 of the finer level
+    doubled = np.diag([2.0, 2.0, 1.0])
     for number in range(len(fixed) - 1, -1, -1):
         pair = _Pair.of(fixed[number], moving[number])
         coarsest = number == len(fixed) - 1
@@ -157,15 +149,13 @@ def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
     from skimage.registration import phase_cross_correlation
 
     correlate: Any = phase_cross_correlation
-    one, other = (
-        gaussian_filter(level.values, 1) - gaussian_filter(level.values, _COARSE) for level in (fixed, moving)
-    )
-    if min(fixed.weight.min(), moving.weight.min()) > 1 - 1e-3:
-        window = np.outer(*(np.hanning(side + 2)[1:-1] for side in one.shape))
-        shift, _, _ = correlate(one * window, other * window, normalization=None)
-    else:
-        masks = (level.weight > _COMPARED for level in (fixed, moving))
-        shift, _, _ = correlate(one, other, reference_mask=next(masks), moving_mask=next(masks))
+
+    def structure(level: _Level) -> Floats:
+        window = np.outer(*(np.hanning(side + 2)[1:-1] for side in level.values.shape))
+        fine = gaussian_filter(level.values, 1) - gaussian_filter(level.values, _COARSE)
+        return np.asarray(fine * window * level.weight)
+
+    shift, _, _ = correlate(structure(fixed), structure(moving), normalization=None)
     transform = np.eye(3)
     transform[:2, 2] = -np.asarray(shift, np.float64)[::-1]
     return transform

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvtimg._shared.threads import in_parts
 from cvtimg.restoration.versions import Floats
 
 
@@ -38,13 +37,7 @@ def _beyond(away: Floats) -> Floats:
     """Share of Gaussian noise that is clipped so many standard deviations away from an end."""
     from scipy.special import ndtr
 
-    found = np.empty(away.shape, np.float32)
-
-    def part(start: int, stop: int) -> None:
-        found[start:stop] = ndtr(-away[start:stop])
-
-    in_parts(part, len(away), work=32.0 * away.size)
-    return found
+    return np.asarray(ndtr(-away), np.float32)
 
 
 def clipped_ends(values: Floats, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,12 +49,14 @@ def merge_versions(
         told = np.einsum("ij,j->i", sharp, np.pi ** np.arange(sharp.shape[1]))
         n_generators = min(n_generators, len(np.unique(told)))
     values, weights = versions.values, versions.weights(trust)
-    values = values - np.float32(values[weights > 0].mean(dtype=np.float64))  # so that float32 is precise enough
+    center = values[weights > 0].mean(dtype=np.float64)
+    values = values - np.float32(center)  # so that float32 is precise enough
 
     def settled(labels: _Labels, own: NDArray[np.bool_]) -> EdgeWeighted:
         """Lower the energy in some bands from initial labels until they rest."""
         some, loads = values[:, :, own], weights[:, :, own]
-        return descend(some, labels, n_generators, edge_weight=cost * unit, weights=loads)
+        found = descend(some, labels, n_generators, edge_weight=cost * unit, weights=loads)
+        return replace(found, generators=found.generators + np.float32(center))
 
     def started(blur: float) -> _Labels:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
@@ -62,20 +66,18 @@ def merge_versions(
     every = np.ones(len(versions.version_of), np.bool_)
     ends = (settled(started(blur), every) for blur in each(_BLURS[effort]))
     end = min(ends, key=lambda end: end.energies[-1])
-    generators, masses = _measured(versions, trust, end.labels, n_generators)
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
 
     def alone(version: int) -> tuple[_Doubles, _Doubles]:
-        labels = settled(end.labels, bands[version]).labels
-        means, loads = _measured(versions, trust, labels, n_generators)
-        return means[:, bands[version]], loads[:, bands[version]]
+        found = settled(end.labels, bands[version])
+        return found.generators, found.masses
 
     levels = Levels(
         values=[versions.bands(version) for version in range(len(bands))],
         known=[versions.known[:, :, version] for version in range(len(bands))],
         labels=end.labels,
-        generators=np.stack([generators[:, own] for own in bands]),
-        masses=np.stack([masses[:, own] for own in bands]),
+        generators=np.stack([end.generators[:, own] for own in bands]),
+        masses=np.stack([end.masses[:, own] for own in bands]),
         alone=alone,
     )
     colors = RENORMALIZATIONS[renormalize](levels)
@@ -93,7 +95,7 @@ def merge_versions(
         evidence,
         space,
         labels=labels,
-        generators=_by_version(np.where(masses > 0, generators, np.nan)[order], evidence.placed, space),
+        generators=_by_version(np.where(end.masses > 0, end.generators, np.nan)[order], evidence.placed, space),
         colors=shown[order],
         edge_weight=cost,
         energies=end.energies,
@@ -122,23 +124,10 @@ def level_of(versions: Versions, space: SpaceName) -> float:
 
 def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
     """(N, C) colors of the versions fused and blurred; channels side by side."""
-    trust, looks = evidence.trust, [(versions, evidence.trust)]
-    if evidence.channels:
-        looks = [(versions.only(number), trust[[number]]) for number in range(versions.n_versions)]
-    parts = [fuse(look, own, blur)[0] * np.float32(np.sqrt(own.mean())) for look, own in looks]
+    looks = (
+        [[number] for number in range(versions.n_versions)] if evidence.channels else [[*range(versions.n_versions)]]
+    )
+    trust = evidence.trust
+    parts = [fuse(versions, trust, blur, some)[0] * np.float32(np.sqrt(trust[some].mean())) for some in looks]
     picture = np.concatenate(parts, axis=2)
     return picture.reshape(-1, picture.shape[2])
-
-
-def _measured(versions: Versions, trust: _Doubles, labels: _Labels, n_generators: int) -> tuple[_Doubles, _Doubles]:
-    """(K, D) means of segments in versions, 0 where nothing is known, and (K, D) the weight behind them."""
-    rows, which = versions.values.reshape(labels.size, -1), labels.ravel() - 1
-    loads = versions.weights(trust).reshape(rows.shape).astype(np.float64)
-
-    def totals(values: _Doubles) -> _Doubles:
-        return np.stack(
-            [np.bincount(which, band, minlength=n_generators) for band in values.T], axis=1, dtype=np.float64
-        )
-
-    masses, sums = totals(loads), totals(loads * rows)
-    return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0), masses

@@ -82,18 +82,6 @@ class Versions:
         constant, slope = self.lines.T.astype(np.float32)
         return np.maximum((constant + slope * levels).mean(axis=2), np.float32(0.1))
 
-    def only(self, version: int) -> Versions:
-        """Return one version by itself."""
-        return replace(
-            self,
-            stack=(self.stack[version],),
-            known=self.known[:, :, [version]],
-            version_of=np.zeros(self.stack[version].shape[2], np.intp),
-            dtypes=(self.dtypes[version],),
-            roundings=self.roundings[version : version + 1],
-            tones=None if self.tones is None else self.tones[[version]],
-        )
-
     def knowing(self, known: NDArray[np.bool_]) -> Versions:
         """Return the same versions where they are still known."""
         return replace(self, known=known)
@@ -244,17 +232,20 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
     return trust / trust.mean()
 
 
-def fuse(versions: Versions, trust: NDArray[np.float64], blur: float = 0.0) -> tuple[Floats, Floats]:
+def fuse(
+    versions: Versions, trust: NDArray[np.float64], blur: float = 0.0, some: Sequence[int] | None = None
+) -> tuple[Floats, Floats]:
     """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it."""
-    # With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case.
+    # With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case. Of
+    # versions that are channels, `some` have the same bands.
     from scipy.ndimage import gaussian_filter
 
-    n_bands = np.count_nonzero(versions.version_of == 0)
+    some = range(versions.n_versions) if some is None else some
     weight = np.zeros(versions.known.shape[:2], np.float32)
-    total = np.zeros((*weight.shape, n_bands), np.float32)
-    for version, share in enumerate(trust.astype(np.float32)):
-        weight += share * versions.known[:, :, version]
-        total += share * versions.bands(version)
+    total = np.zeros(versions.stack[some[0]].shape, np.float32)
+    for version in some:
+        weight += np.float32(trust[version]) * versions.known[:, :, version]
+        total += np.float32(trust[version]) * versions.bands(version)
     if blur:
         return fill(gaussian_filter(total, (blur, blur, 0)), gaussian_filter(weight, blur)), weight
     return fill(total, weight), weight
