@@ -68,15 +68,13 @@ def measure_cells(
             last = 0
             while last < width:  # runs of a label, whose sums stay in registers
                 first = last
-                last += 1
                 while last < width and own[last] == own[first]:
                     last += 1
                 if own[first] == 0:
                     continue
                 moment = &moments[own[first], 0]
                 for d in range(dims):
-                    mass, total, square = moment[d], moment[dims + d], moment[2 * dims]
-                    mean = cells[own[first], dims + d]
+                    mass, total, square, mean = moment[d], moment[dims + d], moment[2 * dims], cells[own[first], dims + d]
                     for x in range(first, last):
                         if weighted:
                             weight = weights[y, x, d]
@@ -145,8 +143,11 @@ cdef inline bint is_simple(const int32_t *label, Py_ssize_t width) noexcept nogi
     return n + e + s + w - (n & ne & e) - (e & se & s) - (s & sw & w) - (w & nw & n) == 1
 
 
-cdef inline bint touches(const int32_t *label, Py_ssize_t width, int32_t other) noexcept nogil:
-    return label[-width] == other or label[1] == other or label[width] == other or label[-1] == other
+cdef inline int32_t count_near(const int32_t *at, const int32_t *steps, Py_ssize_t n_steps, int32_t label) noexcept nogil:
+    cdef int32_t n = 0, s
+    for s in range(n_steps):
+        n += at[steps[s]] == label
+    return n
 
 
 cdef inline double *copy_of(
@@ -187,8 +188,8 @@ def sweep(
     # Only the cells that are looked at are copied, so that many cells cost no more than few.
     cdef int32_t[::1] places = np.zeros(cells.shape[0], np.int32), touched = np.empty(cells.shape[0], np.int32)
     cdef double[:, ::1] copies = np.empty_like(cells)
-    cdef Py_ssize_t width = values.shape[1], dims = values.shape[2]
-    cdef Py_ssize_t n_steps = steps.shape[0], stride = labels.shape[1]
+    cdef Py_ssize_t width = values.shape[1], dims = values.shape[2], n_steps = steps.shape[0], stride = labels.shape[1]
+    cdef Py_ssize_t[4] sides = [-stride, -1, 1, stride]
     cdef Py_ssize_t first = margin * stride, last = (labels.shape[0] - margin) * stride
     cdef Py_ssize_t t, p, q, s, f, n_found, n_touched = 0, n_moved = 0, n_pairs = 0, n_boundary = 0
     cdef int32_t own, label, best
@@ -229,12 +230,14 @@ def sweep(
             if weighted:
                 weight = &weights[0, 0, 0] + p * dims
             n_found = 0
-            for s in range(n_steps):
-                label = at[steps[s]]
+            for s in range(4 if connected else n_steps):
+                label = at[sides[s] if connected else steps[s]]
                 if counts[label] == 0:
                     found[n_found] = label
                     n_found += 1
                 counts[label] += 1
+            for f in range(n_found if connected else 0):  # only these can be joined
+                counts[found[f]] = count_near(at, &steps[0], n_steps, found[f])
             # The cost of the pixel in its own cell, and in each that it could join.
             here = copy_of(own, cells, copies, &places[0], &touched[0], &n_touched)
             own_cost = cost_of_pixel(value, weight, here + dims, here, dims, -1)
@@ -245,7 +248,7 @@ def sweep(
             best_cost = 0
             for f in range(n_found):
                 label = found[f]
-                if label == own or label == 0 or (connected and not touches(at, stride, label)):
+                if label == own or label == 0:
                     continue
                 there = copy_of(label, cells, copies, &places[0], &touched[0], &n_touched)
                 cost = cost_of_pixel(value, weight, there + dims, there, dims, 1)

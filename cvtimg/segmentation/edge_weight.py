@@ -196,7 +196,6 @@ class State:
         self.cells = SegmentMoments(n_segments, n_dims)
         self._image, self._moves = image, moves
         self._stripes = _stripes(height, 2 * self._reach)
-        self._n_pairs = self._n_boundary = 0
         self._in_turn = moves.in_turn
         self._measure = partial(self.cells.measure, image, self._stripes, radius)
         self._measure()  # about the origin, to find the means

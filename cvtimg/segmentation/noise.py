@@ -105,8 +105,7 @@ def _block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None) -
         differences[~whole] = np.nan
     height, width = differences.shape[:2]
     n_columns = min(_BLOCK, width)
-    # Band by band and row by row, in long loops; not by einsum, whose bits could depend on the processor.
-    bands = np.moveaxis(differences[:, : width // n_columns * n_columns], 2, 0).copy()
+    bands = np.moveaxis(differences[:, : width // n_columns * n_columns], 2, 0).copy()  # for long loops
     products = np.stack([(band * bands).sum(axis=1) for band in bands]).reshape(n_dims, n_dims, -1, n_columns)
     covariances: NDArray[np.float64] = products.sum(axis=3).transpose(2, 0, 1) / (height * n_columns)
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]
