@@ -68,7 +68,8 @@ class Alignment:
 
 def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]:
     """Find how versions moved and move them to the place of the first; pixels that this uncovers are unknown."""
-    # S. Benhimane and E. Malis, IROS 2004, doi 10.1109/IROS.2004.1389474, for steps with the slopes of both images.
+    # S. Baker and I. Matthews, Int. J. Computer Vision 56 (2004) 221-255, doi 10.1023/B:VISI.0000011205.11775.fd, for
+    # steps with the slopes of the image that stays in place, which are the same in all of them.
     values, known = list(versions.stack), versions.known.copy()
     found = Alignment.none(versions.n_versions)
     models, stuck = list(found.models), []
@@ -185,7 +186,6 @@ class _Pair:
     weights: Floats  # (N,)
     slopes: Floats  # (2, N): along x and y
     spline: Floats  # of the other image
-    other_slopes: tuple[Floats, Floats]  # of the other image, along x and y
     other_weight: Floats | None  # of the other image; None if all is known
     n_independent: float  # number of pixels whose noise differs
 
@@ -201,7 +201,7 @@ class _Pair:
         if len(chosen) > _SAMPLED:
             chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
         gradient: Any = np.gradient
-        (down, right), other_slopes = gradient(fixed.values), gradient(moving.values)
+        down, right = gradient(fixed.values)
         y, x = np.divmod(chosen, fixed.values.shape[1])
         return cls(
             fixed.values.shape,
@@ -210,13 +210,12 @@ class _Pair:
             fixed.weight.ravel()[chosen],
             np.stack([right.ravel()[chosen], down.ravel()[chosen]]),
             spline_filter(moving.values, 3, output=np.float32, mode="nearest"),
-            other_slopes[::-1],
             None if moving.weight.min() > 1 - 1e-3 else moving.weight,
             n_independent,
         )
 
-    def seen(self, transform: _Doubles) -> tuple[_Doubles, Floats, Floats]:
-        """(2, N) rows and columns of the pixels in the other image, (N,) values there, and weight behind both."""
+    def seen(self, transform: _Doubles) -> tuple[Floats, Floats]:
+        """(N,) values of the other image at the places of the pixels, and weight behind both."""
         from scipy.ndimage import map_coordinates
 
         x, y = _mapped(transform, *self.places)
@@ -227,7 +226,7 @@ class _Pair:
         weights = inside * self.weights
         if self.other_weight is not None:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
-        return at, values, np.where(weights > _COMPARED**2, weights, 0)
+        return values, np.where(weights > _COMPARED**2, weights, 0)
 
     def improved(self, transform: _Doubles, n_generators: int) -> tuple[_Doubles, float, float]:
         """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
@@ -235,26 +234,24 @@ class _Pair:
         Return also the gain and the offset of the other image.
         """
         from scipy.linalg import expm
-        from scipy.ndimage import map_coordinates
 
         # Coordinates from -1 to 1 along the longer side make all parameters alike.
         half = max(self.shape) / 2
         to_unit = np.array([[1, 0, (1 - self.shape[1]) / 2], [0, 1, (1 - self.shape[0]) / 2], [0, 0, half]]) / half
         from_unit = np.linalg.inv(to_unit)
         x, y = _mapped(to_unit, *self.places)
+        along_x, along_y = half * self.slopes
+        along = x * along_x + y * along_y
+        columns = [along_x, along_y, x * along_y - y * along_x, along, x * along_x - y * along_y]
+        columns += [y * along_x + x * along_y, x * along, y * along]
         current, gain, offset = transform, 1.0, 0.0
         for _ in range(_STEPS):
-            at, seen, weights = self.seen(current)
+            seen, weights = self.seen(current)
             if np.count_nonzero(weights) < _FEWEST:
                 return transform, 1.0, 0.0
-            slopes = np.stack([map_coordinates(slope, at, order=1, mode="nearest") for slope in self.other_slopes])
-            along_x, along_y = half * (self.slopes + gain * (current[:2, :2].T @ slopes)) / 2
             apart = gain * seen + offset - self.values
             outlying = _OUTLYING * _scale(apart[weights > 0])  # differences that have half the weight
             weights = weights * np.reciprocal(1 + np.square(apart / outlying)).astype(np.float32, copy=False)
-            along = x * along_x + y * along_y
-            columns = [along_x, along_y, x * along_y - y * along_x, along, x * along_x - y * along_y]
-            columns += [y * along_x + x * along_y, x * along, y * along]
             rows = np.stack([*columns[:n_generators], seen, np.ones_like(seen)]).astype(np.float64)
             weighted = rows * weights
             step, *_ = np.linalg.lstsq(weighted @ rows.T, -(weighted @ apart))
@@ -271,7 +268,7 @@ class _Pair:
 
     def evidence(self, simple: tuple[_Doubles, float, float], rich: tuple[_Doubles, float, float]) -> float:
         """Twice the logarithm of the likelihood ratio of a richer motion and a simpler one, as `improved` has them."""
-        seen = [self.seen(transform)[1:] for transform, _, _ in (simple, rich)]
+        seen = [self.seen(transform) for transform, _, _ in (simple, rich)]
         both = np.minimum(seen[0][1], seen[1][1]) > 0
         aparts = [
             (m * values + n - self.values)[both] for (_, m, n), (values, _) in zip((simple, rich), seen, strict=True)
