@@ -29,7 +29,7 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
-from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method
+from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method, random_numbers
 from cvtimg.engine.points import Points, pack
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.search import EFFORTS
@@ -207,7 +207,7 @@ def energy_curve(
     if power:
         scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
     watch = Watch(callback, points.frame.energy)
-    conditions = Conditions(EFFORTS["balanced"].stopping, np.random.default_rng(rng), 0, power, watch)
+    conditions = Conditions(EFFORTS["balanced"].stopping, random_numbers(rng), 0, power, watch)
     n_max = min(n_max, int(np.count_nonzero(points.density)))
     method = choose_method(n_dims=points.n_dims, volume_power=power)
     if method.exact_in_one_dimension:

@@ -7,7 +7,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies, cell_moments, in_main_subspace
 
 #: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.
-Seeding = Callable[[Points, int, np.random.Generator], NDArray[np.float64]]
+Seeding: TypeAlias = "Callable[[Points, int, np.random.Generator], NDArray[np.float64]]"
 
 #: Cells are divided by their covariances up to so many dimensions, and beyond in a subspace of so many.
 _MOST_DIMS = 64

@@ -29,7 +29,7 @@ from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method
+from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import Frame, Points, cell_energies, cell_moments, pack
 from cvtimg.engine.samples import WeightedSamples, pack_in_order
@@ -171,7 +171,7 @@ def tessellate(
     if isinstance(samples, WeightedSamples):
         settings = replace(settings, evolution=None)
     power = check_non_negative("volume_power", volume_power)
-    asked = _Asked(n_generators, method, init, settings, power, locked, np.random.default_rng(rng), callback)
+    asked = _Asked(n_generators, method, init, settings, power, locked, random_numbers(rng), callback)
     if is_blocked(samples):
         return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)

@@ -4,13 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg.engine.points import Points, assign
+
+
+class _Draws:
+    """The random generator of a seed, which NumPy makes, and imports, when it is first drawn from."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng: int | np.random.Generator = seed
+
+    def __getattr__(self, name: str) -> Any:
+        self._rng = np.random.default_rng(self._rng)
+        return getattr(self._rng, name)
+
+
+def random_numbers(rng: int | np.random.Generator) -> np.random.Generator:
+    """Return ``np.random.default_rng(rng)``; of a seed it is made when needed, as most searches draw nothing."""
+    if isinstance(rng, int) and rng >= 0:
+        return cast("np.random.Generator", _Draws(rng))
+    return np.random.default_rng(rng)  # which says what is wrong
 
 
 @dataclass(frozen=True, slots=True, eq=False)
