@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import blur, in_parts
-from cvtimg.artwork.tones import TABLE_SIZE
+from cvtimg.artwork.tones import TABLE_SIZE, zero_of
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
@@ -181,8 +181,6 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
     In a range of radii, that of a dot grows as the power of the ink that lets n dots give the ink. Where even the least
     or the greatest for all tones does not, the tones will be off.
     """
-    from scipy.optimize import bisect
-
     if radius_range is None:
         return ink
     least, greatest = radius_range
@@ -198,7 +196,7 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
     def excess(bent: float) -> float:
         return float((counts * tones / areas(bent)).sum()) - n_dots
 
-    bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else float(bisect(excess, 0, 1))
+    bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else zero_of(excess, 0, 1)
     return (
         ink / areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]
     )
