@@ -128,10 +128,9 @@ def light_tones(
 
 def zero_of(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function changes its sign between `low` and `high`; importing SciPy for that takes 0.4 s."""
-    step, middle, rises = high - low, low, function(high) > function(low)
-    for _ in range(39):  # to 2e-12 of the range
-        step /= 2
-        middle = low + step
+    width, middle, rises = high - low, low, function(high) > function(low)
+    for halving in range(1, 40):  # to 2e-12 of the width
+        middle = low + width / 2**halving
         if (function(middle) < 0) == rises:
             low = middle
     return middle

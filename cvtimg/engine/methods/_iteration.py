@@ -16,8 +16,8 @@ from cvtimg.engine.points import Points, assign
 class _Draws:
     """The random generator of a seed, which NumPy makes, and imports, when it is first drawn from."""
 
-    def __init__(self, seed: int) -> None:
-        self._rng: int | np.random.Generator = seed
+    def __init__(self, rng: int | np.random.Generator) -> None:
+        self._rng = rng
 
     def __getattr__(self, name: str) -> Any:
         self._rng = np.random.default_rng(self._rng)
@@ -26,9 +26,8 @@ class _Draws:
 
 def random_numbers(rng: int | np.random.Generator) -> np.random.Generator:
     """Return ``np.random.default_rng(rng)``; of a seed it is made when needed, as most searches draw nothing."""
-    if isinstance(rng, int) and rng >= 0:
-        return cast("np.random.Generator", _Draws(rng))
-    return np.random.default_rng(rng)  # which says what is wrong
+    late = isinstance(rng, int) and rng >= 0  # NumPy says what is wrong with another
+    return cast("np.random.Generator", _Draws(rng)) if late else np.random.default_rng(rng)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
