@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,13 +85,12 @@ def prepare(
 
 def without_copies(versions: Versions) -> Versions:
     """Warn of versions that are copies of one before, and leave them out: their noise is not independent."""
-    copies, known = [], versions.known.copy()
-    sums = [versions.bands(number).sum(dtype=np.float64) for number in range(versions.n_versions)]
-    for one, other in combinations(range(versions.n_versions), 2):
-        same = sums[one] == sums[other] and np.array_equal(versions.known[:, :, one], versions.known[:, :, other])
-        if same and known[:, :, other].any() and np.array_equal(versions.bands(one), versions.bands(other)):
-            copies.append(f"images[{other}] is a copy of images[{one}]")
-            known[:, :, other] = False
+    copies, known, seen = [], versions.known.copy(), dict[int, int]()
+    for number in range(versions.n_versions):
+        told = hash((versions.bands(number).tobytes(), known[:, :, number].tobytes()))
+        if known[:, :, number].any() and (one := seen.setdefault(told, number)) != number:
+            copies.append(f"images[{number}] is a copy of images[{one}]")
+            known[:, :, number] = False
     if copies:
         warnings.warn(f"{', '.join(copies)} and counts once", UserWarning, stacklevel=3)
     return versions.knowing(known) if copies else versions

@@ -39,9 +39,7 @@ def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = No
     n = versions.n_versions
     structure = [*side_by_side(partial(_structure, versions), range(n))]
     powers = [_means(np.square(values), known) for values, known in structure]
-    noisy = noise**2 * _left_of_noise(shared)
-    if shared is None:
-        noisy = noisy / np.bincount(versions.version_of)
+    noisy = noise**2 * _left_of_noise(shared or SharedNoise.white(1.0, versions.stack[0].shape[2]))
     found = np.zeros((n, n))
     for one, other in combinations(range(n), 2):
         both = structure[one][1] & structure[other][1]
@@ -94,11 +92,9 @@ def _means(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
     return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _KNOWN)
 
 
-def _left_of_noise(shared: SharedNoise | None, side: int = 256) -> float:
-    """Part of the variance of noise that is left in its structure; of shared noise, in that of the mean band."""
+def _left_of_noise(shared: SharedNoise, side: int = 256) -> float:
+    """Part of the variance of noise that is left in the structure of the mean band."""
     noise = np.random.default_rng(0).standard_normal((side, side))
-    if shared is None:
-        return float(np.var(_between_blurs(noise)))
     mean, lags = np.zeros((side, side)), len(shared.autocovariance) // 2
     mean[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
     noise = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(np.abs(np.fft.fft2(mean)))).real

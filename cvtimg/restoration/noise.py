@@ -14,7 +14,6 @@ differences across the diagonals of four adjacent pixels have to do.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -97,9 +96,9 @@ class SharedNoise:
         """Correlation of pixels next to each other in a row."""
         return float(np.trace(self.autocovariance[_LAGS, _LAGS + 1]) / np.trace(self.bands))
 
-    def along(self, matrix: _Doubles | None) -> SharedNoise:
+    def along(self, matrix: _Doubles) -> SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
-        return self if matrix is None else SharedNoise(matrix.T @ self.autocovariance @ matrix)
+        return SharedNoise(matrix.T @ self.autocovariance @ matrix)
 
     def of_patches(self, side: int) -> _Doubles:
         """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
@@ -183,6 +182,18 @@ class _Look:
     lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
     has_texture: bool = True  # False where versions were subtracted
 
+    @classmethod
+    def of(cls, versions: Versions, *numbers: int) -> _Look:
+        """Take one version, or what two of them differ by."""
+        bands = [versions.bands(number) for number in numbers]
+        lost = [versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers]
+        for number, share in zip(numbers, lost, strict=True):
+            share[~versions.known[:, :, number]] = np.inf
+        if len(numbers) == 1:
+            return cls(bands[0], bands[0], lost[0])
+        apart, mean = (bands[0] - bands[1]) * np.float32(np.sqrt(0.5)), (bands[0] + bands[1]) * np.float32(0.5)
+        return cls(apart, mean, np.maximum(*lost), has_texture=False)
+
     def patches(self, side: int, most: int = _MOST, cut_off: float = _CUT_OFF[0]) -> tuple[_Doubles, _Doubles]:
         """(N, side, side, C) patches all over, about so many, and their levels, (N, C)."""
         height, width = (size - side + 1 for size in self.lost.shape)
@@ -208,26 +219,10 @@ class _Look:
         return _QUIET[0 if self.has_texture else 1]
 
 
-def _looks(versions: Versions, *, in_place: bool) -> list[Callable[[], _Look]]:
-    """Makers of what shows the noise: of each version, or of what two differ by if they are `in_place`."""
+def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
+    """Numbers of the versions that show the noise alone, or two and two if they are `in_place`."""
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
-
-    lost = {number: versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers}
-    for number in numbers:
-        lost[number][~versions.known[:, :, number]] = np.inf
-
-    def of_one(number: int) -> _Look:
-        bands = versions.bands(number)
-        return _Look(bands, bands, lost[number])
-
-    def of_two(one: int, other: int) -> _Look:
-        left, right = versions.bands(one), versions.bands(other)
-        apart, mean = (left - right) * np.float32(np.sqrt(0.5)), (left + right) * np.float32(0.5)
-        return _Look(apart, mean, np.maximum(lost[one], lost[other]), has_texture=False)
-
-    if in_place and len(numbers) > 1:
-        return [partial(of_two, *pair) for pair in pairwise(numbers)]
-    return [partial(of_one, number) for number in numbers]
+    return list(pairwise(numbers)) if in_place and len(numbers) > 1 else [(number,) for number in numbers]
 
 
 def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
@@ -300,8 +295,8 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     seen = [*side_by_side(partial(_inside, versions), range(versions.n_versions))]
     numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
     found = [np.full(one.shape[2], np.nan) for one in seen]
-    looks = _looks(versions, in_place=False)
-    for number, levels in zip(each(numbers), side_by_side(lambda look: _levels_of(look()), looks), strict=True):
+    levels_of = side_by_side(lambda number: _levels_of(_Look.of(versions, number)), numbers)
+    for number, levels in zip(each(numbers), levels_of, strict=True):
         found[number] = levels
     if any(np.isnan(found[number]).any() for number in numbers):
         found = [scattered_noise(versions.bands(number), inside) for number, inside in enumerate(seen)]
@@ -344,8 +339,8 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
     from scipy.stats import f as distribution
 
     levels, variances, usual = [], [], []
-    for make in _looks(versions, in_place=in_place):
-        look = make()
+    for numbers in _looks(versions, in_place=in_place):
+        look = _Look.of(versions, *numbers)
         if (found := look.enough(3 * _CLASSES)) is None:
             continue
         patches, means = found
@@ -377,8 +372,8 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
 
     grain = _GRAIN * 256 * versions.rounding
 
-    def found_in(make: Callable[[], _Look]) -> list[_Doubles]:
-        look = make()
+    def found_in(numbers: tuple[int, ...]) -> list[_Doubles]:
+        look = _Look.of(versions, *numbers)
         if versions.lines is not None:  # noise becomes as large at all levels
             spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
             look = replace(look, values=(look.values / spread).astype(np.float32))

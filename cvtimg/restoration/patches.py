@@ -35,7 +35,7 @@ _OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6]))
 class Axes:
     """Axes along which the bands of an image have equal noise, at most a few of them at a time."""
 
-    matrix: NDArray[np.float64] | None  # (C, C): maps bands to axes; None where bands are axes
+    matrix: NDArray[np.float64]  # (C, C): maps bands to axes
     slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
@@ -46,8 +46,6 @@ class Axes:
         noise = np.stack(noise_by_band)
         least = np.maximum(np.nanmean(noise, axis=0) if np.isfinite(noise).any() else np.ones(n_bands), 1e-30)
         equal = least.max() <= _EQUAL * least.min()
-        if equal and len(slices) == 1:
-            return cls(None, slices)
         scales = np.ones(n_bands) if equal else np.sqrt(np.mean(least**2)) / least
         rows = image.reshape(-1, n_bands)[:: max(1, image.size // (n_bands * _N_SAMPLES))] * scales
         turned = np.linalg.eigh(np.cov(rows.T))[1][:, ::-1] if len(slices) > 1 else np.eye(n_bands)
@@ -55,17 +53,15 @@ class Axes:
 
     def along(self, image: Floats) -> Floats:
         """(H, W, C) image, by axes."""
-        return image if self.matrix is None else product(image, self.matrix.astype(np.float32))
+        return product(image, self.matrix.astype(np.float32))
 
     def back(self, image: Floats) -> Floats:
         """(H, W, C) image, by bands again."""
-        return image if self.matrix is None else product(image, np.linalg.inv(self.matrix).astype(np.float32))
+        return product(image, np.linalg.inv(self.matrix).astype(np.float32))
 
     def looks(self, image: Floats) -> Floats:
         """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
-        if self.matrix is None and image.shape[2] == 3:
-            return product(image, _OPPONENT)
-        return image[:, :, self.slices[0]]
+        return product(image, _OPPONENT) if image.shape[2] == 3 else image[:, :, self.slices[0]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
