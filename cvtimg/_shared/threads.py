@@ -149,6 +149,11 @@ def of_each(kernel: Callable[[int], T], n_items: int, work: float) -> list[T]:
     return [found[n] for n in range(n_items)]
 
 
+def in_stripes(kernel: Callable[[slice], T], n_rows: int, work: float, n: int = 32) -> list[T]:
+    """Return what `kernel` makes of each `n` rows, few enough to stay in the cache, whatever the threads."""
+    return of_each(lambda stripe: kernel(slice(n * stripe, min(n * (stripe + 1), n_rows))), -(-n_rows // n), work)
+
+
 def _begun(futures: Sequence[Future[T]]) -> list[Future[T]]:
     """Wait for those that have begun; the others never will."""
     from concurrent.futures import wait

@@ -86,15 +86,11 @@ class _Pen:
         self.into_ink = WhereMassIs(self.amounts)
         n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
         self.smoothed = BALANCE.smoothed * float(np.sqrt(n_pixels / n_dots))
-        self.start()
-
-    def start(self) -> None:
-        """Let dots follow a density by which there are as many as pixels ask for: rho^(1/2) in an area."""
+        # In a tessellation of density rho there are rho^(1/2) dots in an area.
         self.density = self.amount * self.amount
 
     def correct(self, points: Floats) -> PixelMoments:
         """Let the density grow where dots are too few, and return its moments."""
-        # There are rho^(1/2) dots in an area where the density is rho.
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
         factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
         self.density *= blur(_of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest")
@@ -160,7 +156,7 @@ def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
     counts = [pen.n_dots for pen in pens]
     of_all = picture_moments(together * together, sum(counts))
     for pen in pens:
-        pen.start()
+        pen.density = pen.amount * pen.amount
     moments = [picture_moments(pen.density, pen.n_dots) for pen in pens]
     size = np.array(pens[0].ink.shape[::-1])
     for move in each(range(1, BALANCE.pen_moves + 1)):

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import of_each
+from cvtimg._shared.threads import in_stripes
 from cvtimg.looks import _looks
 from cvtimg.looks.similarity import blurred
 
@@ -123,14 +123,13 @@ def map_by_rate(
     lengths, distances = ((rate.price * bits).astype(np.float32) for bits in (_LENGTHS, _DISTANCES))
     literal = rate.price * np.log2(len(entries))
 
-    def kernel(band: int) -> None:
-        rows = slice(_BAND * band, _BAND * (band + 1))
+    def kernel(rows: slice) -> None:
         _looks.map_band(
             targets[rows], weights[rows], palette, lengths, distances, shift, rate.n_matches,
             rate.price, literal, strength, longest, indices[rows],
         )  # fmt: skip
 
-    of_each(kernel, -(-height // _BAND), _WORK * targets.size)
+    in_stripes(kernel, height, _WORK * targets.size, _BAND)
     return indices
 
 

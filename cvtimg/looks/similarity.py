@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.threads import in_parts, of_each
+from cvtimg._shared.threads import in_parts, in_stripes, of_each
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import _looks
@@ -22,8 +22,6 @@ _Plane = NDArray[np.float32]
 
 #: Each scale has half the width and height of the one before; smaller images have fewer.
 _N_SCALES, _LEAST_SIDE = 6, 8
-#: Rows at a time, which stay in the cache; even.
-_STRIPE = 32
 #: A Gaussian of sigma 1.5.
 _BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
 _BLUR = (_BELL / _BELL.sum()).astype(np.float32)
@@ -137,15 +135,12 @@ def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width = linear.shape[1:]
     halved = np.empty((3, -(-height // 2), -(-width // 2)), np.float32)
 
-    def kernel(stripe: int) -> None:
-        start, stop = stripe * _STRIPE // 2, (stripe + 1) * _STRIPE // 2
-        rows = linear[:, 2 * start : 2 * stop]
+    def kernel(own: slice) -> None:
+        rows = linear[:, 2 * own.start : 2 * own.stop]
         rows = np.pad(rows, ((0, 0), (0, rows.shape[1] % 2), (0, width % 2)), mode="edge")
-        halved[:, start:stop] = 0.25 * (
-            (rows[:, ::2, ::2] + rows[:, ::2, 1::2]) + (rows[:, 1::2, ::2] + rows[:, 1::2, 1::2])
-        )
+        halved[:, own] = 0.25 * ((rows[:, ::2, ::2] + rows[:, ::2, 1::2]) + (rows[:, 1::2, ::2] + rows[:, 1::2, 1::2]))
 
-    of_each(kernel, -(-height // _STRIPE), 4 * linear.size)
+    in_stripes(kernel, halved.shape[1], 4 * linear.size, 16)
     return halved
 
 
@@ -157,8 +152,7 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
     white, light = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32)
     levels = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)
 
-    def kernel(stripe: int) -> None:
-        own = slice(stripe * _STRIPE, (stripe + 1) * _STRIPE)
+    def kernel(own: slice) -> None:
         rows = bands[own]
         if has_alpha(rows.shape[2]):
             share = rows[:, :, -1:] / white
@@ -166,7 +160,7 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
         linear = levels[rows] if rows.dtype == np.uint8 else to_space(rows.reshape(-1, 1), "linear").reshape(rows.shape)
         light[:, own] = linear.transpose(2, 0, 1)
 
-    of_each(kernel, -(-len(bands) // _STRIPE), 8 * light.size)
+    in_stripes(kernel, len(bands), 8 * light.size)
     return light
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
-from cvtimg._shared.threads import of_each
+from cvtimg._shared.threads import in_stripes
 from cvtimg.engine.samples import along_curve
 from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
@@ -19,8 +19,6 @@ from cvtimg.placement.polygons import NearestPixel
 
 #: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
-#: Rows that are enlarged at a time, whatever the threads: enlarging by 3 rounds by the place in them.
-_STRIPE = 64
 #: A coarser level is worth its time from so many generators on.
 _WORTH_A_LEVEL = 1000
 #: Pixels for each generator that are enough to start from.
@@ -93,14 +91,13 @@ def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     height, width = density.shape
     large = np.empty((height, factor, width, factor), np.float32)
 
-    def enlarge_stripe(number: int) -> None:
-        start, stop = _STRIPE * number, min(_STRIPE * (number + 1), height)
-        first = max(start - 1, 0)
-        rows = zoom(density[first : stop + 1], factor, order=1, mode="nearest", grid_mode=True)
-        rows = rows.reshape(-1, factor, width, factor)[start - first :][: stop - start] * np.float32(factor**-2)
-        large[start:stop] = np.where(density[start:stop, None, :, None] == 0, 0, rows)
+    def enlarge_stripe(own: slice) -> None:
+        first = max(own.start - 1, 0)
+        rows = zoom(density[first : own.stop + 1], factor, order=1, mode="nearest", grid_mode=True)
+        rows = rows.reshape(-1, factor, width, factor)[own.start - first :][: own.stop - own.start]
+        large[own] = np.where(density[own, None, :, None] == 0, 0, rows * np.float32(factor**-2))
 
-    of_each(enlarge_stripe, -(-height // _STRIPE), 32.0 * large.size)
+    in_stripes(enlarge_stripe, height, 32.0 * large.size)  # enlarging by 3 rounds by the place in them
     return large.reshape(height * factor, width * factor)
 
 

@@ -8,7 +8,6 @@ gain and an offset for their exposures.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg._shared.threads import side_by_side
+from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.versions import Floats, Versions, fill
 
 _Doubles = NDArray[np.float64]
@@ -106,10 +105,8 @@ class _Level:
     @classmethod
     def of(cls, values: Floats, weight: Floats) -> _Level:
         """Blur an image by normalized convolution."""
-        from scipy.ndimage import gaussian_filter
-
-        share = gaussian_filter(weight, _BLUR)
-        blurred = fill(gaussian_filter(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
+        share = blur(weight, _BLUR)
+        blurred = fill(blur(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
         return cls(blurred[:, :, 0], share)
 
     @property
@@ -146,14 +143,13 @@ def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_
 
 def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
     """(3, 3) translation by whole pixels."""
-    from scipy.ndimage import gaussian_filter
     from skimage.registration import phase_cross_correlation
 
     correlate: Any = phase_cross_correlation
 
     def structure(level: _Level) -> Floats:
         window = np.outer(*(np.hanning(side + 2)[1:-1] for side in level.values.shape))
-        fine = gaussian_filter(level.values, 1) - gaussian_filter(level.values, _COARSE)
+        fine = blur(level.values, 1) - blur(level.values, _COARSE)
         return np.asarray(fine * window * level.weight)
 
     shift, _, _ = correlate(structure(fixed), structure(moving), normalization=None)
@@ -300,11 +296,15 @@ def _moved(bands: Floats, known: _Bools, transform: _Doubles) -> tuple[Floats, _
     filled = bands if is_whole else fill(bands, known.astype(np.float32))
     sources = [band if is_whole else spline_filter(band, 3, np.float32, mode="nearest") for band in filled.T]
     moved, still_known, share = np.zeros_like(bands), np.zeros_like(known), known.astype(np.float32)
-    for rows, at in _places(transform, known.shape):
+
+    def move(rows: slice) -> None:
+        at = _places(transform, rows, known.shape[1])
         still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= 0.5
         for band, source in enumerate(sources):
             values = map_coordinates(source.T, at, order=order, mode="nearest", prefilter=False)
             moved[rows, :, band] = np.where(still_known[rows], values, 0)
+
+    in_stripes(move, len(bands), work=64.0 * bands.size)
     return moved, still_known
 
 
@@ -318,7 +318,9 @@ def own_pixels(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floa
     moved, still_known = np.zeros_like(bands), np.zeros_like(known)
     inverse = np.asarray(np.linalg.inv(transform), np.float64)
     last = np.array(known.shape)[:, None, None] - 1
-    for rows, at in _places(transform, known.shape):
+
+    def move(rows: slice) -> None:
+        at = _places(transform, rows, known.shape[1])
         nearest = np.rint(at).astype(np.intp)
         y, x = np.clip(nearest, 0, last)
         still_known[rows] = known[y, x] & (nearest == (y, x)).all(axis=0)
@@ -326,13 +328,12 @@ def own_pixels(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floa
         for band, source in enumerate(sources):
             before = map_coordinates(source.T, there, order=3, mode="nearest", prefilter=False)
             moved[rows, :, band] = bands[y, x, band] + estimate[rows, :, band] - before
+
+    in_stripes(move, len(bands), work=64.0 * bands.size)
     return moved, still_known
 
 
-def _places(transform: _Doubles, shape: tuple[int, ...], n: int = 256) -> Iterator[tuple[slice, _Doubles]]:
-    """Rows of the first version, `n` at a time, and (2, R, W) rows and columns at which another shows them."""
-    for start in range(0, shape[0], n):
-        rows = slice(start, min(start + n, shape[0]))
-        y, x = np.mgrid[rows, : shape[1]].astype(np.float64)
-        x, y = _mapped(transform, x, y)
-        yield rows, np.stack([y, x])
+def _places(transform: _Doubles, rows: slice, width: int) -> _Doubles:
+    """(2, R, W) rows and columns at which another version shows some rows of the first."""
+    y, x = np.mgrid[rows, :width].astype(np.float64)
+    return np.stack(_mapped(transform, x, y)[::-1])

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cvtimg._shared.threads import in_stripes
 from cvtimg.restoration.versions import Floats
 
 
@@ -20,12 +22,14 @@ class Clipped:
     @classmethod
     def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
         """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
+        from scipy.special import ndtr
+
         inside = np.clip(true, 0, white)
         added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
         for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
             if is_clipped:
                 away = apart / sigma
-                beyond, density = _beyond(away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
+                beyond, density = ndtr(-away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
                 more = density - away * beyond
                 added += sign * sigma * more
                 slope -= beyond
@@ -33,19 +37,18 @@ class Clipped:
         return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
 
 
-def _beyond(away: Floats) -> Floats:
-    """Share of Gaussian noise that is clipped so many standard deviations away from an end."""
+def clipped_ends(
+    values: Floats, known: NDArray[np.bool_], true: Floats, sigma: Floats, white: float
+) -> tuple[bool, bool]:
+    """Tell whether known values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
     from scipy.special import ndtr
 
-    return np.asarray(ndtr(-away), np.float32)
-
-
-def clipped_ends(values: Floats, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:
-    """Tell whether values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
-
     def piles_up(end: float) -> bool:
-        n_there = np.count_nonzero(values == end)
-        away = np.abs(np.clip(true, 0, white) - end) / sigma if n_there else np.zeros(0, np.float32)
-        return bool(0 < n_there >= _beyond(away).sum(dtype=np.float64) / 2)
+        def expected(rows: slice) -> float:
+            away = np.abs(np.clip(true[rows], 0, white) - end) / sigma[rows]
+            return float(ndtr(-away).sum(dtype=np.float64, where=known[rows]))
+
+        n_there = int(np.count_nonzero((values == end) & known))
+        return n_there > 0 and n_there >= sum(in_stripes(expected, len(values), work=32.0 * values.size)) / 2
 
     return piles_up(0.0), piles_up(white)

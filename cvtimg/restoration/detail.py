@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.threads import side_by_side
+from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import own_pixels
 from cvtimg.restoration.clipping import Clipped, clipped_ends
@@ -43,8 +43,6 @@ _NEAR, _STRICT, _SURE = 1.5, 48.0, 1.5
 
 def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats, Versions]:
     """(H, W, C) image of versions of one look, or of a single one, by groups of patches; also return what was used."""
-    from scipy.ndimage import gaussian_filter
-
     versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
     fused, _ = fuse(versions, trust)
     if not evidence.noise.is_seen and (versions.coverage > 0).all():
@@ -55,7 +53,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
-    estimate: Floats = gaussian_filter(fuse(kept, trust)[0], (_BLUR, _BLUR, 0))
+    estimate = blur(fuse(kept, trust)[0], _BLUR)
     axes = Axes.of(evidence.noise.bands, estimate)
     # Groups are what matters: the kinds that they are cut from need no better estimate.
     with part(0, _FINDING):
@@ -110,39 +108,47 @@ def _fused(
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    transforms, white = evidence.alignment.transforms, versions.white
-    total, weights, first_ends = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32), (False, False)
+    white, ends = versions.white, list[tuple[bool, bool]]()
+    total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
-    for version, share in enumerate(evidence.trust):
-        known, values = versions.known[:, :, version], versions.bands(version)
+
+    def add(version: int, share: np.float32) -> None:
+        known, values = versions.known[:, :, version], versions.bands(version) if version else first
         moved = version > 0 and evidence.aligned
         if moved and own:
-            source = evidence.given
-            values, seen = own_pixels(source.bands(version), source.known[:, :, version], transforms[version], estimate)
+            source, transform = evidence.given, evidence.alignment.transforms[version]
+            values, seen = own_pixels(source.bands(version), source.known[:, :, version], transform, estimate)
             known = known & seen
-        weight = known * np.float32(share) / spread
+        weight = known * share / spread
         if moved:
             noise = variance * (1 / share + 1 / evidence.trust[0])
-            weight *= _agreeing(values - first, known & first_known, noise)
+            weight *= _agreeing(values, first, known & first_known, noise)
+        sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
+        clips = False, False
         if white is not None:
-            sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
-            own_ends = clipped_ends(values[known], estimate[known], sigma[known], white)
+            ends.append(clipped_ends(values, known[:, :, None], estimate, sigma, white))
             # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
-            first_ends = first_ends if version else own_ends
-            clipped = Clipped.of(estimate, sigma, white, (own_ends[0] or first_ends[0], own_ends[1] or first_ends[1]))
-            weight /= (clipped.variance / clipped.slope**2).mean(axis=2)
-            values = estimate + (values - clipped.added - estimate) / clipped.slope
-        total += weight[:, :, None] * np.where(known[:, :, None], values, 0)
-        weights += weight
+            clips = ends[0][0] or ends[-1][0], ends[0][1] or ends[-1][1]
+
+        def add_rows(rows: slice) -> None:
+            near, seen = estimate[rows], values[rows]
+            if white is not None and any(clips):
+                clipped = Clipped.of(near, sigma[rows], white, clips)
+                weight[rows] /= (clipped.variance / clipped.slope**2).mean(axis=2)
+                seen = near + (seen - clipped.added - near) / clipped.slope
+            total[rows] += weight[rows][:, :, None] * np.where(known[rows][:, :, None], seen, 0)
+            weights[rows] += weight[rows]
+
+        in_stripes(add_rows, len(estimate), work=(64.0 if any(clips) else 8.0) * estimate.size)
+
+    for version, share in enumerate(evidence.trust.astype(np.float32)):
+        add(version, share)
     return fill(total, weights), weights
 
 
-def _agreeing(apart: Floats, known: NDArray[np.bool_], noise: float) -> Floats:
+def _agreeing(one: Floats, other: Floats, known: NDArray[np.bool_], noise: float) -> NDArray[np.float64]:
     """(H, W) weight, 0..1, of a version: the variance of `noise` as a part of that and of what is not noise."""
-    from scipy.ndimage import gaussian_filter
-
-    share = gaussian_filter(known.astype(np.float32), _NEAR)
-    squares = gaussian_filter(np.where(known, np.square(apart).mean(axis=2), 0), _NEAR)
-    near = squares / np.maximum(share, np.float32(1e-3))
-    excess = np.maximum(near - noise, 0)
+    share = blur(known.astype(np.float32), _NEAR)
+    apart = blur(known * np.square(one - other).mean(axis=2), _NEAR)
+    excess = np.maximum(apart / np.maximum(share, np.float32(1e-3)) - noise, 0)
     return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_image, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.threads import blur, in_stripes
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.restoration.compression import Rounding
@@ -48,7 +49,7 @@ class Versions:
     @property
     def coverage(self) -> NDArray[np.int32]:
         """(H, W) number of versions that know each pixel."""
-        return self.known.sum(axis=2, dtype=np.int32)
+        return sum(np.moveaxis(self.known, 2, 0), np.zeros(self.known.shape[:2], np.int32))
 
     @property
     def values(self) -> Floats:
@@ -57,11 +58,17 @@ class Versions:
 
     def bands(self, version: int, rows: Any = slice(None)) -> Floats:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
-        values = self.stack[version][rows].astype(np.float32)
-        if self.tones is not None:
-            gains, offsets = self.tones[version].T.astype(np.float32)
-            values = values * gains + offsets
-        values[~self.known[rows, :, version]] = 0
+        source, known = self.stack[version][rows], self.known[rows, :, version]
+        values = np.empty(source.shape, np.float32)
+
+        def convert(some: slice) -> None:
+            values[some] = source[some]
+            if self.tones is not None:
+                gains, offsets = self.tones[version].T.astype(np.float32)
+                values[some] = values[some] * gains + offsets
+            np.copyto(values[some], 0, where=~known[some, :, None])
+
+        in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
     def weights(self, trust: NDArray[np.float64]) -> Floats:
@@ -233,21 +240,19 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
 
 
 def fuse(
-    versions: Versions, trust: NDArray[np.float64], blur: float = 0.0, some: Sequence[int] | None = None
+    versions: Versions, trust: NDArray[np.float64], sigma: float = 0.0, some: Sequence[int] | None = None
 ) -> tuple[Floats, Floats]:
     """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it."""
-    # With a blur, in pixels, known values nearby count too. Unknown pixels are filled from nearby in any case. Of
+    # With a blur by sigma pixels, known values nearby count too. Unknown pixels are filled from nearby in any case. Of
     # versions that are channels, `some` have the same bands.
-    from scipy.ndimage import gaussian_filter
-
     some = range(versions.n_versions) if some is None else some
     weight = np.zeros(versions.known.shape[:2], np.float32)
     total = np.zeros(versions.stack[some[0]].shape, np.float32)
     for version in some:
         weight += np.float32(trust[version]) * versions.known[:, :, version]
         total += np.float32(trust[version]) * versions.bands(version)
-    if blur:
-        return fill(gaussian_filter(total, (blur, blur, 0)), gaussian_filter(weight, blur)), weight
+    if sigma:
+        return fill(blur(total, sigma), blur(weight, sigma)), weight
     return fill(total, weight), weight
 
 
@@ -255,16 +260,13 @@ def fill(total: Floats, weight: Floats) -> Floats:
     """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill pixels without weight from nearby."""
     # This is normalized convolution.
     # H. Knutsson and C.-F. Westin, CVPR 1993, doi 10.1109/CVPR.1993.341081.
-    from scipy.ndimage import gaussian_filter
-
     filled = np.divide(total, weight[:, :, None], out=np.zeros_like(total), where=weight[:, :, None] > 0)
     missing = weight <= 0
     sigma = 1.0
     while missing.any() and not missing.all():
-        near = gaussian_filter(weight, sigma)
+        near = blur(weight, sigma)
         reached = missing & (near > 1e-6 * weight.max())
-        blurred = gaussian_filter(total, (sigma, sigma, 0))
-        filled[reached] = blurred[reached] / near[reached, None]
+        filled[reached] = blur(total, sigma)[reached] / near[reached, None]
         missing &= ~reached
         sigma *= 2
     return filled

@@ -123,10 +123,14 @@ def test_what_clipping_does_to_noise_is_what_it_does_to_many_draws() -> None:
 
 
 def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
-    noise = 8 * np.random.default_rng(0).standard_normal(200_000)
-    assert clipped_ends(np.clip(noise, 0, 255), np.zeros(200_000, np.float32), 8, 255)[0]
-    level = np.full(200_000, 2.0, np.float32)
-    assert not clipped_ends(level, level, 8, 255)[0]
+    noise, sigma = (
+        np.float32(8 * np.random.default_rng(0).standard_normal((400, 500))),
+        np.full((400, 500), np.float32(8)),
+    )
+    values, zeros, level, known = np.clip(noise, 0, 255), np.zeros_like(noise), np.full_like(noise, 2), sigma > 0
+    assert clipped_ends(values, known, zeros, sigma, 255)[0]
+    assert not clipped_ends(values, ~known, zeros, sigma, 255)[0]
+    assert not clipped_ends(level, known, level, sigma, 255)[0]
 
 
 @pytest.mark.slow
