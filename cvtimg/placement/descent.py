@@ -11,7 +11,7 @@ Programming 45 (1989) 503-528, doi 10.1007/BF01589116.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
+from cvtimg._shared.rows import by_rows, products
 from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
 
@@ -28,49 +29,64 @@ Projection = Callable[[Points, Points], Points]
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 
-#: Sums the products of two (K, D) arrays. The threads of a BLAS would change bits, and spin while they wait.
-dot: Callable[[Points, Points], float] = partial(np.einsum, "kd,kd")
-
 
 class StepMemory:
     """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
 
     Of `size` steps: on surfaces figures hardly change from 5 to 10; in the plane from 4 to 12, and 3 need more moves.
+    The factors of vectors in the two loops over them are solved for, so that each loop is one pass.
     """
 
     def __init__(self, size: int = 5) -> None:
-        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=size)
+        self._steps: deque[Points] = deque(maxlen=size)
+        self._changes: deque[Points] = deque(maxlen=size)
+        self._products: deque[NDArray[np.float64]] = deque(maxlen=size)  # of each change and all steps up to its own
 
     def __len__(self) -> int:
-        return len(self._pairs)
+        return len(self._steps)
 
     def clear(self) -> None:
         """Forget all steps."""
-        self._pairs.clear()
+        for memory in (self._steps, self._changes, self._products):
+            memory.clear()
 
     def learn(self, step: Points, change: Points) -> bool:
         """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
-        product = dot(step, change)
-        is_convex = product > 1e-12 * (dot(step, step) * dot(change, change)) ** 0.5
+        pairs = [(each, change) for each in (*self._steps, step)]
+        *along, size, square = products([*pairs, (step, step), (change, change)])
+        is_convex = bool(along[-1] > 1e-12 * (size * square) ** 0.5)
         if is_convex:
-            self._pairs.append((step, change, product))
+            self._steps.append(step)
+            self._changes.append(change)
+            self._products.append(np.array(along))
         return is_convex
 
-    def times(self, gradient: Points, start: Callable[[Points], Points], scale: float = 1.0) -> Points:
-        """Multiply a gradient by the inverse Hessian, which starts as `start`, times `scale` at first."""
-        rest, buffer, parts = gradient.copy(), np.empty_like(gradient), []
-        for step, change, product in reversed(self._pairs):
-            part = dot(step, rest) / product
-            rest -= np.multiply(change, part, out=buffer)
-            parts.append(part)
-        rest = start(rest)
-        if self._pairs:
-            _, change, product = self._pairs[-1]
-            scale = product / dot(start(change), change)
-        rest *= scale
-        for (step, change, product), part in zip(self._pairs, reversed(parts), strict=True):
-            rest += np.multiply(step, part - dot(change, rest) / product, out=buffer)
-        return rest
+    def times(self, gradient: Points, start: Callable[[Points], Points]) -> Points:
+        """Multiply a gradient by the inverse Hessian, which starts as `start`, at a scale that is learned."""
+        if not self:
+            return start(gradient)
+        steps, changes = list(self._steps), list(self._changes)
+        lower = np.zeros((len(steps), len(steps)))
+        for number, known in enumerate(self._products):
+            lower[number, : number + 1] = known[-number - 1 :]
+        factors = np.linalg.solve(lower.T, products([(step, gradient) for step in steps]))
+        rest, last = start(_plus(gradient, -factors, changes)), changes[-1]
+        along = products([*((change, rest) for change in changes), (start(last), last)])
+        scale = lower[-1, -1] / along[-1]
+        factors = np.linalg.solve(lower, np.diag(lower) * factors - scale * along[:-1])
+        return _plus(rest, factors, steps, scale)
+
+
+def _plus(vector: Points, factors: Iterable[float], others: Sequence[Points], scale: float = 1.0) -> Points:
+    """Multiply a vector by a scale, and add others times factors."""
+
+    def add(rows: Points, *rows_of_others: Points) -> Points:
+        total = scale * rows
+        for factor, other in zip(factors, rows_of_others, strict=True):
+            total += factor * other
+        return total
+
+    return by_rows(add, vector, *others)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +252,7 @@ class _QuasiNewton:
             length = 1.0
             while length > _SHORTEST:
                 there = _moved(self._moments, at, length * direction, self._terms)
-                promised = min(dot(gradient, there.generators - at.generators), 0.0)
+                promised = min(float(products([(gradient, there.generators - at.generators)])[0]), 0.0)
                 if there.energy <= at.energy + _ENOUGH * promised:
                     return there
                 length /= 2

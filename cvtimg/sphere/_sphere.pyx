@@ -95,22 +95,26 @@ def fill_half_arcs(
 
 
 def find_wrong(mesh, const double[:, ::1] arcs, uint8_t[::1] wrong, Py_ssize_t start, Py_ssize_t stop):
-    """Mark edges (3 T,) of triangles that are not Delaunay, each once."""
+    """Mark edges (3 T,) of triangles that are not Delaunay, each once; return how many."""
     cdef half_edges c_mesh = seen(mesh)
     cdef int32_t e
+    cdef Py_ssize_t n_wrong = 0
     with nogil:
         for e in range(<int32_t>(3 * start), <int32_t>(3 * stop)):
             wrong[e] = may_flip(&c_mesh, &arcs[0, 0], e) and c_mesh.twins[e] > e and should_flip(
                 &c_mesh, &arcs[0, 0], e
             )
+            n_wrong += wrong[e]
+    return n_wrong
 
 
-def flip(mesh, double[:, ::1] arcs, uint8_t[::1] wrong, Py_ssize_t most):
-    """Flip edges that are wrong (3 T,), and others, until all are Delaunay; return whether `most` flips were enough."""
+def flip(mesh, double[:, ::1] arcs, uint8_t[::1] wrong, int32_t[::1] firsts, Py_ssize_t most):
+    """Flip edges that are wrong (3 T,) until none is; keep an edge from each vertex (N,); tell if `most` were enough."""
     cdef half_edges c_mesh = seen(mesh)
     cdef int32_t[::1] stack = np.empty(wrong.shape[0], np.int32)
     cdef int32_t e, depth = 0
     cdef Py_ssize_t n_flips
+    c_mesh.outgoing = &firsts[0]
     with nogil:
         for e in range(<int32_t>wrong.shape[0]):
             if wrong[e]:
@@ -166,12 +170,15 @@ def sum_weighted(
 
 
 def find_corners(mesh, double least_cosine, double largest_cosine, uint8_t[::1] out, Py_ssize_t start, Py_ssize_t stop):
-    """Mark triangles (T,) with angles out of bounds."""
+    """Mark triangles (T,) with angles out of bounds; return how many."""
     cdef half_edges c_mesh = seen(mesh)
     cdef int32_t t
+    cdef Py_ssize_t n_out = 0
     with nogil:
         for t in range(<int32_t>start, <int32_t>stop):
             out[t] = add_corner_slopes(&c_mesh, t, least_cosine, largest_cosine, NULL)
+            n_out += out[t]
+    return n_out
 
 
 def sum_corner_slopes(mesh, double least_cosine, double largest_cosine, const uint8_t[::1] out):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from itertools import count
 
@@ -9,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
-from cvtimg._shared.threads import in_parts
-from cvtimg.placement.descent import Projection, StepMemory, dot
+from cvtimg._shared.rows import by_rows
+from cvtimg.placement.descent import Projection, StepMemory
 from cvtimg.sphere import _sphere
-from cvtimg.sphere.triangulation import WORK, Cells, Points, SphereTriangulation, SumCells, unit
+from cvtimg.sphere.triangulation import Cells, Points, SphereTriangulation, SumCells, counted, unit
 
 #: No point moves farther than this part of the size of its cell.
 _LONGEST = 0.3
@@ -43,44 +44,39 @@ def descend(
     full step is nearly always taken.
     """
     memory, offset, watch = StepMemory(), np.inf, Watch() if watch is None else watch
-    before, old = mesh.points, np.empty(0)
+    before, pulls = mesh.points, np.empty(0)
     for n_moves in count():
         cells = sum_cells(mesh).moving(free)
-        densities = cells.masses / cells.areas
         if n_moves == 0:
-            # A point of a centroidal tessellation has a cell of mass density^(1/2), and that is its stiffness: in
-            # coordinates that are stretched so, points are about equally stiff.
-            stretches = (densities**-0.25)[:, None]
-        slopes = -2 * stretches * cells.pulls
-        if n_moves:
-            memory.learn((mesh.points - before) / stretches, slopes - old)
+            # A point of a centroidal tessellation has a cell of mass density^(1/2), and that is its stiffness.
+            stiffness = np.sqrt(cells.masses / cells.areas)
+            loose = np.broadcast_to((stiffness.mean() / cells.masses.mean() / stiffness)[:, None], mesh.points.shape)
+        else:
+            memory.learn(by_rows(np.subtract, mesh.points, before), by_rows(np.subtract, pulls, cells.pulls))
         last, offset = offset, cells.offset_of(free)
         if offset > _WORSE * last:
             memory.clear()
         if n_moves == most or offset <= tolerance or watch(cells.energy):
             break
-        scale = 0.5 * float(np.sqrt(densities).sum() / cells.masses.sum())
-        step = memory.times(slopes, np.copy, scale)
-        if dot(slopes, step) <= 0:
-            memory.clear()
-            step = scale * slopes
-        before, old = mesh.points, slopes
-        _move(mesh, _capped(-stretches * step, cells.areas), free, project)
+        before, pulls = mesh.points, cells.pulls
+        step = memory.times(pulls, partial(by_rows, np.multiply, loose))
+        _move(mesh, partial(by_rows, _moved, before, step, cells.areas), free, project)
     return cells
 
 
-def _capped(step: Points, areas: NDArray[np.float64]) -> Points:
-    """Shorten steps that are long for the cells of their points."""
+def _moved(points: Points, step: Points, areas: NDArray[np.float64], part: float) -> Points:
+    """Move points by a part of a step, no farther than their cells allow."""
     lengths = np.sqrt(np.einsum("ij,ij->i", step, step) / areas)
-    step *= (_LONGEST / np.maximum(lengths, _LONGEST))[:, None]
-    return step
+    return unit(points + (part * _LONGEST / np.maximum(lengths, _LONGEST))[:, None] * step)
 
 
-def _move(mesh: SphereTriangulation, step: Points, free: NDArray[np.bool_] | None, project: Projection | None) -> None:
+def _move(
+    mesh: SphereTriangulation, moved: Callable[..., Points], free: NDArray[np.bool_] | None, project: Projection | None
+) -> None:
     """Move points by a step, or as much of it as turns no triangle over."""
     part, before = 1.0, mesh.points
     while True:
-        there = unit(before + part * step)
+        there = moved(part=part)
         if project is not None:
             there = project(there, before)
         if free is not None:
@@ -107,11 +103,12 @@ def polish_angles(
     """
     cosines, out = np.cos(np.radians(bounds[::-1])), np.empty(len(mesh.triangles), np.uint8)
     for _ in range(most):
-        in_parts(partial(_sphere.find_corners, mesh, *cosines, out), len(out), WORK * len(out))
-        if not out.any():
+        if not counted(partial(_sphere.find_corners, mesh, *cosines, out), len(out)):
             return
         slopes = _sphere.sum_corner_slopes(mesh, *cosines, out)
-        moving = np.flatnonzero(slopes.any(axis=1) if free is None else slopes.any(axis=1) & free)
+        moving = np.unique(mesh.triangles[out.view(np.bool_)])
+        if free is not None:
+            moving = moving[free[moving]]
         step = (-_RATE * sizes[moving] ** 2)[:, None] * slopes[moving]
         lengths = np.sqrt(np.einsum("ij,ij->i", step, step)) / (_LONGEST_POLISHING * sizes[moving])
         step /= np.maximum(lengths, 1)[:, None]

@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
+from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.geodesic import Lattice, twist
@@ -188,8 +189,9 @@ class _Plan:
 
     def by_levels(self, sizes: list[int]) -> SphereGrid:
         """Begin with few points, and double the resolution at each level."""
-        noises = (0.0,) if self.density is None else self.effort.noises
-        grids = [self._finished(self._climb(sizes, noise)) for noise in noises]
+        if self.density is None:
+            return self._finished(self._climb(sizes, 0.0))
+        grids = [self._finished(self._climb(sizes, noise)) for noise in self.effort.noises]
         return min(grids, key=lambda grid: (grid.measures().n_obtuse, grid.energy))
 
     def from_points(self, points: Points) -> SphereGrid:
@@ -206,9 +208,10 @@ class _Plan:
                 if self.density is None:
                     moved_on(mesh, mesh.points - start)
                 mesh = bisected(mesh)
-                if len(mesh.points) > n:
-                    mesh = SphereTriangulation(without(mesh.points, len(mesh.points) - n, self.rng))
-            if n >= _WORTH_AN_ORDER:
+            if n_surplus := len(mesh.points) - n:
+                points = without(mesh.points, n_surplus, self.rng)
+                mesh = SphereTriangulation(points[along_curve(points)])
+            elif n >= _WORTH_AN_ORDER:
                 mesh = in_order(mesh)
             sums = self._sums(n)
             if noise and level:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.rows import by_rows
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
@@ -58,11 +59,9 @@ class SphereTriangulation(HalfEdges):
             return False
         wrong = np.empty(self.triangles.size, np.uint8)
         self.points, self._arcs = points, arcs
-        in_parts(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs), WORK * len(arcs))
-        if wrong.any():
-            self._firsts = None
-            if not _sphere.flip(self, arcs, wrong, _MOST_FLIPS * len(self.triangles)):
-                self._insert_all()
+        n_wrong = counted(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs))
+        if n_wrong and not _sphere.flip(self, arcs, wrong, self.first_edges(), _MOST_FLIPS * len(self.triangles)):
+            self._insert_all()
         return True
 
     def replace(self, points: Points) -> None:
@@ -118,13 +117,8 @@ class SphereTriangulation(HalfEdges):
 
     def _arcs_of(self, points: Points) -> tuple[NDArray[np.float64], int]:
         """Return half arcs (T, 3) with the vertices at other points, and how many triangles are turned over there."""
-        arcs, turned = np.empty(self.triangles.shape), []
-
-        def kernel(start: int, stop: int) -> None:
-            turned.append(_sphere.fill_half_arcs(points, self.triangles, arcs, start, stop))
-
-        in_parts(kernel, len(arcs), WORK * len(arcs))
-        return arcs, sum(turned)
+        arcs = np.empty(self.triangles.shape)
+        return arcs, counted(partial(_sphere.fill_half_arcs, points, self.triangles, arcs), len(arcs))
 
     def _insert_all(self) -> None:
         """Insert all points; the work is on a copy along a curve, so that neighbors are near in memory."""
@@ -136,8 +130,8 @@ class SphereTriangulation(HalfEdges):
         made = HalfEdges(points, *np.empty((2, 2 * len(points) - 4, 3), np.int32))
         n = _sphere.insert(made, order, points[four].mean(axis=0), LEAST_DISTANCE**2, _MOST_FLIPS * len(points))
         filled = made.triangles[: 2 * n - 4]
-        edges = points[filled] - points[filled[:, [1, 2, 0]]]
-        if n < len(points) or np.einsum("tki,tki->tk", edges, edges).min() < LEAST_DISTANCE**2:
+        squares = by_rows(lambda ends: ((points[ends] - points[np.roll(ends, 1, axis=1)]) ** 2).sum(axis=2), filled)
+        if n < len(points) or squares.min() < LEAST_DISTANCE**2:
             _refuse_near(self.points)
         # By the least vertex, which becomes the first: neighbors are near in memory, as vertices are.
         triangles = made.triangles[np.argsort(made.triangles.min(axis=1), kind="stable")]
@@ -217,6 +211,13 @@ def check_sphere_points(name: str, points: ArrayLike, least: int = 1) -> Points:
     return places if rounded.all() else np.where(rounded[:, None], places, places / lengths[:, None])
 
 
+def counted(kernel: Callable[[int, int], int], n_items: int) -> int:
+    """Call ``kernel(start, stop)`` for parts of triangles, and sum what it counts."""
+    counts: list[int] = []
+    in_parts(lambda start, stop: counts.append(kernel(start, stop)), n_items, WORK * n_items)
+    return sum(counts)
+
+
 def unit(vectors: Points) -> Points:
     """Return (N, 3) vectors divided by their lengths."""
     return vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
@@ -273,7 +274,10 @@ class Cells:
 
     def offset_of(self, free: NDArray[np.bool_] | None) -> float:
         """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
-        squares = np.einsum("ij,ij->i", self.pulls, self.pulls) / (self.masses**2 * self.areas)
+        squares = by_rows(
+            lambda masses, areas, pulls: np.einsum("ij,ij->i", pulls, pulls) / (masses**2 * areas),
+            *(self.masses, self.areas, self.pulls),
+        )
         return float(np.sqrt((squares if free is None else squares[free]).mean()))
 
     def moving(self, free: NDArray[np.bool_] | None) -> Cells:
@@ -287,10 +291,23 @@ SumCells = Callable[[SphereTriangulation], Cells]
 
 def uniform_cells(mesh: SphereTriangulation) -> Cells:
     """Integrate over cells for the density 1, exactly but for areas, which are lengths of moments."""
-    points, moments = mesh.points, mesh.uniform_moments()
-    areas, along = np.sqrt(np.einsum("ij,ij->i", moments, moments)), np.einsum("ij,ij->i", moments, points)
-    moments -= along[:, None] * points
-    return Cells(areas, moments, areas, 8 * np.pi - 2 * float(along.sum()))
+    pulls = mesh.uniform_moments()
+    areas, along = _leveled(mesh.points, pulls)
+    return Cells(areas, pulls, areas, 8 * np.pi - 2 * float(along.sum()))
+
+
+def _leveled(points: Points, moments: Points) -> NDArray[np.float64]:
+    """Take the parts of moments along points out of them; return (2, N) lengths before, and of these parts."""
+    found = np.empty((2, len(points)))
+
+    def level(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        found[0, part] = np.sqrt(np.einsum("ij,ij->i", moments[part], moments[part]))
+        found[1, part] = np.einsum("ij,ij->i", moments[part], points[part])
+        moments[part] -= found[1, part, None] * points[part]
+
+    in_parts(level, len(points), WORK * len(points))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +319,6 @@ class WeightedCells:
     def __call__(self, mesh: SphereTriangulation) -> Cells:
         """Sum cells."""
         centers, at_points = mesh.circumcenters(), self.density(mesh.points)
-        masses, moments, energies = mesh.weighted_moments(at_points, centers, self.density(centers))
-        moments -= np.einsum("ij,ij->i", moments, mesh.points)[:, None] * mesh.points
-        return Cells(masses, moments, masses / at_points, float(energies.sum()))
+        masses, pulls, energies = mesh.weighted_moments(at_points, centers, self.density(centers))
+        _leveled(mesh.points, pulls)
+        return Cells(masses, pulls, masses / at_points, float(energies.sum()))
