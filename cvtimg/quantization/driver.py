@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import repeat
-from typing import Any, Literal, NamedTuple, Protocol, get_args
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,14 +53,16 @@ class _Aiming(NamedTuple):
     number: int = 32
     decibels: float = 2.0  # for twice the colors
     bytes_per_pixel: float = 0.05  # likewise, or for half the price of a bit
-    # Of most photographs: the visual quality of endlessly many colors, what is lost with 256 of them, and with fewer as
-    # the energy grows, and what the price of a bit, to a power, takes, less of few colors.
-    points: float = 91.2
-    points_by_error: float = 7.7
-    points_by_price: float = 5.0
-    power: float = 1.5
-    power_by_bits: float = 3.0
-    most_unlike: float = 8.0  # times as much, or as little, is lost to colors by other images
+    # Of most photographs: the visual quality of endlessly many colors at no price, and what is lost to fewer, by a
+    # power of the mean squared error of the palette, in levels of 8 bits; to the price of an index; and to less
+    # diffusion.
+    points: float = 93.5
+    points_by_error: float = 1.8
+    power: float = 0.75
+    points_by_price: float = 1.2
+    points_by_strength: float = 12.0
+    strengths: Sequence[float] = tuple(np.linspace(0.4, 0.6, 201).tolist())
+    most_unlike: float = 8.0  # times as much, or as little, is lost by other images
     trial_matches: int = 4  # enough to tell a quality within half a point
     # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
     # and lose gentle texture, which the measure does not see.
@@ -77,6 +79,7 @@ class _Aiming(NamedTuple):
 
 
 _AIMING = _Aiming()
+_Rung: TypeAlias = tuple[int, float, float]  # a number of colors, a price of bits, and a strength of diffusion
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,47 +328,76 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
         exact = palettes.mapped(source, palettes.most, aiming.prices[-1])
         if not exact.energy:
             return _seen(source, exact)
-    found: dict[tuple[int, float], Any] = {}
+    found: dict[_Rung, Any] = {}
 
-    def result(rung: tuple[int, float]) -> Any:
+    def result(rung: _Rung) -> float:
         if rung not in found:
             found[rung] = _seen(source, palettes.mapped(source, *rung))
-        # A point less, by fewer colors, saves hardly any bytes.
-        is_near = -0.5 <= (found[rung].quality - wanted) / aiming.close <= 1.5 and rung[0] < palettes.most
-        return wanted if is_near else found[rung].quality
+        return float(found[rung].quality)
 
-    def best() -> Any:
-        return max(found.values(), key=lambda one: one.quality)
-
-    def trial(rung: tuple[int, float]) -> Any:
+    def trial(rung: _Rung) -> float:
         if how.rate.coder == "lzw":  # of which few paths tell little
             return result(rung)
-        return _seen(sample, palettes.mapped(sample, *rung, n_matches=aiming.trial_matches)).quality
+        return float(_seen(sample, palettes.mapped(sample, *rung, n_matches=aiming.trial_matches)).quality)
 
+    def finely(n_colors: int) -> list[_Rung]:
+        """Return the rungs of a number of colors."""
+        rungs = [(n_colors, aiming.prices[0], strength) for strength in strengths]
+        return rungs + [(n_colors, price, strengths[-1]) for price in aiming.prices[1:] if n_colors == palettes.most]
+
+    def places(figures: dict[_Rung, float]) -> dict[float, float]:
+        return {palettes.expected(rung): figure for rung, figure in figures.items()}
+
+    strengths = aiming.strengths if how.dither_strength is None else [how.strength]
     numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
-    fewer = [(number, aiming.prices[0]) for number in numbers if how.palette is None]
-    rungs = [*fewer, *((palettes.most, price) for price in aiming.prices)]
-    line = Ladder(rungs, trial, float, 1.0, palettes.expected)
-    wanted = how.quality_range[1] + aiming.close / 2
+    fewer = [finely(number)[len(strengths) // 2] for number in numbers if how.palette is None]
+    rungs = [*fewer, *finely(palettes.most)[len(strengths) // 2 :]]
+    whole = Ladder(rungs, trial, float, 1.0, palettes.expected)
+    given, least = how.quality is not None, how.quality_range[1]
+    wanted = least + aiming.close / 2
     with part(0.1, 0.3):
-        first = rungs[-1] if how.quality is None else line.at(wanted)
-        seen = (trial if how.quality is None or first != rungs[-1] else result)(first)
-        if how.quality is None:
-            wanted = min(aiming.same, seen - aiming.below_best) + aiming.close / 2
+        first = whole.at(wanted) if given else rungs[-1]
+        seen = (result if given and first == rungs[-1] else trial)(first)
+        if not given:
+            least = min(aiming.same, seen - aiming.below_best)
+            wanted = least + aiming.close / 2
         palettes.expect(first, seen)
-        rung = line.at(wanted)
-        if abs(seen - wanted) > aiming.near and rung not in (first, rungs[-1]):
-            line.seen[line.place(first)] = seen
-            rung = line.seek(wanted, rung, aiming.near, 1)
+        rung, tried = first if abs(seen - wanted) <= aiming.near else whole.at(wanted), {first: seen}
+        if rung not in (first, rungs[-1]):
+            tried[rung] = trial(rung)
+            if abs(tried[rung] - wanted) > aiming.near:
+                whole.seen.update(places(tried))
+                rung = whole.at(whole.toward(wanted))
+    n_left, within = (aiming.n_trials - len(tried), aiming.close / 2) if given else (3, 1.5 * aiming.close)
     with part(0.3, 1):
-        n_left, least, step = aiming.n_trials - max(1, len(line.seen)), wanted - aiming.close / 2, aiming.close
-        missed = 0.0 if how.rate.coder == "lzw" else result(rung) - wanted
-        line = replace(line, result=result, seen={place: figure + missed for place, figure in line.seen.items()})
-        rung = line.seek(wanted, rung, aiming.close / 2, 1 if how.quality is None else n_left)
-        while best().quality < least and how.quality is not None and rungs[-1] not in found:
-            above = line.at(max(map(line.place, found)) + step)
-            rung, step = line.seek(wanted, above if rung in found else rung, 0, 1), 2 * step
-    return min((one for one in found.values() if one.quality >= least), key=lambda one: one.quality, default=best())
+        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
+        ways, missed = [finely(rung[0])] * any(one[0] == rung[0] for one in tried), 0.0
+        for _ in first_few(range(n_left)):
+            full = {one: result(one) for one in found}
+            # With several on one side only, aim twice as far beyond the target: else the figures creep towards it.
+            creeps = len(full) > 1 and len({figure < wanted for figure in full.values()}) == 1
+            for some in ways:
+                figures = full if len(full) > 1 and some is not rungs else {**tried, **full}
+                known = {one: figures[one] for one in figures if some is rungs or one[0] == rung[0]}
+                line = Ladder(some, result, float, 1.0, palettes.expected, places(known or tried))
+                at = some.index(line.at(line.toward(wanted + 2 * missed * creeps)))
+                at -= at > 0 and known.get(some[at], 0) > wanted
+                if some[at] not in full:
+                    rung = some[at]
+                    break
+            if rung in full:
+                break
+            missed = wanted - result(rung)
+            if abs(missed) <= within:
+                break
+            is_far = missed > 0 or missed < -aiming.near / 2
+            ways = [finely(rung[0])] * (abs(missed) <= aiming.near) + [rungs] * is_far
+        step = aiming.close
+        while given and max(map(result, found)) < least and rungs[-1] not in found:
+            result(whole.at(max(map(palettes.expected, found)) + step))
+            step *= 2
+    reached = [one for one in found.values() if one.quality >= least]
+    return min(reached, key=lambda one: one.quality) if reached else max(found.values(), key=lambda one: one.quality)
 
 
 class _Palettes:
@@ -373,7 +405,7 @@ class _Palettes:
 
     def __init__(self, how: QuantizeOptions, source: Source) -> None:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
-        self._how, self._counted, self._lost = how, source.counted, _AIMING.points_by_error
+        self._how, self._counted, self._unlike = how, source.counted, 1.0
         with part(0, 0.1):
             self._found = {self.most: [*map(finder(how), source.counted)]}
 
@@ -382,12 +414,16 @@ class _Palettes:
         fixed = [fixed_colors(samples, self._how.locked)[1] for samples in self._counted]
         return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed)]
 
-    def mapped(self, pixels: Source, n_colors: int, price: float, n_matches: int | None = None) -> Any:
-        """Map pixels to a number of colors, at a price of bits."""
+    def mapped(
+        self, pixels: Source, n_colors: int, price: float, strength: float | None = None, n_matches: int | None = None
+    ) -> Any:
+        """Map pixels to a number of colors, at a price of bits and a strength of diffusion."""
         if n_colors not in self._found:
             with part(0, 0.1):
                 self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
-        return pixels.mapped(self._found[n_colors], replace(self._how, price=price, n_matches=n_matches))
+        strength = self._how.strength if strength is None else strength
+        how = replace(self._how, price=price, dither_strength=strength, n_matches=n_matches)
+        return pixels.mapped(self._found[n_colors], how)
 
     def _fewer(self, merged: Merged, samples: ColorSamples, n_colors: int) -> Palette:
         """Find fewer colors from those that neighbors become: so quality hardly ever falls where colors are added."""
@@ -397,23 +433,22 @@ class _Palettes:
         return finder(replace(self._how, n_colors=n_colors, engine=engine))(samples)
 
     def _error(self, n_colors: int) -> float:
-        """Return the error of a number of colors, as a multiple of that of 256 colors."""
-        # In three dimensions errors fall with the power 2/3 of the number.
+        """Return the mean squared error of a number of colors, to a power."""
         n_merges = self.most - n_colors
-        least, energy = np.sum([(one.energies[0], one.energies[: n_merges + 1][-1]) for one in self._merged], axis=0)
-        growth = energy / least if least else (self.most / n_colors) ** (2 / 3)
-        return float(growth * (MAX_ENTRIES / self.most) ** (2 / 3))
+        energy, n_pixels = np.sum([(one.energies[: n_merges + 1][-1], one.n_pixels) for one in self._merged], axis=0)
+        return float((255**2 * energy / n_pixels) ** _AIMING.power)
 
-    def expected(self, rung: tuple[int, float]) -> float:
-        """Return the quality that is expected of a number of colors, at a price of bits."""
-        paid = rung[1] ** _AIMING.power * (math.log2(self.most) / 8) ** _AIMING.power_by_bits
-        return _AIMING.points - _AIMING.points_by_price * paid - self._lost * self._error(rung[0])
+    def expected(self, rung: _Rung) -> float:
+        """Return the quality that is expected of a number of colors, at a price of bits and a strength of diffusion."""
+        paid = _AIMING.points_by_price * rung[1] * math.log2(self.most)
+        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung[0]), paid)
+        return _AIMING.points - lost - _AIMING.points_by_strength * (COMPACT_STRENGTH - rung[2])
 
-    def expect(self, rung: tuple[int, float], seen: float) -> None:
-        """Let so much be lost to colors that the quality seen was expected."""
-        usual, unlike = _AIMING.points_by_error, _AIMING.most_unlike
-        lost = self._lost + (self.expected(rung) - seen) / self._error(rung[0])
-        self._lost = min(max(lost, usual / unlike), usual * unlike)
+    def expect(self, rung: _Rung, seen: float) -> None:
+        """Let so much more be lost than usual that the quality seen was expected."""
+        usual = (_AIMING.points - self.expected(rung)) / self._unlike
+        ratio = (_AIMING.points - seen) / max(usual, 1e-9)
+        self._unlike = min(max(ratio, 1 / _AIMING.most_unlike), _AIMING.most_unlike)
 
 
 def _seen(source: MeasuredSource, result: Any) -> Any:

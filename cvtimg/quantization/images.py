@@ -126,7 +126,7 @@ def quantize(
     Notes
     -----
     The quality follows from the price of bits in "compact", and once that would show as streaks, which the measure does
-    not see, from fewer colors.
+    not see, from fewer colors and less diffusion.
 
     Examples
     --------

@@ -353,13 +353,14 @@ class Merged(NamedTuple):
 
     energies: Sequence[float]
     starts: Sequence[NDArray[np.float64]]
+    n_pixels: float
 
 
 def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merged:
     """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay."""
     tessellation = palette.tessellation
     if tessellation is None:
-        return Merged([0.0], ())
+        return Merged([0.0], (), 1.0)
     n_fixed = max(0, len(fixed) + len(tessellation.generators) - n_colors)  # clear ones are no generators
     places, masses = tessellation.generators[n_fixed:].copy(), tessellation.masses[n_fixed:].copy()
     energies, starts, left = [tessellation.energy], [places.copy()], np.ones(len(places), np.bool_)
@@ -382,7 +383,8 @@ def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merge
         costs[other] = costs[:, other] = np.inf
         costs[one] = costs[:, one] = rises(np.array([one]))
         starts.append(places[left])
-    return Merged(energies, starts if places.shape[1] > 1 else ())  # grays are best searched as a whole
+    starts = starts if places.shape[1] > 1 else []  # grays are best searched as a whole
+    return Merged(energies, starts, float(tessellation.masses.sum()))
 
 
 def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:

@@ -28,7 +28,7 @@ class Ladder(Generic[R]):
     figure: Callable[[R], float]
     growth: float  # of the figure where the place grows by 1, roughly; two trials replace it
     place: Callable[[Any], float] = math.log2  # of a rung on the line
-    seen: dict[float, float] = field(default_factory=dict)  # figures by places, which `seek` adds to
+    seen: dict[float, float] = field(default_factory=dict)  # figures by places, for `toward`
 
     def climb(self, target: float, first: Any) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
         """Return the highest rung below a target and the lowest that reaches it, with their results.
@@ -67,27 +67,7 @@ class Ladder(Generic[R]):
             return bisect_left(self.rungs, guess, key=self.place)
         return bisect_right(self.rungs, guess, key=self.place) - 1
 
-    def seek(self, target: float, first: Any, within: float, most: int) -> Any:
-        """Follow a line until a figure is so near to a target, and return the rung to go on to.
-
-        The figures of neighbors need not grow. It ends, too, at rungs where it was before, and after so many trials.
-        """
-        rung, been, missed = first, set[float](), 0.0
-        for _ in first_few(range(most)):
-            place, before = self.place(rung), missed
-            been.add(place)
-            self.seen[place] = figure = self.figure(self.result(rung))
-            missed = target - figure
-            # After two on the same side, aim twice as far beyond the target: else the figures creep towards it.
-            rung = self.at(self._toward(target + 2 * missed if missed * before > 0 else target))
-            if self.place(rung) in been and self.seen[self.place(rung)] > target:
-                rung = self.rungs[max(self._at(rung) - 1, 0)]
-            if abs(missed) <= within or self.place(rung) in been:
-                break
-        tell(1)
-        return rung
-
-    def _toward(self, target: float) -> float:
+    def toward(self, target: float) -> float:
         """Return where a line through two places that were seen reaches a target: around it, or else nearest to it."""
         places = sorted(self.seen)
         around = [ends for ends in pairwise(places) if self.seen[ends[0]] < target <= self.seen[ends[1]]]

@@ -48,7 +48,7 @@ def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_
     for quality in (30, 60, 80):
         n_mappings.append(0)
         result = cvtimg.quantize(PART, quality=quality, **FAST)
-        assert quality <= cvtimg.visual_quality(PART, result.image) < quality + 3
+        assert quality <= cvtimg.visual_quality(PART, result.image) < quality + (3 if quality < 60 else 0.5)
         assert result.quality == cvtimg.visual_quality(PART, result.image)
         sizes.append(n_bytes(result))
     assert sum(n_mappings) <= 15
