@@ -23,6 +23,8 @@ _SHORTEST = 1e-3
 _WORSE = 2.0
 #: Angles in degrees that are aimed at: beyond them corners push, so that none comes near to 90 degrees.
 BOUNDS = (49.0, 77.0)
+#: How near, in degrees: angles that are pushed come ever nearer to a bound and hardly reach it.
+_NEAR = 0.1
 #: Step length of polishing per unit slope of what angles cost, in areas of cells, and the longest step, in their sizes.
 _RATE, _LONGEST_POLISHING = 0.25, 0.05
 
@@ -99,11 +101,12 @@ def polish_angles(
 ) -> None:
     """Descend the sum of squares by which cosines of angles are out of bounds, in degrees, with flips in between.
 
-    Cells have `sizes` (N,), the roots of their areas. It ends when no angle is out of bounds.
+    Cells have `sizes` (N,), the roots of their areas. It ends when all angles are within bounds or near to them.
     """
     cosines, out = np.cos(np.radians(bounds[::-1])), np.empty(len(mesh.triangles), np.uint8)
+    ends = np.cos(np.radians([bounds[1] + _NEAR, bounds[0] - _NEAR]))
     for _ in range(most):
-        if not counted(partial(_sphere.find_corners, mesh, *cosines, out), len(out)):
+        if not counted(partial(_sphere.find_corners, mesh, *ends, out), len(out)):
             return
         slopes = _sphere.sum_corner_slopes(mesh, *cosines, out)
         moving = np.unique(mesh.triangles[out.view(np.bool_)])

@@ -64,8 +64,6 @@ def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
 
 def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
     """Leave out some points, far from each other."""
-    if n_surplus == 0:
-        return points
     direction = rng.normal(size=3)
     left_out: list[int] = []
     farness = points @ direction

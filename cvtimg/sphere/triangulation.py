@@ -274,10 +274,7 @@ class Cells:
 
     def offset_of(self, free: NDArray[np.bool_] | None) -> float:
         """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
-        squares = by_rows(
-            lambda masses, areas, pulls: np.einsum("ij,ij->i", pulls, pulls) / (masses**2 * areas),
-            *(self.masses, self.areas, self.pulls),
-        )
+        squares = by_rows(lambda m, a, p: np.einsum("ij,ij->i", p, p) / (m**2 * a), self.masses, self.areas, self.pulls)
         return float(np.sqrt((squares if free is None else squares[free]).mean()))
 
     def moving(self, free: NDArray[np.bool_] | None) -> Cells:
