@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -44,7 +45,7 @@ from cvtimg.quantization.palette_search import (
     ramp_of,
 )
 from cvtimg.quantization.remapping import MAX_COLORS
-from cvtimg.quantization.targets import Ladder
+from cvtimg.quantization.targets import Ladder, toward
 
 
 class _Aiming(NamedTuple):
@@ -72,7 +73,8 @@ class _Aiming(NamedTuple):
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
     near: float = 2.0  # to the quality with few matches is near enough to go on with all
-    n_trials: int = 5  # with at most two of few matches
+    n_trials: int = 5  # with one of few matches
+    n_usual: int = 2  # without a target
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -323,81 +325,100 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
-    aiming, palettes, sample = _AIMING, _Palettes(how, source), source.sample()
+    palettes = _Palettes(how, source)
     if how.palette is None and all(one.n_colors <= palettes.most for one in source.counted):
-        exact = palettes.mapped(source, palettes.most, aiming.prices[-1])
+        exact = palettes.mapped(source, palettes.most, _AIMING.prices[-1])
         if not exact.energy:
             return _seen(source, exact)
-    found: dict[_Rung, Any] = {}
+    return _Search(source, how, palettes).nearest()
 
-    def result(rung: _Rung) -> float:
-        if rung not in found:
-            found[rung] = _seen(source, palettes.mapped(source, *rung))
-        return float(found[rung].quality)
 
-    def trial(rung: _Rung) -> float:
-        if how.rate.coder == "lzw":  # of which few paths tell little
-            return result(rung)
-        return float(_seen(sample, palettes.mapped(sample, *rung, n_matches=aiming.trial_matches)).quality)
+class _Search:
+    """A search among rungs for the result of a quality: by one mapping with few matches, then by whole ones."""
 
-    def finely(n_colors: int) -> list[_Rung]:
-        """Return the rungs of a number of colors."""
-        rungs = [(n_colors, aiming.prices[0], strength) for strength in strengths]
-        return rungs + [(n_colors, price, strengths[-1]) for price in aiming.prices[1:] if n_colors == palettes.most]
+    def __init__(self, source: MeasuredSource, how: QuantizeOptions, palettes: _Palettes) -> None:
+        self._source, self._sample, self._how, self._palettes = source, source.sample(), how, palettes
+        self._found: dict[_Rung, Any] = {}
+        self._tried: dict[_Rung, float] = {}  # qualities with few matches
+        self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
+        numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
+        usual = len(self._strengths) // 2
+        self._rungs = [self._finely(number)[usual] for number in numbers if how.palette is None]
+        self._rungs += self._finely(palettes.most)[usual:]
 
-    def places(figures: dict[_Rung, float]) -> dict[float, float]:
-        return {palettes.expected(rung): figure for rung, figure in figures.items()}
-
-    strengths = aiming.strengths if how.dither_strength is None else [how.strength]
-    numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
-    fewer = [finely(number)[len(strengths) // 2] for number in numbers if how.palette is None]
-    rungs = [*fewer, *finely(palettes.most)[len(strengths) // 2 :]]
-    whole = Ladder(rungs, trial, float, 1.0, palettes.expected)
-    given, least = how.quality is not None, how.quality_range[1]
-    wanted = least + aiming.close / 2
-    with part(0.1, 0.3):
-        first = whole.at(wanted) if given else rungs[-1]
-        seen = (result if given and first == rungs[-1] else trial)(first)
-        if not given:
-            least = min(aiming.same, seen - aiming.below_best)
-            wanted = least + aiming.close / 2
-        palettes.expect(first, seen)
-        rung, tried = first if abs(seen - wanted) <= aiming.near else whole.at(wanted), {first: seen}
-        if rung not in (first, rungs[-1]):
-            tried[rung] = trial(rung)
-            if abs(tried[rung] - wanted) > aiming.near:
-                whole.seen.update(places(tried))
-                rung = whole.at(whole.toward(wanted))
-    n_left, within = (aiming.n_trials - len(tried), aiming.close / 2) if given else (3, 1.5 * aiming.close)
-    with part(0.3, 1):
-        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
-        ways, missed = [finely(rung[0])] * any(one[0] == rung[0] for one in tried), 0.0
-        for _ in first_few(range(n_left)):
-            full = {one: result(one) for one in found}
-            # With several on one side only, aim twice as far beyond the target: else the figures creep towards it.
-            creeps = len(full) > 1 and len({figure < wanted for figure in full.values()}) == 1
-            for some in ways:
-                figures = full if len(full) > 1 and some is not rungs else {**tried, **full}
-                known = {one: figures[one] for one in figures if some is rungs or one[0] == rung[0]}
-                line = Ladder(some, result, float, 1.0, palettes.expected, places(known or tried))
-                at = some.index(line.at(line.toward(wanted + 2 * missed * creeps)))
-                at -= at > 0 and known.get(some[at], 0) > wanted
-                if some[at] not in full:
-                    rung = some[at]
+    def nearest(self) -> Any:
+        """Return the smallest result of the quality, or the best."""
+        rungs, given, close = self._rungs, self._how.quality is not None, _AIMING.close
+        with part(0.1, 0.3):
+            rung, least = self._begun(given)
+        wanted, n_left = (
+            least + given * close / 2,
+            _AIMING.n_trials - len(self._tried) - len(self._found.keys() - {rung}),
+        )
+        with part(0.3, 1):
+            for _ in first_few(range(n_left if given else _AIMING.n_usual)):
+                missed = abs(self._result(rung) - wanted)
+                # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
+                ways = [self._finely(rung[0])] * (missed <= _AIMING.near) + [rungs]
+                after = [one for some in ways if (one := self._toward(some, wanted)) not in self._found]
+                if missed <= (close / 2 if given else 2 * close) or not after:
                     break
-            if rung in full:
-                break
-            missed = wanted - result(rung)
-            if abs(missed) <= within:
-                break
-            is_far = missed > 0 or missed < -aiming.near / 2
-            ways = [finely(rung[0])] * (abs(missed) <= aiming.near) + [rungs] * is_far
-        step = aiming.close
-        while given and max(map(result, found)) < least and rungs[-1] not in found:
-            result(whole.at(max(map(palettes.expected, found)) + step))
-            step *= 2
-    reached = [one for one in found.values() if one.quality >= least]
-    return min(reached, key=lambda one: one.quality) if reached else max(found.values(), key=lambda one: one.quality)
+                rung = after[0]
+            step = close
+            while given and max(map(self._result, self._found)) < least and rungs[-1] not in self._found:
+                self._result(self._at(rungs, max(map(self._palettes.expected, self._found)) + step))
+                step *= 2
+        results = self._found.values()
+        reached = [one for one in results if one.quality >= least]
+        return min(reached, key=lambda one: one.quality) if reached else max(results, key=lambda one: one.quality)
+
+    def _begun(self, given: bool) -> tuple[_Rung, float]:
+        """Return the rung to begin with, as one mapping tells, and the least quality to reach."""
+        least, last = self._how.quality_range[1], self._rungs[-1]
+        first = self._at(self._rungs, least + _AIMING.close / 2) if given else last
+        seen = self._result(first) if given and first == last else self._trial(first)
+        if not given:
+            least = min(_AIMING.same, seen - _AIMING.below_best)
+        self._palettes.expect(first, seen)
+        wanted = least + given * _AIMING.close / 2
+        is_near = abs(seen - wanted) <= _AIMING.near
+        if given and is_near:
+            return first, least
+        rung = self._at(self._rungs, wanted)
+        if not (given or is_near or rung == last):
+            self._trial(rung)
+            rung = self._toward(self._rungs, wanted)
+        return rung, least
+
+    def _finely(self, n_colors: int) -> list[_Rung]:
+        """Return the rungs of a number of colors: strengths of diffusion, and of the most colors prices as well."""
+        free, *prices = _AIMING.prices
+        rungs = [(n_colors, free, strength) for strength in self._strengths]
+        return rungs + [(n_colors, price, rungs[-1][2]) for price in prices if n_colors == self._palettes.most]
+
+    def _at(self, rungs: list[_Rung], place: float) -> _Rung:
+        """Return the first rung of at least this expected quality, or the last one."""
+        return rungs[min(bisect_left(rungs, place, key=self._palettes.expected), len(rungs) - 1)]
+
+    def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
+        """Return the rung where the qualities that were seen, those of one number of colors if so, come to another."""
+        seen = {**self._tried, **{rung: float(result.quality) for rung, result in self._found.items()}}
+        alike = {rung: seen[rung] for rung in seen if rung[0] == rungs[0][0] == rungs[-1][0]}
+        places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
+        at = rungs.index(self._at(rungs, toward(wanted, places)))
+        return rungs[at - (at > 0 and seen.get(rungs[at], 0) > wanted)]
+
+    def _result(self, rung: _Rung) -> float:
+        if rung not in self._found:
+            self._found[rung] = _seen(self._source, self._palettes.mapped(self._source, *rung))
+        return float(self._found[rung].quality)
+
+    def _trial(self, rung: _Rung) -> float:
+        if self._how.rate.coder == "lzw":  # of which few paths tell little
+            return self._result(rung)
+        result = self._palettes.mapped(self._sample, *rung, n_matches=_AIMING.trial_matches)
+        self._tried[rung] = float(_seen(self._sample, result).quality)
+        return self._tried[rung]
 
 
 class _Palettes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
@@ -28,7 +28,6 @@ class Ladder(Generic[R]):
     figure: Callable[[R], float]
     growth: float  # of the figure where the place grows by 1, roughly; two trials replace it
     place: Callable[[Any], float] = math.log2  # of a rung on the line
-    seen: dict[float, float] = field(default_factory=dict)  # figures by places, for `toward`
 
     def climb(self, target: float, first: Any) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
         """Return the highest rung below a target and the lowest that reaches it, with their results.
@@ -67,18 +66,18 @@ class Ladder(Generic[R]):
             return bisect_left(self.rungs, guess, key=self.place)
         return bisect_right(self.rungs, guess, key=self.place) - 1
 
-    def toward(self, target: float) -> float:
-        """Return where a line through two places that were seen reaches a target: around it, or else nearest to it."""
-        places = sorted(self.seen)
-        around = [ends for ends in pairwise(places) if self.seen[ends[0]] < target <= self.seen[ends[1]]]
-        if around:
-            return float(np.interp(target, [self.seen[place] for place in around[0]], around[0]))
-        near, *others = places if self.seen[places[0]] >= target else places[::-1]
-        growth = self.growth
-        for other in [other for other in others if abs(other - near) > _APART][:1]:
-            growth = min(max((self.seen[other] - self.seen[near]) / (other - near), growth / 2), growth * 2)
-        return near + min(max((target - self.seen[near]) / growth, -_FARTHEST), _FARTHEST)
 
-    def at(self, place: float) -> Any:
-        """Return the first rung from a place on, or the last one."""
-        return self.rungs[min(bisect_left(self.rungs, place, key=self.place), len(self.rungs) - 1)]
+def toward(target: float, seen: dict[float, float]) -> float:
+    """Return where a line through two places, with what was seen there, reaches a target: around it, or nearest to it.
+
+    Figures are to grow about as places do.
+    """
+    places = sorted(seen)
+    around = [ends for ends in pairwise(places) if seen[ends[0]] < target <= seen[ends[1]]]
+    if around:
+        return float(np.interp(target, [seen[place] for place in around[0]], around[0]))
+    near, *others = places if seen[places[0]] >= target else places[::-1]
+    growth = 1.0
+    for other in [other for other in others if abs(other - near) > _APART][:1]:
+        growth = min(max((seen[other] - seen[near]) / (other - near), 0.5), 2.0)
+    return near + min(max((target - seen[near]) / growth, -_FARTHEST), _FARTHEST)

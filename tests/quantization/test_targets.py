@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cvtimg import quantize
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import Quantized
-from cvtimg.quantization.targets import Ladder
+from cvtimg.quantization.targets import Ladder, toward
 
 
 @given(st.lists(st.floats(-5, 60), min_size=1, max_size=300), st.floats(-5, 60), st.integers(1, 300), st.booleans())
@@ -57,10 +57,10 @@ def test_a_value_near_the_target_is_found_in_few_trials_however_it_falls(slope: 
         tried.append(90 + slope * price - 3 * math.sqrt(price))
         return tried[-1]
 
-    ladder, price = Ladder(np.linspace(1.2, 0, 237).tolist(), quality, float, 1.0, lambda price: -10 * price), 0.7
+    price, seen = 0.7, dict[float, float]()
     for _ in range(6):
-        ladder.seen[ladder.place(price)] = quality(price)
-        price = ladder.at(ladder.toward(wanted))
+        seen[-10 * price] = quality(price)
+        price = float(np.clip(toward(wanted, seen) / -10, 0, 1.2))
     nearest = max(min(wanted, quality(0.0)), quality(1.2))
     assert min(abs(nearest - value) for value in tried[:6]) <= 0.25
 
