@@ -14,12 +14,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
-from cvtimg._shared.rows import by_rows, products
+from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
 
@@ -28,6 +29,10 @@ Projection = Callable[[Points, Points], Points]
 
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
+
+
+#: Steps of a kernel that NumPy needs for each number that it is given, and rows whose products are summed at a time.
+_STEPS, _BLOCK = 8, 1 << 14
 
 
 class StepMemory:
@@ -87,6 +92,26 @@ def _plus(vector: Points, factors: Iterable[float], others: Sequence[Points], sc
         return total
 
     return by_rows(add, vector, *others)
+
+
+def by_rows(function: Callable[..., Points], first: NDArray[Any], *others: NDArray[Any], **options: Any) -> Points:
+    """Return what a function makes of the rows of arrays, each row by itself, in the shape of the first array."""
+    given, made = (first, *others), np.empty(first.shape)
+
+    def make(start: int, stop: int) -> None:
+        made[start:stop] = function(*(one[start:stop] for one in given), **options)
+
+    in_parts(make, len(made), _STEPS * sum(one.size for one in given))
+    return made
+
+
+def products(pairs: Sequence[tuple[Points, Points]]) -> NDArray[np.float64]:
+    """Sum the products of each of M pairs of (N, D) arrays: (M,). The threads of a BLAS would change bits."""
+
+    def of_block(block: slice) -> list[float]:
+        return [np.einsum("nd,nd", one[block], other[block]) for one, other in pairs]
+
+    return np.sum(in_stripes(of_block, len(pairs[0][0]), _STEPS * len(pairs) * pairs[0][0].size, _BLOCK), axis=0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -351,12 +351,9 @@ class _Search:
         rungs, given, close = self._rungs, self._how.quality is not None, _AIMING.close
         with part(0.1, 0.3):
             rung, least = self._begun(given)
-        wanted, n_left = (
-            least + given * close / 2,
-            _AIMING.n_trials - len(self._tried) - len(self._found.keys() - {rung}),
-        )
+        wanted, done = least + given * close / 2, [*self._tried, *(self._found.keys() - {rung})]
         with part(0.3, 1):
-            for _ in first_few(range(n_left if given else _AIMING.n_usual)):
+            for _ in first_few(range(_AIMING.n_trials - len(done) if given else _AIMING.n_usual)):
                 missed = abs(self._result(rung) - wanted)
                 # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
                 ways = [self._finely(rung[0])] * (missed <= _AIMING.near) + [rungs]

@@ -156,12 +156,12 @@ def _check_masks(masks: Sequence[ArrayLike | None] | None, sizes: Sequence[tuple
         masks = [None] * len(sizes)
     if len(masks) != len(sizes):
         raise ValueError(f"masks has {len(masks)} masks and must have {len(sizes)}, one for each version, or None")
-    arrays = [
-        np.ones(size, np.bool_) if mask is None else np.asarray(mask) for mask, size in zip(masks, sizes, strict=True)
-    ]
-    for number, (array, size) in enumerate(zip(arrays, sizes, strict=True)):
-        check_shape(f"masks[{number}]", array.shape, array.shape == size, f"{size}, the size of the version")
-    return [array != 0 for array in arrays]
+    known = [np.ones(size, np.bool_) for size in sizes]
+    for number, (mask, size) in enumerate(zip(masks, sizes, strict=True)):
+        if mask is not None:
+            known[number] = np.asarray(mask) != 0
+        check_shape(f"masks[{number}]", known[number].shape, known[number].shape == size, f"{size}, as the version")
+    return known
 
 
 def _fitted(

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
-from cvtimg._shared.rows import by_rows
-from cvtimg.placement.descent import Projection, StepMemory
+from cvtimg.placement.descent import Projection, StepMemory, by_rows
 from cvtimg.sphere import _sphere
 from cvtimg.sphere.triangulation import Cells, Points, SphereTriangulation, SumCells, counted, unit
 

@@ -23,7 +23,7 @@ from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.geodesic import Lattice, twist
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, moved_on, without
+from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, without
 from cvtimg.sphere.triangulation import (
     Cells,
     Points,
@@ -40,19 +40,12 @@ from cvtimg.sphere.widths import CellWidth
 MOST_POINTS = 1 << 28
 
 
-@dataclass(frozen=True, slots=True)
-class _Starts:
-    """How grids begin."""
-
-    coarsest: tuple[int, int] = (12, 600)  # points at least: few where cells are alike, so that twelve are pentagons
-    trials: int = 8  # with cells alike, of which the lowest goes on
-    trial_moves: int = 200
-    direct: int = 32  # steps along a side of an icosahedron, at most, without moving a coarser lattice first
-
-
-_STARTS = _Starts()
-#: Points are numbered along a curve from so many on.
-_WORTH_AN_ORDER = 5000
+#: Points of the coarsest level, at least: few where cells are alike, so that twelve are pentagons; and with a density.
+_COARSEST = (12, 600)
+#: Coarsest grids with cells alike, of which the lowest goes on after so many moves.
+_TRIALS, _TRIAL_MOVES = 8, 200
+#: Steps along a side of an icosahedron, at most, without moving a coarser lattice first.
+_DIRECT = 32
 #: A density that is 0 on more of the sphere is warned of.
 _MOST_ZEROS = 0.01
 
@@ -169,7 +162,7 @@ def sphere_grid(
 
 def _sizes(n: int, is_even: bool) -> list[int]:
     """Numbers of points of all levels, from the coarsest."""
-    coarsest, sizes = _STARTS.coarsest[not is_even], [n]
+    coarsest, sizes = _COARSEST[not is_even], [n]
     while (coarser := (sizes[-1] + 9) // 4) >= coarsest:
         if is_even and twist(sizes[-1]) and not twist(coarser):
             break
@@ -202,22 +195,18 @@ class _Plan:
 
     def _climb(self, sizes: list[int], noise: float) -> SphereTriangulation:
         mesh = self._coarsest(sizes[0])
-        start = mesh.points
         for level, n in enumerate(sizes):
             if level:
-                if self.density is None:
-                    moved_on(mesh, mesh.points - start)
                 mesh = bisected(mesh)
             if n_surplus := len(mesh.points) - n:
                 points = without(mesh.points, n_surplus, self.rng)
                 mesh = SphereTriangulation(points[along_curve(points)])
-            elif n >= _WORTH_AN_ORDER:
+            else:
                 mesh = in_order(mesh)
             sums = self._sums(n)
             if noise and level:
                 step = noise * np.sqrt(sums(mesh).areas)[:, None]
                 mesh.replace(unit(mesh.points + step * self.rng.normal(size=mesh.points.shape)))
-            start = mesh.points
             self._descend(mesh, sums)
         return mesh
 
@@ -228,16 +217,14 @@ class _Plan:
             return icosahedron()
         if sides := twist(n):
             return self._latticed(*sides)
-        trials = [SphereTriangulation(unit(self.rng.normal(size=(n, 3)))) for _ in range(_STARTS.trials)]
-        return min(
-            trials, key=lambda mesh: descend(mesh, uniform_cells, _STARTS.trial_moves, self.effort.tolerance).energy
-        )
+        trials = [SphereTriangulation(unit(self.rng.normal(size=(n, 3)))) for _ in range(_TRIALS)]
+        return min(trials, key=lambda mesh: descend(mesh, uniform_cells, _TRIAL_MOVES, self.effort.tolerance).energy)
 
     def _latticed(self, h: int, k: int) -> SphereTriangulation:
         """Begin with a lattice on an icosahedron, moved as coarser ones are."""
         lattice = Lattice(h, k)
         steps = int(lattice.t**0.5)
-        if steps <= _STARTS.direct:
+        if steps <= _DIRECT:
             return SphereTriangulation(lattice.points())
         coarse = self._latticed(steps // 2, 0)
         self._descend(coarse, uniform_cells)

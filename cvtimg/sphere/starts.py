@@ -39,19 +39,6 @@ def bisected(mesh: SphereTriangulation) -> SphereTriangulation:
     return SphereTriangulation(np.concatenate([mesh.points, middles]), triangles)
 
 
-def moved_on(mesh: SphereTriangulation, shift: Points, smoothings: int = 6) -> None:
-    """Move points on along the way (N, 3) that they have come, so that less is left to go after they are bisected.
-
-    What a grid still has to move after bisection is smooth, and about half of what the coarser one had.
-    """
-    degrees = np.bincount(mesh.triangles.ravel(), minlength=len(shift))[:, None]
-    vertices, neighbors = mesh.edges.T
-    for _ in range(smoothings):
-        around = np.stack([np.bincount(vertices, x[neighbors]) for x in shift.T], axis=1)
-        shift = (shift + around / degrees) / 2
-    mesh.replace(unit(mesh.points + shift / 2))
-
-
 def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
     """Give points numbers along a curve, so that neighbors are near in memory."""
     order = along_curve(mesh.points)

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.rows import by_rows
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
+from cvtimg.placement.descent import by_rows
 from cvtimg.sphere import _sphere
 from cvtimg.sphere.densities import SphereDensity
 
