@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -39,13 +40,13 @@ class StepMemory:
     """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
 
     Of `size` steps: on surfaces figures hardly change from 5 to 10; in the plane from 4 to 12, and 3 need more moves.
-    The factors of vectors in the two loops over them are solved for, so that each loop is one pass.
+    The factors of vectors in the two loops over them are found first, so that each loop is one pass.
     """
 
     def __init__(self, size: int = 5) -> None:
         self._steps: deque[Points] = deque(maxlen=size)
         self._changes: deque[Points] = deque(maxlen=size)
-        self._products: deque[NDArray[np.float64]] = deque(maxlen=size)  # of each change and all steps up to its own
+        self._products: deque[list[float]] = deque(maxlen=size)  # of each change and all steps up to its own
 
     def __len__(self) -> int:
         return len(self._steps)
@@ -58,12 +59,12 @@ class StepMemory:
     def learn(self, step: Points, change: Points) -> bool:
         """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
         pairs = [(each, change) for each in (*self._steps, step)]
-        *along, size, square = products([*pairs, (step, step), (change, change)])
+        *along, size, square = products([*pairs, (step, step), (change, change)]).tolist()
         is_convex = bool(along[-1] > 1e-12 * (size * square) ** 0.5)
         if is_convex:
             self._steps.append(step)
             self._changes.append(change)
-            self._products.append(np.array(along))
+            self._products.append(along)
         return is_convex
 
     def times(self, gradient: Points, start: Callable[[Points], Points]) -> Points:
@@ -71,15 +72,17 @@ class StepMemory:
         if not self:
             return start(gradient)
         steps, changes = list(self._steps), list(self._changes)
-        lower = np.zeros((len(steps), len(steps)))
-        for number, known in enumerate(self._products):
-            lower[number, : number + 1] = known[-number - 1 :]
-        factors = np.linalg.solve(lower.T, products([(step, gradient) for step in steps]))
-        rest, last = start(_plus(gradient, -factors, changes)), changes[-1]
+        lower = [known[-number:] for number, known in enumerate(self._products, 1)]
+        along, factors = products([(step, gradient) for step in steps]), [0.0] * len(steps)
+        for number, row in reversed([*enumerate(lower)]):
+            later = sum(lower[other][number] * factors[other] for other in range(number + 1, len(lower)))
+            factors[number] = (float(along[number]) - later) / row[-1]
+        rest, last = start(_plus(gradient, [-factor for factor in factors], changes)), changes[-1]
         along = products([*((change, rest) for change in changes), (start(last), last)])
-        scale = lower[-1, -1] / along[-1]
-        factors = np.linalg.solve(lower, np.diag(lower) * factors - scale * along[:-1])
-        return _plus(rest, factors, steps, scale)
+        scale, ends = lower[-1][-1] / float(along[-1]), list[float]()
+        for row, factor, across in zip(lower, factors, along[:-1].tolist(), strict=True):
+            ends.append(factor - (scale * across + sum(map(mul, row, ends))) / row[-1])
+        return _plus(rest, ends, steps, scale)
 
 
 def _plus(vector: Points, factors: Iterable[float], others: Sequence[Points], scale: float = 1.0) -> Points:

@@ -23,8 +23,6 @@ from cvtimg.restoration.versions import Floats
 _Doubles = NDArray[np.float64]
 #: Every covariance has this part of its trace in all directions, so that float32 is precise enough.
 _PRECISE = 1e-7
-
-
 #: Covariances of the estimate, which has lost some detail, are raised by this factor.
 _GAIN = 1.1
 #: Twice, power of so many times that of the noise is halved in the covariance of noisy patches.

@@ -23,8 +23,6 @@ _Doubles = NDArray[np.float64]
 
 #: A version fits another if in the median of windows, what they differ by is below this part of what there is.
 MOST_MISFIT = 0.25
-
-
 #: Side, in pixels, of windows that tell something, and the share of these that is known at least.
 _SIDE, _KNOWN = 16, 0.3
 #: Part of the upper quartile of power that they have at least, and the logarithm by which the power of both may differ:

@@ -38,8 +38,6 @@ from cvtimg.sphere.widths import CellWidth
 
 #: More points than this have more edges than 32 bits number.
 MOST_POINTS = 1 << 28
-
-
 #: Points of the coarsest level, at least: few where cells are alike, so that twelve are pentagons; and with a density.
 _COARSEST = (12, 600)
 #: Coarsest grids with cells alike, of which the lowest goes on after so many moves.
