@@ -74,7 +74,7 @@ class _Aiming(NamedTuple):
     close: float = 0.5
     near: float = 2.0  # to the quality with few matches is near enough to go on with all
     n_trials: int = 5  # with one of few matches
-    n_usual: int = 2  # without a target
+    n_usual: int = 2  # of all matches, without a target
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
@@ -378,11 +378,10 @@ class _Search:
             least = min(_AIMING.same, seen - _AIMING.below_best)
         self._palettes.expect(first, seen)
         wanted = least + given * _AIMING.close / 2
-        is_near = abs(seen - wanted) <= _AIMING.near
-        if given and is_near:
+        if given and abs(seen - wanted) <= _AIMING.near:
             return first, least
         rung = self._at(self._rungs, wanted)
-        if not (given or is_near or rung == last):
+        if not given and least == _AIMING.same and rung != last:  # a point less than the best is near, this is not
             self._trial(rung)
             rung = self._toward(self._rungs, wanted)
         return rung, least
