@@ -30,8 +30,6 @@ Projection = Callable[[Points, Points], Points]
 
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
-
-
 #: Steps of a kernel that NumPy needs for each number that it is given, and rows whose products are summed at a time.
 _STEPS, _BLOCK = 8, 1 << 14
 
@@ -60,7 +58,7 @@ class StepMemory:
         """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
         pairs = [(each, change) for each in (*self._steps, step)]
         *along, size, square = products([*pairs, (step, step), (change, change)]).tolist()
-        is_convex = bool(along[-1] > 1e-12 * (size * square) ** 0.5)
+        is_convex = along[-1] > 1e-12 * (size * square) ** 0.5
         if is_convex:
             self._steps.append(step)
             self._changes.append(change)

@@ -160,7 +160,8 @@ def _check_masks(masks: Sequence[ArrayLike | None] | None, sizes: Sequence[tuple
     for number, (mask, size) in enumerate(zip(masks, sizes, strict=True)):
         if mask is not None:
             known[number] = np.asarray(mask) != 0
-        check_shape(f"masks[{number}]", known[number].shape, known[number].shape == size, f"{size}, as the version")
+        found = known[number].shape
+        check_shape(f"masks[{number}]", found, found == size, f"{size}, the size of the version")
     return known
 
 
