@@ -132,8 +132,10 @@ def squared_error(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> float:
 def pin_threads(n_threads: int) -> None:
     """Give every library and process `n_threads` threads, or leave it to each with 0.
 
-    Libraries read these variables when they are loaded, and NumPy is loaded by now: the script starts again.
+    Libraries read these variables when they are loaded, and NumPy is loaded by now: the script starts again. Python
+    keeps its bytecode, or each process would compile the package.
     """
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     names = [f"{library}_NUM_THREADS" for library in ("OMP", "OPENBLAS", "MKL", "NUMEXPR")]
     names += ["MAGICK_THREAD_LIMIT", "CVTIMG_THREADS"]
     wanted = dict.fromkeys(names, str(n_threads))

@@ -99,6 +99,7 @@ def measure(path: str, picture: Picture, k: int, rivals: dict[str, Spelling], su
         row = {"program": name, "k": k, "dithered": dithered, "picture": picture.name}
         row |= {key: own[key] / found[key] for key in RATIOS} | {key: own[key] - found[key] for key in DIFFERENCES}
         rows.append(row | {"theirs": found["bytes"], "cvtimg_seconds": own_seconds, "seconds": seconds})
+        print(*rows[-1].values(), sep=", ", flush=True)  # a set takes long
     return rows
 
 
