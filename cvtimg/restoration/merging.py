@@ -1,8 +1,13 @@
-"""Versions merged into flat segments: cells of stacked values, and one color for each."""
+"""Versions merged into flat segments: cells of stacked values, and one color for each, at full contrast.
+
+A segment that is painted over in one of three versions has a diluted generator: a third of the way to the color that
+covers it. Each rule of renormalization undoes that in its own way.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +20,6 @@ from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.renormalization import RENORMALIZATIONS, Levels
 from cvtimg.restoration.result import Restoration
 from cvtimg.restoration.versions import Floats, Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
@@ -68,17 +72,12 @@ def merge_versions(
     end = min(ends, key=lambda end: end.energies[-1])
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
 
-    def alone(version: int) -> tuple[_Doubles, _Doubles]:
-        found = settled(end.labels, bands[version])
-        return found.generators, found.masses
-
     levels = Levels(
-        values=[versions.bands(version) for version in range(len(bands))],
-        known=[versions.known[:, :, version] for version in range(len(bands))],
-        labels=end.labels,
+        versions,
+        end.labels,
         generators=np.stack([end.generators[:, own] for own in bands]),
         masses=np.stack([end.masses[:, own] for own in bands]),
-        alone=alone,
+        alone=lambda version: settled(end.labels, bands[version]),
     )
     colors = RENORMALIZATIONS[renormalize](levels)
     white = peak(evidence.placed.dtype) if space != "rgb" else 1.0
@@ -131,3 +130,58 @@ def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
     parts = [fuse(versions, trust, blur, some)[0] * np.float32(np.sqrt(trust[some].mean())) for some in looks]
     picture = np.concatenate(parts, axis=2)
     return picture.reshape(-1, picture.shape[2])
+
+
+# --- renormalization
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """Segments of versions, from which their colors are made."""
+
+    versions: Versions
+    labels: _Labels  # (H, W): labels from 1
+    generators: _Doubles  # (S, K, C): means and weights of the segments in each version; of channels, in the first
+    masses: _Doubles
+    #: Takes the number of a version and returns its segments once they have settled in it alone
+    alone: Callable[[int], EdgeWeighted]
+
+
+def mean_colors(levels: Levels) -> _Doubles:
+    """(K, C) mean of the known values of each segment in all versions."""
+    totals = levels.masses.sum(axis=0)
+    sums = (levels.masses * levels.generators).sum(axis=0)
+    return np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
+
+
+def median_colors(levels: Levels) -> _Doubles:
+    """(K, C) median of the known values of each segment: right while less than half of it is painted over."""
+    colors, known = mean_colors(levels), levels.versions.known
+    some = range(len(levels.masses))
+    values = np.concatenate([levels.versions.bands(version)[known[:, :, version]] for version in some])
+    labels = np.concatenate([levels.labels[known[:, :, version]] for version in some])
+    for label in np.unique(labels):
+        colors[label - 1] = np.median(values[labels == label], axis=0)
+    return colors
+
+
+def range_colors(levels: Levels) -> _Doubles:
+    """(K, C) median over the versions of the level that each segment has in that version alone."""
+    # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
+    # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
+    # pixels, which are the noisiest. A segment that has less than a thousandth of every version keeps its mean.
+    colors, told = mean_colors(levels), []
+    for found in map(levels.alone, range(len(levels.masses))):
+        enough = found.masses >= max(1e-3 * float(found.masses.sum(axis=0).max()), 1e-12)
+        told.append(np.where(enough, found.generators, np.nan))
+    some = ~np.isnan(told).all(axis=(0, 2))
+    colors[some] = np.nanmedian(np.array(told)[:, some], axis=0)
+    return colors
+
+
+#: The registry: names for `renormalize` and ``--renormalize``; "none" keeps the means.
+RENORMALIZATIONS: dict[str, Callable[[Levels], _Doubles]] = {
+    "range": range_colors,
+    "median": median_colors,
+    "none": mean_colors,
+}

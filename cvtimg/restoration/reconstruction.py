@@ -17,8 +17,7 @@ from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import Evidence, prepare, without_copies
-from cvtimg.restoration.merging import level_of, merge_versions
-from cvtimg.restoration.renormalization import RENORMALIZATIONS
+from cvtimg.restoration.merging import RENORMALIZATIONS, level_of, merge_versions
 from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import Versions, stack_versions
 

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvtimg.restoration.renormalization import Levels, mean_colors, median_colors, range_colors
+from cvtimg.restoration.merging import Levels, mean_colors, median_colors, range_colors
+from cvtimg.restoration.versions import stack_versions
 
 
 def levels(alone: list[tuple[list[float], list[float]]], means: list[float]) -> Levels:
     """Two segments of one band: the levels and masses of each version alone, and the means of both in each version."""
-    values = [np.array([[[mean], [10.0]]], np.float32) for mean in means]
+    told: Any = [SimpleNamespace(generators=np.c_[levels], masses=np.c_[masses]) for levels, masses in alone]
     return Levels(
-        values=values,
-        known=[np.ones((1, 2), np.bool_)] * len(means),
+        stack_versions([np.array([[mean, 10.0]]) for mean in means]),
         labels=np.array([[1, 2]], np.int32),
         generators=np.array([[[mean], [10.0]] for mean in means]),
         masses=np.full((len(means), 2, 1), 50.0),
-        alone=lambda version: tuple(np.array(part, float)[:, None] for part in alone[version]),  # type: ignore[arg-type]
+        alone=told.__getitem__,
     )
 
 
