@@ -17,7 +17,7 @@ from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, side_by_side
 from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.patches import REACH, SIDE, Groups, windows
+from cvtimg.restoration.patches import REACH, SIDE, Groups
 from cvtimg.restoration.versions import Floats
 
 _Doubles = NDArray[np.float64]
@@ -31,8 +31,6 @@ _BENT = 1.5
 _LEFT = 0.02
 #: Share of the variance of noise that every covariance has, so that it has an inverse.
 _RIDGE = 1e-4
-#: Precision of unknown pixels, filled from nearby, as a part of the usual one.
-_FILLED = 0.4
 #: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
 #: for that of so many blocks.
 _UNEVEN, _KEPT = 0.02, 4
@@ -80,9 +78,8 @@ class PatchBlock:
     @property
     def bordered(self) -> tuple[slice, slice]:
         """Where the block and its border lie in an image with a border."""
-        return slice(self.rows.start, self.rows.stop + 2 * REACH), slice(
-            self.columns.start, self.columns.stop + 2 * REACH
-        )
+        rows, columns = (slice(side.start, side.stop + 2 * REACH) for side in (self.rows, self.columns))
+        return rows, columns
 
 
 def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats:
@@ -126,17 +123,15 @@ class _Filters:
     @classmethod
     def of(cls, noisy: Noisy, block: PatchBlock, from_estimate: bool, usual: float) -> _Filters:
         """Make the filters of a block from its part of an image."""
-        groups, known = block.groups, noisy.precision[:, :, None] > 0
-        variances = _variances(noisy.precision, groups, usual)
+        groups, variances = block.groups, _variances(noisy.precision, block.groups, usual)
+        known = noisy.precision[:, :, None] > 0
         image = noisy.estimate if from_estimate else np.where(known, noisy.values, noisy.estimate)
-        image = np.ascontiguousarray(image, np.float32)
         size = SIDE**2 * image.shape[2]
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
-        noise = None if from_estimate else _noise_by_place(noisy.precision, groups, image.shape[2])
-        shared = None if noisy.shared is None else noisy.shared.of_patches(SIDE)
+        shared = noisy.shared.of_patches(SIDE) if noisy.shared else np.eye(size)
         # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
-        factor = None if shared is None else np.linalg.cholesky(shared)
-        whiten = None if factor is None else np.linalg.inv(factor)
+        factor = np.linalg.cholesky(shared)
+        whiten = np.linalg.inv(factor)
 
         def make(first: int, last: int, chunk: int = 64) -> None:
             for start in range(first, last, chunk):
@@ -144,24 +139,21 @@ class _Filters:
                 here = slice(start, stop)
                 _patches.measure_groups(image, groups.order, groups.bounds, means, matrices, start, stop)
                 covariances, variance = matrices[here], variances[here]
-                if whiten is not None:
+                if noisy.shared:
                     covariances[:] = whiten @ covariances @ whiten.T
-                if noise is None:
+                if from_estimate:
                     covariances *= _GAIN
                 else:
-                    _lessen_noise(covariances, noise[here], variance)
+                    _lessen_noise(covariances, variance)
                 diagonal = np.einsum("gii->gi", covariances)
                 diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
                 _patches.make_filters(covariances, variance)
-                if factor is not None and whiten is not None:
+                if noisy.shared:
                     covariances[:] = whiten.T @ covariances @ factor.T
 
         in_parts(make, len(groups), work=float(groups.sizes.sum()) * size**2 / 16 + len(groups) * size**3 / 8)
         # The variance that remains at each place of a patch, as a share of that of the noise.
-        left = (
-            np.einsum("gii->gi", matrices) if shared is None else np.einsum("gij,ij->gj", matrices, np.float32(shared))
-        )
-        left = left.reshape(len(left), SIDE**2, -1).mean(axis=2)
+        left = np.einsum("gij,ij->gj", matrices, np.float32(shared)).reshape(len(groups), SIDE**2, -1).mean(axis=2)
         trust = usual / variances[:, None] / (left + _LEFT)
         return cls(block, means, matrices, variances, trust.astype(np.float32))
 
@@ -200,20 +192,10 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
-def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> _Doubles:
-    """(G, P) variance of the noise at each place of the patches of each group."""
-    usual = precision.mean() / max((precision > 0).mean(), 1e-30)
-    variance = 1 / np.maximum(precision, np.float32(_FILLED * usual))
-    patches = windows(variance[:, :, None].astype(np.float32)).reshape(len(groups.order), -1)
-    return np.repeat(groups.sums(patches) / groups.sizes[:, None], n_bands, axis=1)
-
-
-def _lessen_noise(covariances: Floats, noise: _Doubles, variances: _Doubles) -> None:
+def _lessen_noise(covariances: Floats, variances: _Doubles) -> None:
     """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
-    diagonal = np.einsum("gii->gi", covariances)
-    diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
     bends = _BENT * variances
     for _ in range(2):
         filters = covariances.copy()
