@@ -6,6 +6,7 @@ covariances from the noisy patches; later ones from the estimate, as an oracle.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise, product, starmap
 
 import numpy as np
@@ -16,7 +17,6 @@ from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import own_pixels
-from cvtimg.restoration.clipping import Clipped, clipped_ends
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
@@ -108,7 +108,8 @@ def _fused(
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    white, ends = versions.white, list[tuple[bool, bool]]()
+    white, source = versions.white, evidence.given
+    clips = (False, False) if white is None else (source.reach(0), source.reach(white))
     total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
 
@@ -116,7 +117,7 @@ def _fused(
         known, values = versions.known[:, :, version], versions.bands(version) if version else first
         moved = version > 0 and evidence.aligned
         if moved and own:
-            source, transform = evidence.given, evidence.alignment.transforms[version]
+            transform = evidence.alignment.transforms[version]
             values, seen = own_pixels(source.bands(version), source.known[:, :, version], transform, estimate)
             known = known & seen
         weight = known * share / spread
@@ -124,11 +125,6 @@ def _fused(
             noise = variance * (1 / share + 1 / evidence.trust[0])
             weight *= _agreeing(values, first, known & first_known, noise)
         sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
-        clips = False, False
-        if white is not None:
-            ends.append(clipped_ends(values, known[:, :, None], estimate, sigma, white))
-            # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
-            clips = ends[0][0] or ends[-1][0], ends[0][1] or ends[-1][1]
 
         def add_rows(rows: slice) -> None:
             near, seen = estimate[rows], values[rows]
@@ -152,3 +148,29 @@ def _agreeing(one: Floats, other: Floats, known: NDArray[np.bool_], noise: float
     apart = blur(known * np.square(one - other).mean(axis=2), _NEAR)
     excess = np.maximum(apart / np.maximum(share, np.float32(1e-3)) - noise, 0)
     return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clipped:
+    """What clipping at the ends of an integer type does to noisy values; arrays of the shape of the true ones."""
+
+    added: Floats  # what it adds to their mean
+    slope: Floats  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
+    variance: Floats  # variance that is left, as a share of that of the noise
+
+    @classmethod
+    def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
+        """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
+        from scipy.special import ndtr
+
+        inside = np.clip(true, 0, white)
+        added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
+        for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
+            if is_clipped:
+                away = apart / sigma
+                beyond, density = ndtr(-away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
+                more = density - away * beyond
+                added += sign * sigma * more
+                slope -= beyond
+                variance += (away**2 + 1) * (1 - beyond) + away * density - (away + more) ** 2 - 1
+        return cls(added, slope, np.maximum(variance, np.float32(1e-6)))

@@ -12,8 +12,7 @@ from cvtimg._shared.progress import part
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import Alignment
 from cvtimg.restoration.alignment import align as align_versions
-from cvtimg.restoration.exposure import equalized, exposures
-from cvtimg.restoration.fitting import fitting
+from cvtimg.restoration.fitting import equalized, exposures, fitting
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
 

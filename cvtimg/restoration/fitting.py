@@ -1,13 +1,17 @@
-"""Which versions fit: those that show the same thing at the same place, whatever noise and gaps they have.
+"""How versions in place compare: which fit each other, whatever noise and gaps they have, and their exposures.
 
-Fine structure tells: what is left between two blurs, free of the noise of single pixels and of slow changes of
-exposure. In windows where two versions have some, what they differ by is compared with what there is, less noise: next
-to nothing where they show the same, as much where one is some pixels off, and twice as much for another picture.
+Those fit that show the same thing at the same place. Fine structure tells: what is left between two blurs, free of the
+noise of single pixels and of slow changes of exposure. In windows where two versions have some, what they differ by is
+compared with what there is, less noise: next to nothing where they show the same, as much where one is some pixels off,
+and twice as much for another picture.
+
+Exposure and white balance are a gain and an offset for each band, to the first version, that most windows have.
 """
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -23,13 +27,21 @@ _Doubles = NDArray[np.float64]
 
 #: A version fits another if in the median of windows, what they differ by is below this part of what there is.
 MOST_MISFIT = 0.25
-#: Side, in pixels, of windows that tell something, and the share of these that is known at least.
+#: Side, in pixels, of windows that are compared, and the share of these that is known at least.
 _SIDE, _KNOWN = 16, 0.3
 #: Part of the upper quartile of power that they have at least, and the logarithm by which the power of both may differ:
 #: where one is painted over, it does by more.
 _POWER, _ALIKE = 0.25, 0.5
 #: Windows that are enough; or fewer, which tell another image from a misfit of 1 on.
 _ENOUGH, _FEW = 100, 20
+#: Windows whose means tell the exposure: so many at least and at most.
+_TOLD = (32, 1000)
+#: Share of the pixels of a window that are clipped at black and at white, which bias its mean.
+_CLIPPED = (0.3, 0.03)
+#: Part of the variance of the first version that a line leaves, and the gain, at most.
+_LEFT, _LARGEST = 0.1, 4.0
+#: Gain below which a version is a longer exposure, which knows nothing within the other part of the range from white.
+_LONGER, _NEAR_WHITE = 0.95, 1 / 16
 
 
 def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = None) -> _Doubles:
@@ -121,3 +133,55 @@ def fitting(
         stacklevel=4,
     )
     return (versions.knowing(versions.known & ~is_out) if leaves_out else versions), apart[reference]
+
+
+# --- exposure
+
+
+def exposures(placed: Versions) -> _Doubles:
+    """(S, C, 2) gain and offset of each version in place that bring it to the levels of the first."""
+    found = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
+    first = _levels(placed, 0)
+    for version in range(1, placed.n_versions):
+        other = _levels(placed, version)
+        both = np.flatnonzero(np.isfinite(first + other).all(axis=1))
+        if len(both) >= _TOLD[0]:
+            both = both[:: -(-len(both) // _TOLD[1])]
+            lines = [*side_by_side(_line, [*zip(other[both].T, first[both].T, strict=True)])]
+            if not any(line is None for line in lines):
+                found[version] = lines
+    return found
+
+
+def _levels(versions: Versions, version: int) -> _Doubles:
+    """(T, C) means of the known pixels of windows; NaN where few are known or some are clipped."""
+    values, known = versions.bands(version), versions.known[:, :, version]
+    means = np.stack([_means(band, known) for band in np.moveaxis(values, 2, 0)], axis=1)
+    if versions.white is not None:
+        for clipped, most in zip((values <= 0, values >= versions.white), _CLIPPED, strict=True):
+            means[_means(clipped.any(axis=2), known) >= most] = np.nan
+    return means
+
+
+def _line(pairs: tuple[_Doubles, _Doubles]) -> tuple[float, float] | None:
+    """Gain and offset from values to those wanted, most of which are on a line; None if they are on none."""
+    from scipy.stats import theilslopes
+
+    values, wanted = pairs
+    # What is left of noise and of motion, in both, biases the slope of a regression of either on the other alike.
+    slopes = [theilslopes(*pair).slope for pair in ((wanted, values), (values, wanted))]
+    gain = float(np.sqrt(max(slopes[0], 0) / slopes[1])) if slopes[1] > 0 else 0.0
+    offset = float(np.median(wanted - gain * values))
+    scale = 1.4826 * np.median(np.abs(gain * values + offset - wanted))
+    return (gain, offset) if scale**2 < _LEFT * np.var(wanted) and 1 / _LARGEST < gain < _LARGEST else None
+
+
+def equalized(versions: Versions, tones: _Doubles) -> Versions:
+    """Bring versions to the levels of the first; what longer exposures show near white is unknown."""
+    from scipy.ndimage import uniform_filter
+
+    known, most = versions.known.copy(), (1 - _NEAR_WHITE) * (versions.white or np.inf)
+    for version in np.flatnonzero((tones[:, :, 0] < _LONGER).any(axis=1)):
+        mean = uniform_filter(versions.bands(int(version)), (5, 5, 0))
+        known[:, :, version] &= (mean < most).all(axis=2)
+    return replace(versions, known=known, tones=tones)

@@ -11,7 +11,7 @@ from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import denoise, restore
 from cvtimg.restoration.alignment import MODELS, align, own_pixels
-from cvtimg.restoration.exposure import exposures
+from cvtimg.restoration.fitting import exposures
 from cvtimg.restoration.versions import stack_versions
 
 Damage = damage.Damage
