@@ -34,14 +34,6 @@ cdef void take_patches(
             patches += row
 
 
-cdef void mirror(float[:, ::1] matrix) noexcept nogil:
-    """Make a matrix symmetric by what is on and right of its diagonal."""
-    cdef Py_ssize_t i, j
-    for i in range(matrix.shape[0]):
-        for j in range(i):
-            matrix[i, j] = matrix[j, i]
-
-
 cdef void measure(float[:, ::1] rows, int n, double[::1] means, float[:, ::1] covariance) noexcept nogil:
     """Measure the means and the covariance of the first n rows, which lose their means."""
     cdef int size = <int>rows.shape[1]
@@ -142,7 +134,6 @@ def measure_groups(
             measure(patches, n, sums, covariances[g])
             for j in range(sums.shape[0]):
                 means[g, j] = <float>sums[j]
-            mirror(covariances[g])
 
 
 def make_filters(
@@ -168,9 +159,9 @@ def make_filters(
             if not bad:
                 dpotri("L", &size, &inverse[0, 0], &size, &bad)
             for i in range(size):
-                for j in range(i, size):
+                for j in range(i, size):  # LAPACK has left the other half as it was
                     matrices[g, i, j] = (i == j) - (0 if bad else <float>(variances[g] * inverse[i, j]))
-            mirror(matrices[g])
+                    matrices[g, j, i] = matrices[g, i, j]
 
 
 def filter_groups(

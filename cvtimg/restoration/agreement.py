@@ -241,15 +241,13 @@ class Suspicion:
         n_bands = estimate.shape[2]
         for version in np.flatnonzero(self.shares):
             values, own = versions.bands(int(version)), versions.known[:, :, version]
-            confirmed, is_alone = np.zeros_like(own), own.copy()
+            confirmed = np.zeros_like(own)
             for other in (number for number in range(versions.n_versions) if number != version):
-                both = own & versions.known[:, :, other]
                 apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
                 variance = self.noise[version] ** 2 + self.noise[other] ** 2
-                confirmed |= both & (apart <= (_RARE**2 + 2 * n_bands) * variance)
-                is_alone &= ~both
+                confirmed |= versions.known[:, :, other] & (apart <= (_RARE**2 + 2 * n_bands) * variance)
             # Of versions that disagree here, one holds an addition.
-            share = np.where(is_alone, self.shares[version], 0.5)
+            share = np.where(versions.coverage == 1, self.shares[version], 0.5)
             squares = np.square(values - estimate).sum(axis=2) / versions.noisiness(estimate)
             variance = self._variance(int(version), squares, own, n_bands)
             room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))

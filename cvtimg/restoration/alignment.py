@@ -8,7 +8,9 @@ gain and an offset for their exposures.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -79,8 +81,8 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
         if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(seen & versions.known[:, :, 0]) < _FEWEST:
             return None
         transform, used = _transform(fixed, moving, model)
-        moved, seen = _moved(versions.bands(version), seen, transform)
-        return transform, used, moved.astype(np.float16 if versions.dtypes[version].itemsize == 1 else np.float32), seen
+        bands, seen = moved(versions.bands(version), seen, transform)
+        return transform, used, bands.astype(np.float16 if versions.dtypes[version].itemsize == 1 else np.float32), seen
 
     others = range(1, versions.n_versions)
     for version, end in zip(each(others), side_by_side(move, others), strict=True):
@@ -127,15 +129,15 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
 
 def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_Doubles, str]:
     """(3, 3) transform from pixels of one image to those of another, and its model."""
-    wanted = "euclidean" if model == "auto" else model
+    most = MODELS["euclidean" if model == "auto" else model]
     transform = _whole_shift(fixed[-1], moving[-1])
     doubled = np.diag([2.0, 2.0, 1.0])
     for number in range(len(fixed) - 1, -1, -1):
         pair = _Pair.of(fixed[number], moving[number])
         coarsest = number == len(fixed) - 1
-        for name in dict.fromkeys(("translation", "euclidean", wanted) if coarsest else (wanted,)):
-            if MODELS[name] <= MODELS[wanted]:
-                transform, _, _ = pair.improved(transform, MODELS[name])
+        for n_generators in MODELS.values():
+            if n_generators == most or (coarsest and n_generators < most):
+                transform, _, _ = pair.improved(transform, n_generators)
         if number:
             transform = doubled @ transform @ np.linalg.inv(doubled)
     return _simplest(pair, transform) if model == "auto" else (transform, model)
@@ -181,15 +183,13 @@ class _Pair:
     values: Floats  # (N,)
     weights: Floats  # (N,)
     slopes: Floats  # (2, N): along x and y
-    spline: Floats  # of the other image
+    look: Callable[[_Doubles], Floats]  # gives the values of the other image at places
     other_weight: Floats | None  # of the other image; None if all is known
     n_independent: float  # number of pixels whose noise differs
 
     @classmethod
     def of(cls, fixed: _Level, moving: _Level) -> _Pair:
         """Draw pixels that are known."""
-        from scipy.ndimage import spline_filter
-
         inner = np.zeros(fixed.values.shape, np.bool_)
         inner[2:-2, 2:-2] = fixed.weight[2:-2, 2:-2] > _COMPARED
         chosen = np.flatnonzero(inner)
@@ -205,7 +205,7 @@ class _Pair:
             fixed.values.ravel()[chosen],
             fixed.weight.ravel()[chosen],
             np.stack([right.ravel()[chosen], down.ravel()[chosen]]),
-            spline_filter(moving.values, 3, output=np.float32, mode="nearest"),
+            _interpolation(moving.values[:, :, None]),
             None if moving.weight.min() > 1 - 1e-3 else moving.weight,
             n_independent,
         )
@@ -215,10 +215,10 @@ class _Pair:
         from scipy.ndimage import map_coordinates
 
         x, y = _mapped(transform, *self.places)
-        height, width = self.spline.shape
+        height, width = self.shape
         at = np.stack([y, x])
         inside = (x >= 1) & (x <= width - 2) & (y >= 1) & (y <= height - 2)
-        values = map_coordinates(self.spline, at, order=3, mode="nearest", prefilter=False)
+        values = self.look(at)[:, 0]
         weights = inside * self.weights
         if self.other_weight is not None:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
@@ -236,10 +236,9 @@ class _Pair:
         to_unit = np.array([[1, 0, (1 - self.shape[1]) / 2], [0, 1, (1 - self.shape[0]) / 2], [0, 0, half]]) / half
         from_unit = np.linalg.inv(to_unit)
         x, y = _mapped(to_unit, *self.places)
-        along_x, along_y = half * self.slopes
-        along = x * along_x + y * along_y
-        columns = [along_x, along_y, x * along_y - y * along_x, along, x * along_x - y * along_y]
-        columns += [y * along_x + x * along_y, x * along, y * along]
+        ways = np.tensordot(_GENERATORS[:n_generators], np.stack([x, y, np.ones_like(x)]), 1)
+        ways = ways[:, :2] - ways[:, 2:] * np.stack([x, y])
+        columns = (half * self.slopes * ways).sum(axis=1)
         current, gain, offset = transform, 1.0, 0.0
         for _ in range(_STEPS):
             seen, weights = self.seen(current)
@@ -248,7 +247,7 @@ class _Pair:
             apart = gain * seen + offset - self.values
             outlying = _OUTLYING * _scale(apart[weights > 0])  # differences that have half the weight
             weights = weights * np.reciprocal(1 + np.square(apart / outlying)).astype(np.float32, copy=False)
-            rows = np.stack([*columns[:n_generators], seen, np.ones_like(seen)]).astype(np.float64)
+            rows = np.stack([*columns, seen, np.ones_like(seen)]).astype(np.float64)
             weighted = rows * weights
             step, *_ = np.linalg.lstsq(weighted @ rows.T, -(weighted @ apart))
             gain, offset = gain + step[-2], offset + step[-1]
@@ -287,53 +286,37 @@ def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:
     return (a * x + b * y + c) / scale, (d * x + e * y + f) / scale
 
 
-def _moved(bands: Floats, known: _Bools, transform: _Doubles) -> tuple[Floats, _Bools]:
+def moved(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floats | None = None) -> tuple[Floats, _Bools]:
     """(H, W, C) values of a version at the place of the first, and where they are known."""
-    from scipy.ndimage import map_coordinates, spline_filter
+    # Without an estimate of what versions show they are interpolated. With one, they are those of the nearest pixels,
+    # each moved by what the estimate changes by over that way, a part of a pixel: this keeps noise white, and what is
+    # finer than the pixels.
+    from scipy.ndimage import map_coordinates
 
-    is_whole = np.array_equal(transform[:2, :2], np.eye(2)) and not np.any(transform[:2] % 1)
-    order = 0 if is_whole else 3
-    filled = bands if is_whole else fill(bands, known.astype(np.float32))
-    sources = [band if is_whole else spline_filter(band, 3, np.float32, mode="nearest") for band in filled.T]
-    moved, still_known, share = np.zeros_like(bands), np.zeros_like(known), known.astype(np.float32)
-
-    def move(rows: slice) -> None:
-        at = _places(transform, rows, known.shape[1])
-        still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= 0.5
-        for band, source in enumerate(sources):
-            values = map_coordinates(source.T, at, order=order, mode="nearest", prefilter=False)
-            moved[rows, :, band] = np.where(still_known[rows], values, 0)
-
-    in_stripes(move, len(bands), work=64.0 * bands.size)
-    return moved, still_known
-
-
-def own_pixels(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floats) -> tuple[Floats, _Bools]:
-    """(H, W, C) pixels of a version that are nearest to those of the first, at its place, and where they are known."""
-    # Each is moved by what an estimate changes by over that way, a part of a pixel. Unlike interpolation, this keeps
-    # noise white, and what is finer than the pixels.
-    from scipy.ndimage import map_coordinates, spline_filter
-
-    sources = [spline_filter(band, 3, np.float32, mode="nearest") for band in estimate.T]
-    moved, still_known = np.zeros_like(bands), np.zeros_like(known)
+    values, still_known, share = np.empty_like(bands), np.empty_like(known), known.astype(np.float32)
+    look = _interpolation(fill(bands, share) if estimate is None else estimate)
     inverse = np.asarray(np.linalg.inv(transform), np.float64)
     last = np.array(known.shape)[:, None, None] - 1
 
     def move(rows: slice) -> None:
-        at = _places(transform, rows, known.shape[1])
-        nearest = np.rint(at).astype(np.intp)
-        y, x = np.clip(nearest, 0, last)
-        still_known[rows] = known[y, x] & (nearest == (y, x)).all(axis=0)
-        there = np.stack(_mapped(inverse, x, y)[::-1])
-        for band, source in enumerate(sources):
-            before = map_coordinates(source.T, there, order=3, mode="nearest", prefilter=False)
-            moved[rows, :, band] = bands[y, x, band] + estimate[rows, :, band] - before
+        y, x = np.mgrid[rows, : known.shape[1]].astype(np.float64)
+        at = np.stack(_mapped(transform, x, y)[::-1])
+        if estimate is None:
+            values[rows] = look(at)
+        else:
+            at = np.rint(at)
+            y, x = np.clip(at, 0, last).astype(np.intp)
+            values[rows] = bands[y, x] + estimate[rows] - look(np.stack(_mapped(inverse, x, y)[::-1]))
+        still_known[rows] = map_coordinates(share, at, order=1, cval=0) >= 0.5
 
     in_stripes(move, len(bands), work=64.0 * bands.size)
-    return moved, still_known
+    return values, still_known
 
 
-def _places(transform: _Doubles, rows: slice, width: int) -> _Doubles:
-    """(2, R, W) rows and columns at which another version shows some rows of the first."""
-    y, x = np.mgrid[rows, :width].astype(np.float64)
-    return np.stack(_mapped(transform, x, y)[::-1])
+def _interpolation(image: Floats) -> Callable[[_Doubles], Floats]:
+    """Return what gives the (..., C) values of an image, (H, W, C), at rows and columns, (2, ...)."""
+    from scipy.ndimage import map_coordinates, spline_filter
+
+    splines = [spline_filter(band, 3, np.float32, mode="nearest").T for band in image.T]
+    look = partial(map_coordinates, order=3, mode="nearest", prefilter=False, output=np.float32)
+    return lambda at: np.stack([look(spline, at) for spline in splines], axis=-1)

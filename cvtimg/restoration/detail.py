@@ -16,7 +16,7 @@ from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.agreement import first_estimate
-from cvtimg.restoration.alignment import own_pixels
+from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
 from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
@@ -115,13 +115,13 @@ def _fused(
 
     def add(version: int, share: np.float32) -> None:
         known, values = versions.known[:, :, version], versions.bands(version) if version else first
-        moved = version > 0 and evidence.aligned
-        if moved and own:
+        is_moved = version > 0 and evidence.aligned
+        if is_moved and own:
             transform = evidence.alignment.transforms[version]
-            values, seen = own_pixels(source.bands(version), source.known[:, :, version], transform, estimate)
+            values, seen = moved(source.bands(version), source.known[:, :, version], transform, estimate)
             known = known & seen
         weight = known * share / spread
-        if moved:
+        if is_moved:
             noise = variance * (1 / share + 1 / evidence.trust[0])
             weight *= _agreeing(values, first, known & first_known, noise)
         sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]

@@ -91,7 +91,7 @@ def _between_blurs(image: NDArray[Any]) -> NDArray[Any]:
     return gaussian_filter(image, 1) - gaussian_filter(image, 4)
 
 
-def _means(values: Floats, known: NDArray[np.bool_]) -> _Doubles:
+def _means(values: NDArray[Any], known: NDArray[np.bool_]) -> _Doubles:
     """(T,) mean of known values in each window; NaN where too few are known."""
     from scipy.ndimage import uniform_filter
 
@@ -159,7 +159,7 @@ def _levels(versions: Versions, version: int) -> _Doubles:
     means = np.stack([_means(band, known) for band in np.moveaxis(values, 2, 0)], axis=1)
     if versions.white is not None:
         for clipped, most in zip((values <= 0, values >= versions.white), _CLIPPED, strict=True):
-            means[_means(clipped.any(axis=2), known) >= most] = np.nan
+            means[_means(np.any(clipped, axis=2), known) >= most] = np.nan
     return means
 
 

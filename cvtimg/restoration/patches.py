@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
@@ -93,14 +93,12 @@ class Kinds:
     def features(self, bordered: Floats, chunk: int = 1 << 15) -> Floats:
         """(N, D) features of the patches of an image with a border of `REACH` pixels, about `chunk` at a time."""
         patches = windows(bordered)
-        height, width = patches.shape[:2]
-        found = np.empty((height, width, self.basis.shape[1]), np.float32)
-        step = max(1, chunk // width)
-        for top in range(0, height, step):
-            rows = slice(top, top + step)
-            apart = patches[rows].reshape(-1, len(self.mean)) - self.mean
-            found[rows] = product(apart, self.basis).reshape(-1, width, self.basis.shape[1])
-        return found.reshape(height * width, -1)
+
+        def part(rows: slice) -> Floats:
+            return product(patches[rows].reshape(-1, len(self.mean)) - self.mean, self.basis)
+
+        step = max(1, chunk // patches.shape[1])
+        return np.concatenate(in_stripes(part, len(patches), work=float(patches.size * self.basis.shape[1]), n=step))
 
     def label(self, features: Floats) -> NDArray[np.int32]:
         """(N,) kind of each patch, from 0."""

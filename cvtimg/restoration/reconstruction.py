@@ -16,15 +16,15 @@ from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoised
-from cvtimg.restoration.evidence import Evidence, prepare, without_copies
+from cvtimg.restoration.evidence import prepare, without_copies
 from cvtimg.restoration.merging import RENORMALIZATIONS, level_of, merge_versions
 from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import Versions, stack_versions
 
 #: What noise may be like.
 NOISES = get_args(NoiseName)
-#: Part of the time that versions are prepared in; and where they are aligned.
-_PREPARING = (0.05, 0.3)
+#: Part of the time in which versions are prepared.
+_PREPARING = 0.2
 __all__ = ["Denoised", "Restoration", "denoise", "restore"]
 
 
@@ -154,8 +154,9 @@ def restore(
         number = None
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
-    evidence, rest = _prepared(given, weights, {**about, "channels": channels})
-    with part(rest, 1):
+    with part(0, _PREPARING):
+        evidence = prepare(given, weights, channels=channels, **about)
+    with part(_PREPARING, 1):
         return merge_versions(evidence, number, edge_weight=cost, renormalize=rule, effort=effort, space=space)
 
 
@@ -226,8 +227,9 @@ def denoise(
     check_choice("noise_like", noise_like, NOISES)
     reading = {"masks": masks, "nodata": nodata, "alpha": alpha}
     given, about = _read(images, reading, align, hidden, noise, space)
-    evidence, rest = _prepared(without_copies(given), weights, {**about, "white": noise_like == "white"})
-    with part(rest, 1):
+    with part(0, _PREPARING):
+        evidence = prepare(without_copies(given), weights, white=noise_like == "white", **about)
+    with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
     result: Denoised = Denoised.of(image, used, evidence, space)
     return result
@@ -247,10 +249,3 @@ def _read(
     level = None if noise is None else check_positive("noise", noise)
     given = stack_versions(images, space=space, any_size=bool(model), **reading)
     return given, {"align": model, "hidden": hiding, "level": level and level * level_of(given, space)}
-
-
-def _prepared(given: Versions, weights: ArrayLike | None, about: dict[str, Any]) -> tuple[Evidence, float]:
-    """Prepare versions; also return the part of the time that this takes."""
-    share = _PREPARING[1 if about["align"] else 0]
-    with part(0, share):
-        return prepare(given, weights, **about), share

@@ -10,7 +10,7 @@ from scipy.ndimage import shift as moved_by
 from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import denoise, restore
-from cvtimg.restoration.alignment import MODELS, align, own_pixels
+from cvtimg.restoration.alignment import MODELS, align, moved
 from cvtimg.restoration.fitting import exposures
 from cvtimg.restoration.versions import stack_versions
 
@@ -155,7 +155,7 @@ def test_own_pixels_keep_their_noise_and_lie_at_the_place_of_the_first_version()
     there = [row[0] * x + row[1] * y + row[2] for row in back[:2]]
     noise = rng.standard_normal((24, 32, 1)).astype(np.float32)
     other = np.float32(3 * there[0] + 5 * there[1])[:, :, None] + noise
-    found, known = own_pixels(other, np.ones((24, 32), np.bool_), transform, ramp)
+    found, known = moved(other, np.ones((24, 32), np.bool_), transform, ramp)
     at = np.rint([transform[0] @ (10, 12, 1), transform[1] @ (10, 12, 1)]).astype(int)
     assert abs((found - ramp)[12, 10, 0] - noise[at[1], at[0], 0]) < 1e-3
     assert 0.8 < np.std((found - ramp)[4:-4, 4:-4]) < 1.2
