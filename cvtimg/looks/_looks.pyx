@@ -23,7 +23,7 @@ cdef extern from "similarity.h" nogil:
     )
 
 cdef extern from "rate.h" nogil:
-    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES, RATE_CELLS
+    enum: RATE_LONGEST, RATE_FARTHEST, RATE_WIDTH, RATE_MOST_MATCHES, RATE_CELLS, RATE_LANES
     ctypedef struct rate_band:
         Py_ssize_t width, n_entries
         int shift, n_matches
@@ -48,8 +48,7 @@ cdef extern from "rate.h" nogil:
         float *below
         float *floor
         uint16_t *stream
-        int32_t *newest
-        int32_t *older
+        int32_t *recent
         Py_ssize_t stride, run
     void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row)
 
@@ -135,7 +134,7 @@ def map_band(
     """
     cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1, row
     # A row begins with the byte of its filter, which no match goes across, and with a new byte.
-    cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = height * stride
+    cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = (height + 1) * stride
     cdef rate_band band = rate_band(
         width, n_entries, shift, n_matches, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &lengths[0],
         &distances[0], price, literal, strength, longest, &indices[0, 0],
@@ -145,16 +144,17 @@ def map_band(
     cells = np.full(RATE_CELLS * sizeof(rate_cell), 0x80, np.uint8)  # whose corners are far from all pixels
     rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)
     floor = np.empty(width, np.float32)
-    stream = np.full(run + (RATE_LONGEST << shift), n_entries, np.uint16)
-    newest, older = np.full(1 << 16, -1, np.int32), np.empty(run, np.int32)
+    runs = np.repeat(np.arange(n_entries, dtype=np.uint16), RATE_LONGEST << shift)
+    stream = np.concatenate([np.full(run, n_entries, np.uint16), runs])
+    recent = np.zeros((1 << 16) * RATE_LANES, np.int32)
     cdef uint8_t[::1] node_bytes = nodes, near_bytes = near, cell_bytes = cells
     cdef float[:, :, ::1] handed = rows
     cdef float[::1] of_row = floor
     cdef uint16_t[::1] of_stream = stream
-    cdef int32_t[::1] heads = newest, chains = older
+    cdef int32_t[::1] of_pairs = recent
     cdef rate_scratch scratch = rate_scratch(
         <rate_node *>&node_bytes[0], <rate_cell *>&cell_bytes[0], <rate_near *>&near_bytes[0], &handed[0, 0, 0],
-        &handed[1, 0, 0], &of_row[0], &of_stream[0], &heads[0], &chains[0], stride, run,
+        &handed[1, 0, 0], &of_row[0], &of_stream[0], &of_pairs[0], stride, run,
     )
     with nogil:
         for row in range(height):

@@ -13,16 +13,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "similarity.h"  // LOOKS_CLONES
+#include "similarity.h"  // LOOKS_CLONES, LOOKS_INSIDE
 
 // Coordinates; the longest and the farthest match of deflate in bytes; the most matches followed from a pixel; how many of
 // the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
-enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 6, RATE_TRIES = 6 };
+enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 6, RATE_LANES = 8 };
+enum { RATE_ROOM = RATE_MOST_MATCHES + RATE_LANES };  // those of a pair are taken together
 // The entries near a place are sought among so many near the middle of its cell, which are known of so many cells.
 enum { RATE_MANY = 16, RATE_CELL_BITS = 12, RATE_CELLS = 1 << RATE_CELL_BITS };
-// The first two indices of a match, and all that follow, cost at most so many bits more than literals; and it is given up
-// when another is so many bits ahead.
-static const float RATE_PAIR_BITS = 6, RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
+// A match costs at most so many bits more than literals; and it is given up when another is so many bits ahead.
+static const float RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
 // Shares of an error that the next pixel, and those below it, get. More goes along the row than Floyd and Steinberg give:
 // long repetitions of too bright or too dark indices, which show as streaks, get dearer with each pixel.
 static const float RATE_RIGHT = 12 / 16.f, RATE_BELOW = 2 / 16.f, RATE_ASIDE = 1 / 16.f;
@@ -61,10 +61,15 @@ typedef struct {
 // Matches from a pixel, which are followed side by side.
 typedef struct {
   int n;
-  int32_t at[RATE_MOST_MATCHES];  // where the repeated indices begin in the stream
-  float cost[RATE_MOST_MATCHES], away[RATE_MOST_MATCHES];  // without the bits, and the price of the distance
-  float error[RATE_WIDTH][RATE_MOST_MATCHES], entry[RATE_WIDTH][RATE_MOST_MATCHES];
+  int32_t at[RATE_ROOM];                   // where the repeated indices begin in the stream
+  float cost[RATE_ROOM], away[RATE_ROOM];  // without the bits, and the price of the distance
+  float error[RATE_WIDTH][RATE_ROOM], entry[RATE_WIDTH][RATE_ROOM];
 } rate_matches;
+
+// What it costs to go on from a pixel by each of the entries near it, and by one more, and what is handed on.
+typedef struct {
+  float cost[RATE_LANES], error[RATE_WIDTH][RATE_LANES];
+} rate_branches;
 
 typedef struct {
   rate_node *nodes;         // width + 1
@@ -72,9 +77,9 @@ typedef struct {
   rate_near *near;          // width: the nearest entries without the row's own errors
   float *above, *below;     // (width + 2, 4) errors handed on from the row above, and to the row below
   float *floor;             // width: what the best literal costs without the row's own errors
-  uint16_t *stream;         // rows * stride: indices as deflate sees them, n_entries between rows; then a run of one index
-  int32_t *newest, *older;  // 65536 and rows * stride: the chains of equal pairs of indices
-  Py_ssize_t stride, run;   // length of a row in the stream, and where the run begins
+  uint16_t *stream;         // (rows + 1) * stride: indices as deflate sees them, n_entries between rows; then a run of each
+  int32_t *recent;          // (65536, RATE_LANES): where each pair of indices was in the stream of late, newest first, or 0
+  Py_ssize_t stride, run;   // length of a row in the stream, and where the runs begin
 } rate_scratch;
 
 static inline void rate_hand_on(const float *wanted, const float *given, const rate_band *band, float *error) {
@@ -111,14 +116,15 @@ static inline float rate_square(const rate_band *band, const float *place, int e
   return (a * a + b * b) + (c * c + d * d);
 }
 
-// Put the nearest of up to RATE_MANY entries in their order. Squares have the order of their bits, of which the last ones
+// Put the nearest of RATE_MANY entries in their order. Squares have the order of their bits, of which the last ones
 // tell which it is: so no two are equal, and each comes after as many as are less.
-static inline void rate_rank(const rate_band *band, const float *place, float weight, const uint8_t *entries, int n,
+static inline void rate_rank(const rate_band *band, const float *place, float weight, const uint8_t *entries,
                              rate_near *near) {
+  const int n = RATE_MANY;
   float squares[RATE_MANY];
   int32_t keys[RATE_MANY], ranks[RATE_MANY] = {0}, ranked[RATE_MANY];
   for (int i = 0; i < n; i++) squares[i] = weight * rate_square(band, place, entries[i]);
-  memcpy(keys, squares, sizeof(float) * (size_t)n);
+  memcpy(keys, squares, sizeof keys);
   for (int i = 0; i < n; i++) keys[i] = (keys[i] & -RATE_MANY) | i;
   for (int j = 0; j < n; j++) {
     for (int i = 0; i < n; i++) ranks[i] += keys[j] < keys[i];
@@ -162,35 +168,36 @@ LOOKS_CLONES static void rate_look(const rate_band *band, rate_cell *cells, cons
   }
   rate_cell *cell = cells + (hash >> (32 - RATE_CELL_BITS));
   if (memcmp(cell->corner, corner, sizeof corner)) rate_fill(band, corner, cell);
-  rate_rank(band, place, weight, cell->entries, RATE_MANY, near);
+  rate_rank(band, place, weight, cell->entries, near);
 }
 
-// Put entries that are near in their order for a place not far from theirs.
-LOOKS_CLONES static void rate_look_again(const rate_band *band, const float *place, float weight, const rate_near *before,
-                                        rate_near *near) {
-  rate_rank(band, place, weight, before->entry, RATE_NEAR, near);
+// Add the cost of a pixel to paths that lie side by side, in arrays of so many, and let them hand on what is left.
+LOOKS_INSIDE void rate_pay(const rate_band *band, int n, const float *place, float weight, Py_ssize_t stride,
+                            const float *restrict entry, float *restrict error, float *restrict cost) {
+  const float longest = band->longest, part = band->strength * longest * RATE_RIGHT;
+  const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
+  for (int m = 0; m < n; m++) {
+    float *own = error + m;
+    const float *given = entry + m;
+    const float a = p0 + own[0] - given[0], b = p1 + own[stride] - given[stride];
+    const float c = p2 + own[2 * stride] - given[2 * stride], d = p3 + own[3 * stride] - given[3 * stride];
+    const float square = (a * a + b * b) + (c * c + d * d), size = sqrtf(square);
+    const float handed = part / (size > longest ? size : longest);
+    cost[m] += weight * square;
+    own[0] = a * handed, own[stride] = b * handed, own[2 * stride] = c * handed, own[3 * stride] = d * handed;
+  }
 }
 
 // Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
-LOOKS_CLONES static float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
+LOOKS_INSIDE float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
                                   float weight, float *least) {
-  const float longest = band->longest, part = band->strength * longest * RATE_RIGHT;
-  const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
   const int n = matches->n;
-  float first = FLT_MAX, ended = FLT_MAX, (*error)[RATE_MOST_MATCHES] = matches->error;
-  float(*entry)[RATE_MOST_MATCHES] = matches->entry;
+  float first = FLT_MAX, ended = FLT_MAX;
   for (int m = 0; m < n; m++) {
     const float *given = band->entries + RATE_WIDTH * source[matches->at[m]];
-    for (int c = 0; c < RATE_WIDTH; c++) entry[c][m] = given[c];
+    for (int c = 0; c < RATE_WIDTH; c++) matches->entry[c][m] = given[c];
   }
-  for (int m = 0; m < n; m++) {
-    const float a = p0 + error[0][m] - entry[0][m], b = p1 + error[1][m] - entry[1][m];
-    const float c = p2 + error[2][m] - entry[2][m], d = p3 + error[3][m] - entry[3][m];
-    const float square = (a * a + b * b) + (c * c + d * d), size = sqrtf(square);
-    const float handed = part / (size > longest ? size : longest);
-    matches->cost[m] += weight * square;
-    error[0][m] = a * handed, error[1][m] = b * handed, error[2][m] = c * handed, error[3][m] = d * handed;
-  }
+  rate_pay(band, n, place, weight, RATE_ROOM, matches->entry[0], matches->error[0], matches->cost);
   for (int m = 0; m < n; m++) {
     const float cost = matches->cost[m], all = cost + matches->away[m];
     first = cost < first ? cost : first;
@@ -201,10 +208,10 @@ LOOKS_CLONES static float rate_add(const rate_band *band, rate_matches *matches,
 }
 
 // Drop the matches that cost more than a bound, once they are many.
-static void rate_drop(rate_matches *matches, float bound) {
+LOOKS_INSIDE void rate_drop(rate_matches *matches, float bound) {
   int n = 0;
   for (int m = 0; m < matches->n; m++) n += matches->cost[m] <= bound;
-  if (n && 4 * n > 3 * matches->n) return;
+  if (n && 2 * n > matches->n) return;
   n = 0;
   for (int m = 0; m < matches->n; m++) {
     const int stays = matches->cost[m] <= bound;
@@ -217,13 +224,18 @@ static void rate_drop(rate_matches *matches, float bound) {
   matches->n = n;
 }
 
-// Follow matches from pixel `start` of a row, and shorten the paths to where they can end.
-static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_matches *matches, Py_ssize_t row,
+// The distance from a place in the stream back to where a match repeats it, in pixels; that of a run is a byte.
+static inline int32_t rate_distance(const rate_band *band, const rate_scratch *scratch, int32_t here, int32_t at) {
+  return at < scratch->run ? here - at : 1 << band->shift;
+}
+
+// Follow matches on from the third pixel after `start` of a row, and shorten the paths to where they can end.
+LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate_matches *matches, Py_ssize_t row,
                         Py_ssize_t start, Py_ssize_t limit) {
   const float *targets = band->targets + row * band->width * RATE_WIDTH;
   const float worse = RATE_WORSE_BITS * band->price, behind = RATE_BEHIND_BITS * band->price;
-  float floor = scratch->nodes[start].cost;
-  for (Py_ssize_t length = 1; matches->n && length <= limit; length++) {
+  float floor = scratch->nodes[start].cost + scratch->floor[start] + scratch->floor[start + 1];
+  for (Py_ssize_t length = 3; matches->n && length <= limit; length++) {
     const Py_ssize_t i = start + length - 1;
     const uint16_t *source = scratch->stream + length - 1;
     float place[RATE_WIDTH], least;
@@ -235,11 +247,11 @@ static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_match
       const float bits = band->lengths[length >> band->shift];
       int m = 0;
       while (m < matches->n - 1 && matches->cost[m] + matches->away[m] + bits > least) m++;
-      const int32_t at = matches->at[m];
+      const int32_t here = (int32_t)((row + 1) * scratch->stride + start);
       end->cost = least;
       end->from = (int32_t)start;
-      end->distance = at == scratch->run ? 1 << band->shift : (int32_t)(row * scratch->stride + start) - at;
-      end->last = source[at];
+      end->distance = rate_distance(band, scratch, here, matches->at[m]);
+      end->last = source[matches->at[m]];
       for (int c = 0; c < RATE_WIDTH; c++) end->error[c] = matches->error[c][m];
     }
     floor += scratch->floor[i];
@@ -251,68 +263,95 @@ static void rate_follow(const rate_band *band, rate_scratch *scratch, rate_match
   }
 }
 
-// Begin matches with pairs of indices near a pixel and the next one.
-static void rate_begin(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
-                       const rate_near *near, float room, rate_matches *matches) {
-  const rate_near *next = scratch->near + i + 1;
-  const int32_t here = (int32_t)(row * scratch->stride + i), farthest = RATE_FARTHEST << band->shift;
-  const int32_t within = (1 << band->shift) - 1;
-  int n = matches->n;
-  for (int a = 0; a < RATE_NEAR; a++) {
-    for (int b = 0; b < RATE_NEAR && near->square[a] + next->square[b] < room; b++) {
-      int32_t at = scratch->newest[near->entry[a] << 8 | next->entry[b]];
-      for (int tries = 0; at >= 0 && here - at <= farthest && tries < RATE_TRIES; tries++, at = scratch->older[at]) {
-        if ((here - at) & within) continue;
-        if (n == band->n_matches) goto full;
-        matches->away[n] = band->distances[(here - at) >> band->shift];
-        matches->at[n++] = at;
-      }
+// Go on from pixel `i`, which costs so much and gets such errors, to each of the entries near it, and to another one.
+LOOKS_INSIDE void rate_branch(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
+                                    float cost, const float *error, Py_ssize_t other, rate_branches *out) {
+  const Py_ssize_t at = row * band->width + i;
+  float place[RATE_WIDTH], entry[RATE_WIDTH][RATE_LANES];
+  for (int k = 0; k < RATE_LANES; k++) {
+    const float *given = band->entries + RATE_WIDTH * (k < RATE_NEAR ? scratch->near[i].entry[k] : other);
+    for (int c = 0; c < RATE_WIDTH; c++) entry[c][k] = given[c];
+    out->cost[k] = cost;
+  }
+  rate_wanted(band->targets + RATE_WIDTH * at, scratch->above + RATE_WIDTH * (i + 1), error, place);
+  memset(out->error, 0, sizeof out->error);
+  rate_pay(band, RATE_LANES, place, band->visibility[at], RATE_LANES, entry[0], out->error[0], out->cost);
+}
+
+// Let matches begin by a branch: there is room for RATE_LANES, however many of them count.
+static inline void rate_take(rate_matches *matches, const rate_branches *branches, int branch) {
+  for (int k = 0; k < RATE_LANES; k++) matches->cost[matches->n + k] = branches->cost[branch];
+  for (int c = 0; c < RATE_WIDTH; c++) {
+    for (int k = 0; k < RATE_LANES; k++) matches->error[c][matches->n + k] = branches->error[c][branch];
+  }
+}
+
+// The latest places of the pairs of indices that begin at such a place in a byte.
+static inline int32_t *rate_pairs(const rate_band *band, const rate_scratch *scratch, int32_t here) {
+  return scratch->recent + RATE_LANES * ((here & ((1 << band->shift) - 1)) << 12);  // more than one have few indices
+}
+
+// Begin matches with pairs of indices near a pixel and the next one, and with a run of the last index, unless the two
+// pixels alone cost too much.
+LOOKS_INSIDE void rate_begin(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
+                                   const rate_branches *firsts, rate_matches *matches) {
+  const rate_node *node = scratch->nodes + i;
+  const int32_t here = (int32_t)((row + 1) * scratch->stride + i), farthest = RATE_FARTHEST << band->shift;
+  const int32_t before = here > farthest ? here - farthest - 1 : 0, *pairs = rate_pairs(band, scratch, here);
+  const float worse = RATE_WORSE_BITS * band->price, most = band->lengths[3] - band->literal / 2;
+  float first = node->cost + scratch->floor[i] + worse, second = first + scratch->floor[i + 1];
+  if (node[1].cost + most < first) first = node[1].cost + most;
+  if (node[2].cost + most < second) second = node[2].cost + most;
+  matches->n = 0;
+  for (int a = 0; a <= RATE_NEAR; a++) {
+    if (firsts->cost[a] >= first || (a < RATE_NEAR && matches->n == band->n_matches - 1)) continue;
+    rate_branches seconds;
+    float error[RATE_WIDTH];
+    for (int c = 0; c < RATE_WIDTH; c++) error[c] = firsts->error[c][a];
+    rate_branch(band, scratch, row, i + 1, firsts->cost[a], error, node->last, &seconds);
+    for (int b = 0; a < RATE_NEAR && b < RATE_NEAR; b++) {
+      if (seconds.cost[b] >= second) continue;
+      const int32_t *at = pairs + RATE_LANES * (scratch->near[i].entry[a] << 8 | scratch->near[i + 1].entry[b]);
+      memcpy(matches->at + matches->n, at, sizeof(int32_t) * RATE_LANES);
+      rate_take(matches, &seconds, b);
+      for (int k = 0; k < RATE_LANES; k++) matches->n += at[k] > before;
+      if (matches->n >= band->n_matches) matches->n = band->n_matches - 1;  // one is left for the run
+    }
+    if (a == RATE_NEAR && seconds.cost[RATE_NEAR] < second) {
+      matches->at[matches->n] = (int32_t)(scratch->run + node->last * (RATE_LONGEST << band->shift));
+      rate_take(matches, &seconds, RATE_NEAR);
+      matches->n++;
     }
   }
-full:
-  for (int m = 0; m < n; m++) matches->cost[m] = scratch->nodes[i].cost;
-  for (int c = 0; c < RATE_WIDTH; c++) {
-    for (int m = 0; m < n; m++) matches->error[c][m] = scratch->nodes[i].error[c];
+  for (int m = 0; m < matches->n; m++) {
+    matches->away[m] = band->distances[rate_distance(band, scratch, here, matches->at[m]) >> band->shift];
   }
-  matches->n = n;
 }
 
 // Go on from a pixel by a literal and by matches.
-static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
-  const float *target = band->targets + (row * band->width + i) * RATE_WIDTH;
+LOOKS_CLONES static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
   rate_node *node = scratch->nodes + i;
-  const float most = node[1].cost + band->lengths[3] - node->cost;  // with more it is cheaper to go on from the next pixel
-  if (most <= 0) return;
-  rate_near near;
+  if (node[1].cost + band->lengths[3] <= node->cost) return;  // it is cheaper to go on from the next pixel
+  rate_branches firsts;
   rate_matches matches;
-  float place[RATE_WIDTH], error[RATE_WIDTH];
-  rate_wanted(target, scratch->above + (i + 1) * RATE_WIDTH, node->error, place);
-  rate_look_again(band, place, band->visibility[row * band->width + i], scratch->near + i, &near);
-  const float literal = node->cost + band->literal + near.square[0];
-  if (literal < node[1].cost) {
-    rate_hand_on(place, band->entries + RATE_WIDTH * near.entry[0], band, error);
-    node[1] = (rate_node){.cost = literal, .from = (int32_t)i, .distance = 0, .last = near.entry[0]};
-    for (int c = 0; c < RATE_WIDTH; c++) node[1].error[c] = error[c] * RATE_RIGHT;
+  rate_branch(band, scratch, row, i, node->cost, node->error, node->last, &firsts);
+  int best = 0;
+  for (int k = 1; k < RATE_NEAR; k++) best = firsts.cost[k] < firsts.cost[best] ? k : best;
+  if (firsts.cost[best] + band->literal < node[1].cost) {
+    node[1] = (rate_node){.cost = firsts.cost[best] + band->literal, .from = (int32_t)i, .distance = 0};
+    node[1].last = scratch->near[i].entry[best];
+    for (int c = 0; c < RATE_WIDTH; c++) node[1].error[c] = firsts.error[c][best];
   }
   const Py_ssize_t rest = band->width - i, longest = RATE_LONGEST << band->shift, limit = rest < longest ? rest : longest;
   if (limit < 3 << band->shift) return;
-  matches.n = 0;
-  if (node->last >= 0) {
-    for (Py_ssize_t x = 0; x < limit; x++) scratch->stream[scratch->run + x] = (uint16_t)node->last;
-    matches.away[0] = band->distances[1];
-    matches.at[matches.n++] = (int32_t)scratch->run;
-  }
-  float pair = scratch->floor[i] + scratch->floor[i + 1] + RATE_PAIR_BITS * band->price;
-  const float later = node[2].cost + band->lengths[3] - node->cost;
-  if (later < pair) pair = later;
-  rate_begin(band, scratch, row, i, &near, pair, &matches);
+  rate_begin(band, scratch, row, i, &firsts, &matches);
   rate_follow(band, scratch, &matches, row, i, limit);
 }
 
 // Write the indices of the shortest path.
 static void rate_trace(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
   const rate_node *nodes = scratch->nodes;
-  uint16_t *stream = scratch->stream + row * scratch->stride;
+  uint16_t *stream = scratch->stream + (row + 1) * scratch->stride;
   // The path is known from its end: mark where its edges end. The floor is not needed any more.
   uint8_t *ends = (uint8_t *)scratch->floor;
   memset(ends, 0, (size_t)band->width);
@@ -343,10 +382,10 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
     rate_spread(band, place, band->entries + RATE_WIDTH * indices[i], RATE_RIGHT, RATE_BELOW, RATE_ASIDE, carried,
                 scratch->below + RATE_WIDTH * i);
     if (i + 1 < width) {
-      const int pair = indices[i] << 8 | indices[i + 1];
-      const int32_t here = (int32_t)(row * scratch->stride + i);
-      scratch->older[here] = scratch->newest[pair];
-      scratch->newest[pair] = here;
+      const int32_t here = (int32_t)((row + 1) * scratch->stride + i);
+      int32_t *at = rate_pairs(band, scratch, here) + RATE_LANES * (indices[i] << 8 | indices[i + 1]);
+      for (int k = RATE_LANES - 1; k > 0; k--) at[k] = at[k - 1];
+      at[0] = here;
     }
   }
   float *done = scratch->above;
@@ -356,7 +395,9 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
 
 static void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
   const Py_ssize_t width = band->width;
-  for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = (rate_node){.cost = i ? FLT_MAX : 0, .last = -1};
+  const rate_node unreached = {.cost = FLT_MAX, .last = (int32_t)band->n_entries};
+  for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = unreached;
+  scratch->nodes[0].cost = 0;
   for (Py_ssize_t i = 0; i < width; i++) {
     const Py_ssize_t at = row * width + i;
     float place[RATE_WIDTH];

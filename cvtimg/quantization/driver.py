@@ -206,8 +206,8 @@ class MeasuredSource(Source, Protocol):
 
     n_pixels: int
 
-    def sample(self) -> MeasuredSource:
-        """Return fewer pixels of the same looks, or itself."""
+    def sample(self, small: bool) -> MeasuredSource:
+        """Return fewer pixels of the same looks, a small sample within a point or two, or itself."""
         ...
 
     def quality(self, result: Any) -> float:
@@ -334,12 +334,14 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
 
 
 class _Search:
-    """A search among rungs for the result of a quality: by one mapping with few matches, then by whole ones."""
+    """A search among rungs for the result of a quality: by mappings with few matches, then by whole ones."""
 
     def __init__(self, source: MeasuredSource, how: QuantizeOptions, palettes: _Palettes) -> None:
-        self._source, self._sample, self._how, self._palettes = source, source.sample(), how, palettes
+        self._source, self._how, self._palettes, self._given = source, how, palettes, how.quality is not None
+        self._sample = source.sample(small=not self._given)
         self._found: dict[_Rung, Any] = {}
         self._tried: dict[_Rung, float] = {}  # qualities with few matches
+        self._above = 0.0  # by so much the whole with all matches was better, without a target
         self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
         numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
         usual = len(self._strengths) // 2
@@ -348,13 +350,15 @@ class _Search:
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
-        rungs, given, close = self._rungs, self._how.quality is not None, _AIMING.close
+        rungs, given, close = self._rungs, self._given, _AIMING.close
         with part(0.1, 0.3):
-            rung, least = self._begun(given)
-        wanted, done = least + given * close / 2, [*self._tried, *(self._found.keys() - {rung})]
+            rung = self._begun()
+        done, least = [*self._tried, *(self._found.keys() - {rung})], self._least()
         with part(0.3, 1):
             for _ in first_few(range(_AIMING.n_trials - len(done) if given else _AIMING.n_usual)):
-                missed = abs(self._result(rung) - wanted)
+                quality, least = self._result(rung), self._least()
+                wanted = least + given * close / 2
+                missed = abs(quality - wanted)
                 # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
                 ways = [self._finely(rung[0])] * (missed <= _AIMING.near) + [rungs]
                 after = [one for some in ways if (one := self._toward(some, wanted)) not in self._found]
@@ -369,22 +373,28 @@ class _Search:
         reached = [one for one in results if one.quality >= least]
         return min(reached, key=lambda one: one.quality) if reached else max(results, key=lambda one: one.quality)
 
-    def _begun(self, given: bool) -> tuple[_Rung, float]:
-        """Return the rung to begin with, as one mapping tells, and the least quality to reach."""
-        least, last = self._how.quality_range[1], self._rungs[-1]
-        first = self._at(self._rungs, least + _AIMING.close / 2) if given else last
-        seen = self._result(first) if given and first == last else self._trial(first)
-        if not given:
-            least = min(_AIMING.same, seen - _AIMING.below_best)
-        self._palettes.expect(first, seen)
-        wanted = least + given * _AIMING.close / 2
+    def _begun(self) -> _Rung:
+        """Return the rung to begin with, as mappings with few matches tell."""
+        given, last = self._given, self._rungs[-1]
+        rung = self._at(self._rungs, self._how.quality_range[1] + _AIMING.close / 2) if given else last
+        seen = self._result(rung) if given and rung == last else self._trial(rung)
+        self._palettes.expect(rung, seen)
+        wanted = self._least() + given * _AIMING.close / 2
         if given and abs(seen - wanted) <= _AIMING.near:
-            return first, least
+            return rung
         rung = self._at(self._rungs, wanted)
-        if not given and least == _AIMING.same and rung != last:  # a point less than the best is near, this is not
-            self._trial(rung)
+        for _ in range(0 if given else _AIMING.n_usual):
+            missed = 0.0 if rung in self._tried else abs(self._trial(rung) - wanted)
             rung = self._toward(self._rungs, wanted)
-        return rung, least
+            if missed <= _AIMING.near:
+                break
+        return rung
+
+    def _least(self) -> float:
+        """Return the least quality to reach: the given or the usual one, or so much less than the best."""
+        if self._given:
+            return self._how.quality_range[1]
+        return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
 
     def _finely(self, n_colors: int) -> list[_Rung]:
         """Return the rungs of a number of colors: strengths of diffusion, and of the most colors prices as well."""
@@ -398,7 +408,8 @@ class _Search:
 
     def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
         """Return the rung where the qualities that were seen, those of one number of colors if so, come to another."""
-        seen = {**self._tried, **{rung: float(result.quality) for rung, result in self._found.items()}}
+        tried = {rung: quality + self._above for rung, quality in self._tried.items()}
+        seen = {**tried, **{rung: float(result.quality) for rung, result in self._found.items()}}
         alike = {rung: seen[rung] for rung in seen if rung[0] == rungs[0][0] == rungs[-1][0]}
         places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
         at = rungs.index(self._at(rungs, toward(wanted, places)))
@@ -407,6 +418,10 @@ class _Search:
     def _result(self, rung: _Rung) -> float:
         if rung not in self._found:
             self._found[rung] = _seen(self._source, self._palettes.mapped(self._source, *rung))
+            if self._tried and not self._given:
+                place = self._palettes.expected
+                near = min(self._tried, key=lambda tried: abs(place(tried) - place(rung)))
+                self._above = float(self._found[rung].quality) - (self._tried[near] + place(rung) - place(near))
         return float(self._found[rung].quality)
 
     def _trial(self, rung: _Rung) -> float:
@@ -414,7 +429,7 @@ class _Search:
             return self._result(rung)
         result = self._palettes.mapped(self._sample, *rung, n_matches=_AIMING.trial_matches)
         self._tried[rung] = float(_seen(self._sample, result).quality)
-        return self._tried[rung]
+        return self._tried[rung] + self._above
 
 
 class _Palettes:

@@ -25,8 +25,8 @@ from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
-#: Height and width of the pieces by which a large image is judged, and how many of them are beside each other.
-_PIECE, _N_PIECES = (64, 128), 8
+#: Side of the pieces by which an image is judged, and how many of them are beside each other; at least, if few will do.
+_PIECE, _N_PIECES, _FEW_PIECES = 64, 11, 5
 
 
 def quantize(
@@ -181,14 +181,14 @@ class PictureSource:
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
 
-    def sample(self) -> PictureSource:
-        """Return pieces from all over a large image, one beside the other, or itself."""
-        if self.n_pixels <= 2 * _N_PIECES**2 * math.prod(_PIECE) or min(self._shape[:2]) < max(_PIECE):
+    def sample(self, small: bool) -> PictureSource:
+        """Return pieces from all over an image, one beside the other, or itself if it is small."""
+        few = max(math.isqrt(self.n_pixels) // (2 * _PIECE), _FEW_PIECES)  # a quarter of the pixels
+        n = min(few, _N_PIECES) if small else _N_PIECES
+        if self.n_pixels <= 2 * (n * _PIECE) ** 2 or min(self._shape[:2]) < _PIECE:
             return self
-        inside = self._samples.inside
-        return PictureSource(
-            _pieces(self.image), self._samples.alpha, None if inside is None else _pieces(inside), None
-        )
+        inside = None if self._samples.inside is None else _pieces(self._samples.inside, n)
+        return PictureSource(_pieces(self.image, n), self._samples.alpha, inside, None)
 
     def quality(self, result: Quantized) -> float:
         """Return the visual quality of a result."""
@@ -258,10 +258,9 @@ class PictureSource:
         return keep_outside(result, self._image)
 
 
-def _pieces(image: NDArray[Any]) -> NDArray[Any]:
-    """Return pieces that are spread evenly, by M. Roberts' R2 sequence."""
-    height, width = _PIECE
-    shares = np.outer(np.arange(1, _N_PIECES**2 + 1), [0.7548776662466927, 0.5698402909980532]) % 1
+def _pieces(image: NDArray[Any], n: int) -> NDArray[Any]:
+    """Return n x n pieces that are spread evenly, by M. Roberts' R2 sequence."""
+    shares = np.outer(np.arange(1, n * n + 1), [0.7548776662466927, 0.5698402909980532]) % 1
     corners = (shares * (np.array(image.shape[:2]) - _PIECE)).astype(int)
-    pieces = [image[y : y + height, x : x + width] for y, x in corners]
-    return np.concatenate([np.concatenate(pieces[i::_N_PIECES], axis=1) for i in range(_N_PIECES)])
+    pieces = [image[y : y + _PIECE, x : x + _PIECE] for y, x in corners]
+    return np.concatenate([np.concatenate(pieces[i::n], axis=1) for i in range(n)])

@@ -257,7 +257,7 @@ class SeriesSource:
         self.counted = self._samples if how.per_frame else [merge_samples(self._samples)]
         self.n_pixels = sum(samples.inverse.size for samples in self._samples)
 
-    def sample(self) -> SeriesSource:
+    def sample(self, small: bool) -> SeriesSource:
         """Return itself: frames are small."""
         return self
 
