@@ -234,7 +234,10 @@ def quantized(source: Any, how: QuantizeOptions) -> Any:
     if how.goal == "eyes":
         return _for_eyes(source, how)
     if how.psnr is not None and how.palette is None:
-        return _reaching(source, how, how.psnr)
+        below, found = _by_number(source, how, lambda result: result.psnr, how.psnr, _AIMING.decibels)
+        if found is None:
+            refuse("psnr", how.psnr, f"at most {below.psnr:.2f} dB, which {_most_colors(below)} colors reach")
+        return found
     with part(0, 0.2 if how.dither else 0.7):
         palettes = [*map(finder(how), source.counted)]
     return source.mapped(palettes, how)
@@ -273,14 +276,6 @@ def _by_number(
         ends = Ladder(range(least, most + 1), result, figure, growth).climb(target, first)
         first = next(int(end[0]) for end in ends[::-1] if end)
     return [end and end[1] for end in ends]
-
-
-def _reaching(source: Source, how: QuantizeOptions, psnr: float) -> Any:
-    """Quantize pixels to the fewest colors of a quality in dB."""
-    below, found = _by_number(source, how, lambda result: result.psnr, psnr, _AIMING.decibels)
-    if found is None:
-        refuse("psnr", psnr, f"at most {below.psnr:.2f} dB, which {_most_colors(below)} colors reach")
-    return found
 
 
 def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) -> Any:
@@ -369,9 +364,7 @@ class _Search:
             while given and max(map(self._result, self._found)) < least and rungs[-1] not in self._found:
                 self._result(self._at(rungs, max(map(self._palettes.expected, self._found)) + step))
                 step *= 2
-        results = self._found.values()
-        reached = [one for one in results if one.quality >= least]
-        return min(reached, key=lambda one: one.quality) if reached else max(results, key=lambda one: one.quality)
+        return min(self._found.values(), key=lambda one: (one.quality < least, abs(one.quality - least)))
 
     def _begun(self) -> _Rung:
         """Return the rung to begin with, as mappings with few matches tell."""
