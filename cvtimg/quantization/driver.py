@@ -360,10 +360,14 @@ class _Search:
                 if missed <= (close / 2 if given else 2 * close) or not after:
                     break
                 rung = after[0]
-            step = close
-            while given and max(map(self._result, self._found)) < least and rungs[-1] not in self._found:
-                self._result(self._at(rungs, max(map(self._palettes.expected, self._found)) + step))
-                step *= 2
+            for step in [close * 2**n for n in range(9) if given]:
+                places = {self._palettes.expected(one): self._result(one) for one in self._found}
+                below = max((place for place in places if places[place] < least), default=-math.inf)
+                above = min((place for place in places if places[place] >= least), default=math.inf)
+                place = below + step if below > -math.inf else above - step
+                if above <= place or places.get(above, math.inf) <= least + _AIMING.near:
+                    break
+                self._result(self._at(rungs, place))
         return min(self._found.values(), key=lambda one: (one.quality < least, abs(one.quality - least)))
 
     def _begun(self) -> _Rung:
