@@ -46,7 +46,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     row = {**header, "distinct_colors": n_colors}
     if given.noise:
         from cvtimg.restoration import measure_noise
-        from cvtimg.restoration.compression import with_tables
+        from cvtimg.restoration.versions import with_tables
 
         noise = measure_noise([with_tables(image, task.source)], nodata=found.nodata)
         values = noise.levels[0], noise.slope, noise.neighbors

@@ -215,7 +215,7 @@ def _check_room(task: Task, n_pages: int) -> None:
 def _restored(read: VersionFiles, given: Given) -> Denoised:
     from cvtimg import denoise, restore
     from cvtimg.restoration import is_drawing
-    from cvtimg.restoration.compression import with_tables
+    from cvtimg.restoration.versions import with_tables
 
     align, arguments = given.motion if given.align else False, given.arguments
     about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha}

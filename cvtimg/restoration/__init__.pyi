@@ -1,9 +1,9 @@
 from .agreement import HIDDEN as HIDDEN
 from .merging import RENORMALIZATIONS as RENORMALIZATIONS
-from .recognition import MeasuredNoise as MeasuredNoise
-from .recognition import is_drawing as is_drawing
-from .recognition import measure_noise as measure_noise
+from .reconstruction import MeasuredNoise as MeasuredNoise
 from .reconstruction import denoise as denoise
+from .reconstruction import is_drawing as is_drawing
+from .reconstruction import measure_noise as measure_noise
 from .reconstruction import restore as restore
 from .result import Denoised as Denoised
 from .result import Restoration as Restoration

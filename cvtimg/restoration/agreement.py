@@ -9,12 +9,12 @@ is left out where there is no evidence.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import side_by_side
+from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg.restoration.versions import Floats, Versions
 
 _Bools = NDArray[np.bool_]
@@ -162,14 +162,13 @@ def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1
     halo, step = max(_SIDES) // 2 + 1 + _MOVED[0] // 2, max(1, most // (width * versions.n_versions))
     known = versions.known.copy()
 
-    def judge(first: int) -> None:
-        last = min(first + step, height)
-        above, below = max(first - halo, 0), min(last + halo, height)
-        part = kept(_Part.of(versions, slice(above, below)))
-        known[first:last] = np.moveaxis(part[:, first - above : last - above], 0, 2)
+    def judge(rows: slice) -> None:
+        above = max(rows.start - halo, 0)
+        part = kept(_Part.of(versions, slice(above, rows.stop + halo)))
+        known[rows] = np.moveaxis(part[:, rows.start - above : rows.stop - above], 0, 2)
 
-    _ = [*side_by_side(judge, range(0, height, step))]
-    return versions.knowing(known)
+    in_stripes(judge, height, work=256.0 * known.size, n=step)
+    return replace(versions, known=known)
 
 
 def _sample(versions: Versions, most: int = 1 << 20, rows: int = 32) -> _Part:
@@ -253,7 +252,7 @@ class Suspicion:
             room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
             likelier = np.log((1 - share) / share) + n_bands / 2 * room
             known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
-        return versions.knowing(known)
+        return replace(versions, known=known)
 
     def _variance(self, version: int, squares: Floats, seen: _Bools, n_bands: int, around: int = 5) -> Floats:
         """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""

@@ -265,9 +265,8 @@ class _Pair:
         """Twice the logarithm of the likelihood ratio of a richer motion and a simpler one, as `improved` has them."""
         seen = [self.seen(transform) for transform, _, _ in (simple, rich)]
         both = np.minimum(seen[0][1], seen[1][1]) > 0
-        aparts = [
-            (m * values + n - self.values)[both] for (_, m, n), (values, _) in zip((simple, rich), seen, strict=True)
-        ]
+        fits = zip((simple, rich), seen, strict=True)
+        aparts = [(gain * values + offset - self.values)[both] for (_, gain, offset), (values, _) in fits]
         unit = _OUTLYING * _scale(aparts[0])
         costs = [_OUTLYING**2 * np.log1p((apart / unit) ** 2).mean() for apart in aparts]
         return float(self.n_independent * (costs[0] - costs[1]))

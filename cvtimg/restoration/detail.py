@@ -18,8 +18,7 @@ from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
-from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
-from cvtimg.restoration.patches import REACH, Axes, Kinds, group_patches, with_border
+from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
 from cvtimg.restoration.versions import Floats, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a

@@ -92,4 +92,4 @@ def without_copies(versions: Versions) -> Versions:
             known[:, :, number] = False
     if copies:
         warnings.warn(f"{', '.join(copies)} and counts once", UserWarning, stacklevel=3)
-    return versions.knowing(known) if copies else versions
+    return replace(versions, known=known) if copies else versions

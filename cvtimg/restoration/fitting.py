@@ -132,7 +132,7 @@ def fitting(
         UserWarning,
         stacklevel=4,
     )
-    return (versions.knowing(versions.known & ~is_out) if leaves_out else versions), apart[reference]
+    return (replace(versions, known=versions.known & ~is_out) if leaves_out else versions), apart[reference]
 
 
 # --- exposure

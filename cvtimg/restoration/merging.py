@@ -52,7 +52,8 @@ def merge_versions(
         sharp = _fused_rows(versions, evidence, 0.0)  # a drawing of two colors has more once it is blurred
         told = np.einsum("ij,j->i", sharp, np.pi ** np.arange(sharp.shape[1]))
         n_generators = min(n_generators, len(np.unique(told)))
-    values, weights = versions.values, versions.weights(trust)
+    weights = np.where(versions.known, trust.astype(np.float32), np.float32(0))[:, :, versions.version_of]
+    values = versions.values
     center = values[weights > 0].mean(dtype=np.float64)
     values = values - np.float32(center)  # so that float32 is precise enough
 
@@ -80,7 +81,7 @@ def merge_versions(
         alone=lambda version: settled(end.labels, bands[version]),
     )
     colors = RENORMALIZATIONS[renormalize](levels)
-    white = peak(evidence.placed.dtype) if space != "rgb" else 1.0
+    white = peak(evidence.placed.dtypes[0]) if space != "rgb" else 1.0
     shown = from_space(colors, space, np.dtype(np.float64)) * white
     # Segments that are left, from dark to bright.
     order = np.lexsort((*shown.T[::-1], shown.sum(axis=1)))
@@ -117,16 +118,14 @@ def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _
 
 def level_of(versions: Versions, space: SpaceName) -> float:
     """Return an 8-bit level in the units of the first version's color space."""
-    white = np.array([[white_of(versions.dtype)]], versions.dtype)
+    white = np.array([[white_of(versions.dtypes[0])]], versions.dtypes[0])
     return float(to_space(white, space)[0, 0]) / 255
 
 
 def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
     """(N, C) colors of the versions fused and blurred; channels side by side."""
-    looks = (
-        [[number] for number in range(versions.n_versions)] if evidence.channels else [[*range(versions.n_versions)]]
-    )
-    trust = evidence.trust
+    trust, numbers = evidence.trust, [*range(versions.n_versions)]
+    looks = [[number] for number in numbers] if evidence.channels else [numbers]
     parts = [fuse(versions, trust, blur, some)[0] * np.float32(np.sqrt(trust[some].mean())) for some in looks]
     picture = np.concatenate(parts, axis=2)
     return picture.reshape(-1, picture.shape[2])

@@ -76,7 +76,7 @@ class Denoised(ReadOnly):
     def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Any:
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
         versions, noise = evidence.placed, evidence.noise
-        rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtype)
+        rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtypes[0])
         shape = places.shape[:2]
         return cls(
             image=rows.reshape(shape if versions.grey else places.shape),

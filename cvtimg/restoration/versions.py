@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from io import BytesIO
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
 from cvtimg._shared.checks import check_image, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
@@ -15,9 +18,50 @@ from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.threads import blur, in_stripes
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
-from cvtimg.restoration.compression import Rounding
 
 Floats = NDArray[np.float32]
+
+#: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
+_SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
+#: Side of the blocks of JPEG, and the largest of what is compressed again.
+_SIDE, _LARGEST = 8, 512
+#: What is rounded for the second time loses less: so many times its variance was lost the first time.
+_FIRST_TIME = 1.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rounding:
+    """How a JPEG file is rounded."""
+
+    # What was rounded away is noise that a file of the same tables makes again, once its blocks lie elsewhere. Quiet
+    # blocks, where noise is measured, do not show it, because their coefficients are rounded to zero.
+
+    tables: list[list[int]]  # of luma, and of chroma if there is any
+    subsampling: int
+
+    @classmethod
+    def of(cls, image: Any) -> Rounding | None:
+        """Return that of a Pillow image of a JPEG file, which has `quantization` and `layer`; None of others."""
+        tables = getattr(image, "quantization", None)
+        layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
+        if not tables or len(layers) not in (1, 3):
+            return None
+        subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
+        return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
+
+    def lost(self, values: NDArray[Any]) -> NDArray[np.float64] | None:
+        """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
+        n_bands = 1 if len(self.tables) == 1 else 3
+        if values.dtype != np.uint8 or values.shape[2] != n_bands or min(values.shape[:2]) < 2 * _SIDE:
+            return None
+        # Its blocks begin in the middle of those of the file.
+        firsts = [max(side - _LARGEST, _SIDE) // (2 * _SIDE) * _SIDE + _SIDE // 2 for side in values.shape[:2]]
+        part = values[tuple(slice(first, first + _LARGEST) for first in firsts)]
+        file = BytesIO()
+        about: dict[str, Any] = {} if n_bands == 1 else {"subsampling": self.subsampling}
+        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables, **about)
+        with Image.open(file) as again:
+            return np.asarray(np.sqrt(_FIRST_TIME) * (np.asarray(again, np.float64).reshape(part.shape) - part))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,11 +84,6 @@ class Versions:
     def n_versions(self) -> int:
         """Number of versions, S."""
         return int(self.known.shape[2])
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the first version."""
-        return self.dtypes[0]
 
     @property
     def coverage(self) -> NDArray[np.int32]:
@@ -71,10 +110,6 @@ class Versions:
         in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
-    def weights(self, trust: NDArray[np.float64]) -> Floats:
-        """(H, W, D) weight of each value: the `trust`, (S,), of its version where it is known, otherwise 0."""
-        return (self.known * trust.astype(np.float32))[:, :, self.version_of].astype(np.float32, copy=False)
-
     def cut_off(self, version: int) -> NDArray[np.bool_]:
         """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
         values, white = self.stack[version], self.white
@@ -93,10 +128,6 @@ class Versions:
             return np.ones(levels.shape[:2], np.float32)
         constant, slope = self.lines.T.astype(np.float32)
         return np.maximum((constant + slope * levels).mean(axis=2), np.float32(0.1))
-
-    def knowing(self, known: NDArray[np.bool_]) -> Versions:
-        """Return the same versions where they are still known."""
-        return replace(self, known=known)
 
     @property
     def rounding(self) -> float:
@@ -161,12 +192,10 @@ def _check_masks(masks: Sequence[ArrayLike | None] | None, sizes: Sequence[tuple
         masks = [None] * len(sizes)
     if len(masks) != len(sizes):
         raise ValueError(f"masks has {len(masks)} masks and must have {len(sizes)}, one for each version, or None")
-    known = [np.ones(size, np.bool_) for size in sizes]
-    for number, (mask, size) in enumerate(zip(masks, sizes, strict=True)):
-        if mask is not None:
-            known[number] = np.asarray(mask) != 0
-        found = known[number].shape
-        check_shape(f"masks[{number}]", found, found == size, f"{size}, the size of the version")
+    pairs = zip(masks, sizes, strict=True)
+    known = [np.ones(size, np.bool_) if mask is None else np.asarray(mask) != 0 for mask, size in pairs]
+    for number, (one, size) in enumerate(zip(known, sizes, strict=True)):
+        check_shape(f"masks[{number}]", one.shape, one.shape == size, f"{size}, the size of the version")
     return known
 
 
@@ -276,3 +305,17 @@ def fill(total: Floats, weight: Floats) -> Floats:
         missing &= ~reached
         sigma *= 2
     return filled
+
+
+def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> Any:
+    """Return an image as read from a file; of a JPEG file of such bands, as a Pillow image that has its tables."""
+    try:
+        with Image.open(path) as file:
+            tables: Any = file
+            if Rounding.of(file) is None:
+                return image
+            found: Any = Image.fromarray(image)
+            found.quantization, found.layer = tables.quantization, tables.layer
+            return found
+    except (OSError, Image.DecompressionBombError):
+        return image

@@ -18,10 +18,9 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import denoise, read_image, restore
-from cvtimg.restoration.compression import Rounding, with_tables
 from cvtimg.restoration.fitting import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import SharedNoise, lines_of, mean_noise, noise_of_bands, shared_noise
-from cvtimg.restoration.versions import stack_versions
+from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
 
 

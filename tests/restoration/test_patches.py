@@ -7,8 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from reference import at_threads
 
-from cvtimg.restoration.filters import Noisy, PatchBlock, filtered
-from cvtimg.restoration.patches import Groups, group_patches, windows, with_border
+from cvtimg.restoration.patches import Groups, Noisy, PatchBlock, filtered, group_patches, windows, with_border
 
 
 def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), *, precisions: tuple[int, ...] = (40, 100, 120)) -> Noisy:
