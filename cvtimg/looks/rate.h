@@ -58,18 +58,13 @@ typedef struct {
   uint8_t entries[RATE_MANY];
 } rate_cell;
 
-// Matches from a pixel, which are followed side by side.
+// Paths that are followed side by side: matches from a pixel, or the ways on to entries near it.
 typedef struct {
   int n;
   int32_t at[RATE_ROOM];                   // where the repeated indices begin in the stream
   float cost[RATE_ROOM], away[RATE_ROOM];  // without the bits, and the price of the distance
   float error[RATE_WIDTH][RATE_ROOM], entry[RATE_WIDTH][RATE_ROOM];
-} rate_matches;
-
-// What it costs to go on from a pixel by each of the entries near it, and by one more, and what is handed on.
-typedef struct {
-  float cost[RATE_LANES], error[RATE_WIDTH][RATE_LANES];
-} rate_branches;
+} rate_paths;
 
 typedef struct {
   rate_node *nodes;         // width + 1
@@ -116,26 +111,6 @@ static inline float rate_square(const rate_band *band, const float *place, int e
   return (a * a + b * b) + (c * c + d * d);
 }
 
-// Put the nearest of RATE_MANY entries in their order. Squares have the order of their bits, of which the last ones
-// tell which it is: so no two are equal, and each comes after as many as are less.
-static inline void rate_rank(const rate_band *band, const float *place, float weight, const uint8_t *entries,
-                             rate_near *near) {
-  const int n = RATE_MANY;
-  float squares[RATE_MANY];
-  int32_t keys[RATE_MANY], ranks[RATE_MANY] = {0}, ranked[RATE_MANY];
-  for (int i = 0; i < n; i++) squares[i] = weight * rate_square(band, place, entries[i]);
-  memcpy(keys, squares, sizeof keys);
-  for (int i = 0; i < n; i++) keys[i] = (keys[i] & -RATE_MANY) | i;
-  for (int j = 0; j < n; j++) {
-    for (int i = 0; i < n; i++) ranks[i] += keys[j] < keys[i];
-  }
-  for (int i = 0; i < n; i++) ranked[ranks[i]] = i;
-  for (int i = 0; i < RATE_NEAR; i++) {
-    near->entry[i] = entries[ranked[i]];
-    near->square[i] = squares[ranked[i]];
-  }
-}
-
 // Find the entries nearest to the middle of a cell.
 static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *cell) {
   float middle[RATE_WIDTH], squares[RATE_MANY];
@@ -156,11 +131,12 @@ static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *c
   }
 }
 
-// Find the entries nearest to a place, among those near the middle of its cell.
+// Find the entries nearest to a place, in their order, among those near the middle of its cell. Squares have the order of
+// their bits, of which the last ones tell which it is: so no two are equal, and each comes after as many as are less.
 LOOKS_CLONES static void rate_look(const rate_band *band, rate_cell *cells, const float *place, float weight,
                                   rate_near *near) {
   static const uint32_t mix[RATE_WIDTH] = {0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D, 0x27D4EB2F};
-  int32_t corner[RATE_WIDTH];
+  int32_t corner[RATE_WIDTH], keys[RATE_MANY], ranks[RATE_MANY] = {0}, ranked[RATE_MANY];
   uint32_t hash = 0;
   for (int c = 0; c < RATE_WIDTH; c++) {
     corner[c] = (int32_t)floorf(place[c] / band->longest);
@@ -168,47 +144,37 @@ LOOKS_CLONES static void rate_look(const rate_band *band, rate_cell *cells, cons
   }
   rate_cell *cell = cells + (hash >> (32 - RATE_CELL_BITS));
   if (memcmp(cell->corner, corner, sizeof corner)) rate_fill(band, corner, cell);
-  rate_rank(band, place, weight, cell->entries, near);
+  float squares[RATE_MANY];
+  for (int i = 0; i < RATE_MANY; i++) squares[i] = weight * rate_square(band, place, cell->entries[i]);
+  memcpy(keys, squares, sizeof keys);
+  for (int i = 0; i < RATE_MANY; i++) keys[i] = (keys[i] & -RATE_MANY) | i;
+  for (int j = 0; j < RATE_MANY; j++) {
+    for (int i = 0; i < RATE_MANY; i++) ranks[i] += keys[j] < keys[i];
+  }
+  for (int i = 0; i < RATE_MANY; i++) ranked[ranks[i]] = i;
+  for (int i = 0; i < RATE_NEAR; i++) {
+    near->entry[i] = cell->entries[ranked[i]];
+    near->square[i] = squares[ranked[i]];
+  }
 }
 
-// Add the cost of a pixel to paths that lie side by side, in arrays of so many, and let them hand on what is left.
-LOOKS_INSIDE void rate_pay(const rate_band *band, int n, const float *place, float weight, Py_ssize_t stride,
-                            const float *restrict entry, float *restrict error, float *restrict cost) {
+// Add the cost of a pixel to paths that go on to `entry`, and let them hand on what is left.
+LOOKS_INSIDE void rate_add(const rate_band *band, int n, const float *place, float weight, rate_paths *paths) {
   const float longest = band->longest, part = band->strength * longest * RATE_RIGHT;
   const float p0 = place[0], p1 = place[1], p2 = place[2], p3 = place[3];
+  float(*error)[RATE_ROOM] = paths->error, (*entry)[RATE_ROOM] = paths->entry;
   for (int m = 0; m < n; m++) {
-    float *own = error + m;
-    const float *given = entry + m;
-    const float a = p0 + own[0] - given[0], b = p1 + own[stride] - given[stride];
-    const float c = p2 + own[2 * stride] - given[2 * stride], d = p3 + own[3 * stride] - given[3 * stride];
+    const float a = p0 + error[0][m] - entry[0][m], b = p1 + error[1][m] - entry[1][m];
+    const float c = p2 + error[2][m] - entry[2][m], d = p3 + error[3][m] - entry[3][m];
     const float square = (a * a + b * b) + (c * c + d * d), size = sqrtf(square);
     const float handed = part / (size > longest ? size : longest);
-    cost[m] += weight * square;
-    own[0] = a * handed, own[stride] = b * handed, own[2 * stride] = c * handed, own[3 * stride] = d * handed;
+    paths->cost[m] += weight * square;
+    error[0][m] = a * handed, error[1][m] = b * handed, error[2][m] = c * handed, error[3][m] = d * handed;
   }
-}
-
-// Add the cost of a pixel to matches; return the least cost, and in `least` that with the price of the distance.
-LOOKS_INSIDE float rate_add(const rate_band *band, rate_matches *matches, const uint16_t *source, const float *place,
-                                  float weight, float *least) {
-  const int n = matches->n;
-  float first = FLT_MAX, ended = FLT_MAX;
-  for (int m = 0; m < n; m++) {
-    const float *given = band->entries + RATE_WIDTH * source[matches->at[m]];
-    for (int c = 0; c < RATE_WIDTH; c++) matches->entry[c][m] = given[c];
-  }
-  rate_pay(band, n, place, weight, RATE_ROOM, matches->entry[0], matches->error[0], matches->cost);
-  for (int m = 0; m < n; m++) {
-    const float cost = matches->cost[m], all = cost + matches->away[m];
-    first = cost < first ? cost : first;
-    ended = all < ended ? all : ended;
-  }
-  *least = ended;
-  return first;
 }
 
 // Drop the matches that cost more than a bound, once they are many.
-LOOKS_INSIDE void rate_drop(rate_matches *matches, float bound) {
+LOOKS_INSIDE void rate_drop(rate_paths *matches, float bound) {
   int n = 0;
   for (int m = 0; m < matches->n; m++) n += matches->cost[m] <= bound;
   if (n && 2 * n > matches->n) return;
@@ -230,7 +196,7 @@ static inline int32_t rate_distance(const rate_band *band, const rate_scratch *s
 }
 
 // Follow matches on from the third pixel after `start` of a row, and shorten the paths to where they can end.
-LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate_matches *matches, Py_ssize_t row,
+LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate_paths *matches, Py_ssize_t row,
                         Py_ssize_t start, Py_ssize_t limit) {
   const float *targets = band->targets + row * band->width * RATE_WIDTH;
   const float worse = RATE_WORSE_BITS * band->price, behind = RATE_BEHIND_BITS * band->price;
@@ -238,13 +204,21 @@ LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate
   for (Py_ssize_t length = 3; matches->n && length <= limit; length++) {
     const Py_ssize_t i = start + length - 1;
     const uint16_t *source = scratch->stream + length - 1;
-    float place[RATE_WIDTH], least;
+    const float bits = band->lengths[length >> band->shift];
+    float place[RATE_WIDTH], first = FLT_MAX, least = FLT_MAX;
     rate_wanted(targets + RATE_WIDTH * i, scratch->above + RATE_WIDTH * (i + 1), NULL, place);
-    const float first = rate_add(band, matches, source, place, band->visibility[row * band->width + i], &least);
+    for (int m = 0; m < matches->n; m++) {
+      const float *given = band->entries + RATE_WIDTH * source[matches->at[m]];
+      for (int c = 0; c < RATE_WIDTH; c++) matches->entry[c][m] = given[c];
+    }
+    rate_add(band, matches->n, place, band->visibility[row * band->width + i], matches);
+    for (int m = 0; m < matches->n; m++) {
+      const float cost = matches->cost[m], all = cost + matches->away[m] + bits;
+      first = cost < first ? cost : first;
+      least = all < least ? all : least;
+    }
     rate_node *end = scratch->nodes + i + 1;
-    least += band->lengths[length >> band->shift];
     if (length >= 3 << band->shift && least < end->cost) {
-      const float bits = band->lengths[length >> band->shift];
       int m = 0;
       while (m < matches->n - 1 && matches->cost[m] + matches->away[m] + bits > least) m++;
       const int32_t here = (int32_t)((row + 1) * scratch->stride + start);
@@ -265,21 +239,20 @@ LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate
 
 // Go on from pixel `i`, which costs so much and gets such errors, to each of the entries near it, and to another one.
 LOOKS_INSIDE void rate_branch(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
-                                    float cost, const float *error, Py_ssize_t other, rate_branches *out) {
+                              float cost, const float *error, Py_ssize_t other, rate_paths *out) {
   const Py_ssize_t at = row * band->width + i;
-  float place[RATE_WIDTH], entry[RATE_WIDTH][RATE_LANES];
+  float place[RATE_WIDTH];
+  rate_wanted(band->targets + RATE_WIDTH * at, scratch->above + RATE_WIDTH * (i + 1), error, place);
   for (int k = 0; k < RATE_LANES; k++) {
     const float *given = band->entries + RATE_WIDTH * (k < RATE_NEAR ? scratch->near[i].entry[k] : other);
-    for (int c = 0; c < RATE_WIDTH; c++) entry[c][k] = given[c];
     out->cost[k] = cost;
+    for (int c = 0; c < RATE_WIDTH; c++) out->entry[c][k] = given[c], out->error[c][k] = 0;
   }
-  rate_wanted(band->targets + RATE_WIDTH * at, scratch->above + RATE_WIDTH * (i + 1), error, place);
-  memset(out->error, 0, sizeof out->error);
-  rate_pay(band, RATE_LANES, place, band->visibility[at], RATE_LANES, entry[0], out->error[0], out->cost);
+  rate_add(band, RATE_LANES, place, band->visibility[at], out);
 }
 
 // Let matches begin by a branch: there is room for RATE_LANES, however many of them count.
-static inline void rate_take(rate_matches *matches, const rate_branches *branches, int branch) {
+static inline void rate_take(rate_paths *matches, const rate_paths *branches, int branch) {
   for (int k = 0; k < RATE_LANES; k++) matches->cost[matches->n + k] = branches->cost[branch];
   for (int c = 0; c < RATE_WIDTH; c++) {
     for (int k = 0; k < RATE_LANES; k++) matches->error[c][matches->n + k] = branches->error[c][branch];
@@ -294,7 +267,7 @@ static inline int32_t *rate_pairs(const rate_band *band, const rate_scratch *scr
 // Begin matches with pairs of indices near a pixel and the next one, and with a run of the last index, unless the two
 // pixels alone cost too much.
 LOOKS_INSIDE void rate_begin(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
-                                   const rate_branches *firsts, rate_matches *matches) {
+                                   const rate_paths *firsts, rate_paths *matches) {
   const rate_node *node = scratch->nodes + i;
   const int32_t here = (int32_t)((row + 1) * scratch->stride + i), farthest = RATE_FARTHEST << band->shift;
   const int32_t before = here > farthest ? here - farthest - 1 : 0, *pairs = rate_pairs(band, scratch, here);
@@ -305,7 +278,7 @@ LOOKS_INSIDE void rate_begin(const rate_band *band, const rate_scratch *scratch,
   matches->n = 0;
   for (int a = 0; a <= RATE_NEAR; a++) {
     if (firsts->cost[a] >= first || (a < RATE_NEAR && matches->n == band->n_matches - 1)) continue;
-    rate_branches seconds;
+    rate_paths seconds;
     float error[RATE_WIDTH];
     for (int c = 0; c < RATE_WIDTH; c++) error[c] = firsts->error[c][a];
     rate_branch(band, scratch, row, i + 1, firsts->cost[a], error, node->last, &seconds);
@@ -332,8 +305,7 @@ LOOKS_INSIDE void rate_begin(const rate_band *band, const rate_scratch *scratch,
 LOOKS_CLONES static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
   rate_node *node = scratch->nodes + i;
   if (node[1].cost + band->lengths[3] <= node->cost) return;  // it is cheaper to go on from the next pixel
-  rate_branches firsts;
-  rate_matches matches;
+  rate_paths firsts, matches;
   rate_branch(band, scratch, row, i, node->cost, node->error, node->last, &firsts);
   int best = 0;
   for (int k = 1; k < RATE_NEAR; k++) best = firsts.cost[k] < firsts.cost[best] ? k : best;
