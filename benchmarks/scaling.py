@@ -2,8 +2,8 @@
 
 `shares` is the share of the processor time that one thread works alone, which a busy machine of two cores shows too:
 with 16 threads, the time of the calling thread outside the parts that other threads may take. Waiting for memory is not
-seen. `threads` has seconds and processor seconds for several numbers of threads, also of rivals; `growth` the exponent
-of the processor time of one thread from a sixteenth of the size to the size.
+seen. `threads` has seconds and processor seconds for several numbers of threads, `growth` the exponent of the processor
+time of one thread from a sixteenth of the size to the size, both also of rivals.
 
     python benchmarks/scaling.py [--quick] [--parts shares threads growth] [--verbs quantize ...]
 """
@@ -93,7 +93,7 @@ RIVALS = {
         scene,
         lambda image, share: call("skimage.segmentation", "slic", image, int(2000 * share) + 9),
     ),
-    "BM3D": (noisy, lambda images, share: call("bm3d", "bm3d", images[0] / 255, 20 / 255)),
+    "BM3D": (noisy, lambda images, share: call("bm3d", "bm3d_rgb", np.mean(images, axis=0) / 255, 20 / 255 / sqrt(3))),
 }
 #: The modules of rivals, which are left out where these cannot be imported.
 NEEDS = {"KMeans of scikit-learn": "sklearn", "SLIC of scikit-image": "skimage", "BM3D": "bm3d"}
@@ -156,7 +156,7 @@ def measured_apart(name: str, share: float, n_threads: int) -> dict[str, float]:
 def shares(given: argparse.Namespace) -> Rows:
     """Measure the serial share of each verb, and how many times as fast 16 cores can be."""
     found = []
-    for name in given.verbs:
+    for name in [name for name in given.verbs if name in VERBS]:
         one = measured_apart(name, given.size, 16)
         serial = one["alone"] / one["processor s"]
         gain = 1 / (serial + (1 - serial) / 16)
@@ -166,9 +166,8 @@ def shares(given: argparse.Namespace) -> Rows:
 
 def threads(given: argparse.Namespace) -> Rows:
     """Measure seconds / processor seconds by the number of threads."""
-    rivals = [name for name, module in NEEDS.items() if find_spec(module)]
     found = []
-    for name in [*given.verbs, *rivals]:
+    for name in given.verbs:
         runs = {n: measured_apart(name, given.size, n) for n in given.numbers}
         found.append(
             {"verb": name, **{str(n): f"{run['seconds']:.2f} / {run['processor s']:.2f}" for n, run in runs.items()}}
@@ -190,7 +189,8 @@ if __name__ == "__main__":
         print(json.dumps(measured(sys.argv[2], float(sys.argv[3]))))
         sys.exit()
     read = parser(__doc__)
-    read.add_argument("--verbs", nargs="+", choices=VERBS, default=[*VERBS], help="only these")
+    known = [*VERBS, *(name for name, module in NEEDS.items() if find_spec(module))]
+    read.add_argument("--verbs", nargs="+", choices=known, default=known, help="only these")
     read.add_argument("--size", type=float, default=1, help="share of the size: 3.5 or .4 megapixels, 2 million rows")
     read.add_argument("--numbers", type=int, nargs="+", default=[1, 2, 4, 8, 16], help="of threads")
     run(read, shares, threads, growth)
