@@ -6,14 +6,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import cache
-from multiprocessing import active_children, get_context, parent_process
-from multiprocessing.context import BaseContext
+from multiprocessing import connection, get_context, parent_process
+from multiprocessing.connection import Connection
 from time import time
 from typing import Any, TypeAlias
 
@@ -34,20 +33,20 @@ _FOR_SHORT = {
 _PATIENCE = 8
 
 
-#: A place where one task is done at a time.
-_Seat: TypeAlias = Callable[[Attempt, Task], Future[Outcome]]
+#: A place where one task is done at a time: begins it, and returns what its outcome comes from.
+_Seat: TypeAlias = Callable[[Task], Any]
 
 
 def in_processes(
     attempt: Attempt, tasks: Sequence[Task], n_workers: int, threads_each: int, late: tuple[str, ...]
 ) -> Generator[tuple[int, Outcome]]:
     """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
-    seats = [_Process(threads_each, late) for _ in range(n_workers)]
+    workers = [_Process(attempt, threads_each, late=late) for _ in range(n_workers)]
     try:
-        yield from _performed(attempt, tasks, [seat.submit for seat in seats])
+        yield from _performed(tasks, [worker.submit for worker in workers], connection.wait)
     finally:
-        for seat in seats:
-            seat.end()
+        for worker in workers:
+            worker.end()
 
 
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
@@ -57,40 +56,42 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
     with _client(address, n_workers) as client:
         executor, started = client.get_executor(pure=False), time()
 
-        def alone(attempt: Attempt, task: Task) -> Future[Outcome]:
+        def alone(task: Task) -> Future[Outcome]:
             found: Future[Outcome] = executor.submit(_alone, attempt, task, started)
             return found
 
         suspects = []
-        for place, outcome in _performed(attempt, tasks, [alone] * len(tasks)):
+        seats = [alone] * len(tasks)
+        for place, outcome in _performed(tasks, seats, lambda some, timeout: wait(some, timeout, FIRST_COMPLETED).done):
             if outcome.result is _LOST:
                 suspects.append(place)
             else:
                 yield place, outcome
         # One of them ends its workers. One after the other, the others are done without it.
         for place in suspects:
-            outcome = _outcome(alone(attempt, tasks[place]), tasks[place])
+            outcome = _outcome(alone(tasks[place]), tasks[place])
             yield place, replace(outcome, result=None) if outcome.result is _LOST else outcome
 
 
-def _performed(attempt: Attempt, tasks: Sequence[Task], seats: Sequence[_Seat]) -> Generator[tuple[int, Outcome]]:
+def _performed(
+    tasks: Sequence[Task], seats: Sequence[_Seat], done: Callable[[Iterable[Any], float | None], Iterable[Any]]
+) -> Generator[tuple[int, Outcome]]:
     free, waiting = [*seats], iter(enumerate(tasks))
-    busy: dict[Future[Outcome], tuple[int, _Seat]] = {}
+    busy: dict[Any, tuple[int, _Seat]] = {}
     try:
         while True:
             while free and (task := next(waiting, None)):
                 seat = free.pop()
-                busy[seat(attempt, task[1])] = task[0], seat
+                busy[seat(task[1])] = task[0], seat
             if not busy:
                 return
-            for future in wait(busy, return_when=FIRST_COMPLETED).done:
-                place, seat = busy.pop(future)
+            for job in done(busy, None):
+                place, seat = busy.pop(job)
                 free.append(seat)
-                yield place, _outcome(future, tasks[place])
+                yield place, _outcome(job, tasks[place])
     except KeyboardInterrupt:  # what is done is told
-        for future, (place, _) in busy.items():
-            if future.done():
-                yield place, _outcome(future, tasks[place])
+        for job in done(busy, 0):
+            yield busy[job][0], _outcome(job, tasks[busy[job][0]])
         raise
 
 
@@ -98,10 +99,11 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], seats: Sequence[_Seat]) 
 _LOST = object()
 
 
-def _outcome(future: Future[Outcome], task: Task) -> Outcome:
+def _outcome(job: Future[Outcome] | Connection, task: Task) -> Outcome:
     try:
-        return future.result()
-    except BrokenProcessPool:
+        found: Outcome = job.result() if isinstance(job, Future) else job.recv()
+        return found
+    except (EOFError, ConnectionError):
         why = "its worker process was lost, as the system ends one when memory runs out"
     except CancelledError:
         why = "the Dask cluster was lost"
@@ -114,45 +116,41 @@ def _outcome(future: Future[Outcome], task: Task) -> Outcome:
 
 
 class _Process:
-    """A worker process, never a fork of this one, because a forked program with threads can hang.
+    """A worker process, never a fork of this one, because a forked program with threads can hang."""
 
-    Each has an executor of its own: one of several processes would fail all its tasks if one process died.
-    """
+    def __init__(self, *work: Any, late: tuple[str, ...]) -> None:
+        self._work, self._late = work, late
+        self._process: Any = None
+        self._pipe: Connection
 
-    def __init__(self, n_threads: int, late: tuple[str, ...]) -> None:
-        self._n_threads, self._late = n_threads, late
-        self._pool: ProcessPoolExecutor | None = None
-        self._last: Future[Outcome] | None = None
-        self._processes: list[Any] = []
-
-    def submit(self, attempt: Attempt, task: Task) -> Future[Outcome]:
-        if self._last is not None and self._last.done() and isinstance(self._last.exception(), BrokenProcessPool):
+    def submit(self, task: Task) -> Connection:
+        """Begin a task; return the pipe from which its outcome comes."""
+        if self._process is not None and connection.wait([self._pipe], 0):  # the pipe, and so its worker, has ended
             self.end()
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, _context(self._late), _begin, (self._n_threads,))
-            before = active_children()
+        if self._process is None:
+            context = _context(self._late)
+            self._pipe, there = context.Pipe()
+            process = context.Process(target=_work, args=(there, *self._work))
             with _interrupts_held():
-                self._last = self._pool.submit(_work, attempt, task)
-            self._processes = [one for one in active_children() if one not in before]
-        else:
-            self._last = self._pool.submit(_work, attempt, task)
-        return self._last
+                process.start()
+            self._process = process
+            there.close()
+        with suppress(ConnectionError):  # the worker was lost, as who waits for the outcome learns
+            self._pipe.send(task)
+        return self._pipe
 
     def end(self) -> None:
         """Stop at once, leaving neither a partial file nor a zombie."""
-        if self._pool is None:
-            return
-        if self._last is not None and not self._last.done():
-            for process in self._processes:
-                process.terminate()
-                process.join(_PATIENCE)
-                process.kill()
-        self._pool.shutdown()
-        self._pool = None
+        if self._process is not None:
+            self._process.terminate()
+            self._process.join(_PATIENCE)
+            self._process.kill()
+            self._process.join()
+            self._process = None
 
 
 @cache
-def _context(late: tuple[str, ...]) -> BaseContext:
+def _context(late: tuple[str, ...]) -> Any:
     """Return how workers start: from a server of one thread, which has imported what all of them need, by forks."""
     if sys.platform != "linux":
         return get_context("spawn")
@@ -173,8 +171,8 @@ def _context(late: tuple[str, ...]) -> BaseContext:
     return context
 
 
-def _begin(n_threads: int) -> None:
-    """Prepare a worker process."""
+def _work(pipe: Any, attempt: Attempt, n_threads: int) -> None:
+    """Do tasks as they come, in a worker process, until the pipe ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that partial files are removed
     limit_threads(n_threads)
@@ -183,13 +181,15 @@ def _begin(n_threads: int) -> None:
 
         threadpool_limits(n_threads)  # the server, and so its fork, has one
     threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _work(attempt: Attempt, task: Task) -> Outcome:
-    try:
-        return attempt(task)
-    except SystemExit:  # after which an executor would go on
-        os._exit(0)
+    with suppress(EOFError, ConnectionError):
+        while True:
+            task = pipe.recv()
+            try:
+                pipe.send(attempt(task))
+            except SystemExit:  # other threads would end what they have begun
+                os._exit(0)
+            except Exception as error:  # results that cannot be pickled
+                pipe.send(Outcome.failed(task, reason(task.name, error)))
 
 
 def _end_with_parent() -> None:
