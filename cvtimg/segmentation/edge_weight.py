@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from itertools import pairwise
 from math import log
 from typing import Any, NamedTuple
@@ -29,12 +29,12 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import side_by_side
+from cvtimg._shared.threads import of_each, side_by_side
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation.values import from_nearest
 
 #: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
-_ALMOST_NONE = 1e-3
+_ALMOST_NONE = 9e-4
 _MAX_SWEEPS = 1000
 #: Rows of a stripe at least: of 12 megapixels, 16 threads have some each.
 _STRIPE = 64
@@ -67,27 +67,21 @@ def descend(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
     detail: float = 0,
-    in_turn: bool = True,
 ) -> EdgeWeighted:
     """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
     # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
     # is nobody's neighbor. Each pair of near pixels in different segments costs `edge_weight` twice, once from each
     # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
     # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `detail`, the
-    # edge weight is at least that of `State.descend`. The first sweep takes stripes in turn unless cells are near rest.
+    # edge weight is at least that of `State.descend`.
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
-    whole = Layers(
-        values=np.ascontiguousarray(values, dtype=np.float32),
-        weights=None if weights is None else np.ascontiguousarray(weights, dtype=np.float32),
-        labels=padded,
-        others=np.zeros(padded.shape, np.uint16),
-        stale=np.zeros(padded.shape, np.uint8),
-    )
-    state = State(whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes, in_turn))
+    known = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
+    others, stale = np.zeros(padded.shape, np.uint16), np.zeros(padded.shape, np.uint8)
+    whole = Layers(np.ascontiguousarray(values, dtype=np.float32), known, padded, others, stale)
+    state = State(whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes))
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
-    means, masses = state.cells.means[1:].copy(), state.cells.masses[1:].copy()
-    inner = padded[radius:-radius, radius:-radius].copy()
-    return EdgeWeighted(inner, means, masses, energies, edge_weight, converged)
+    inner, cells = padded[radius:-radius, radius:-radius].copy(), state.cells
+    return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
 
 
 def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> NDArray[np.int32]:
@@ -122,7 +116,6 @@ class Moves(NamedTuple):
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
     planes: Planes | None = None  # those of a volume, or none: an image
-    in_turn: bool = True  # whether the first sweep takes stripes in turn
 
 
 class Planes(NamedTuple):
@@ -160,9 +153,7 @@ class SegmentMoments:
             _segments.measure_cells(own.values, own.weights, own.labels, margin, self.rows, found)
             return found
 
-        total = np.zeros_like(self.rows)
-        for found in side_by_side(moments, stripes):
-            total += found
+        total = reduce(np.add, side_by_side(moments, stripes))
         self.masses[:], self.energies[:] = 0, 0
         self.add(total)
 
@@ -185,7 +176,7 @@ class State:
     Sweeps go over stripes of rows, every other one side by side and then those between: no pixel of one is near one of
     another. Each sees the cells as they were and what it changes itself. Stripes depend on the image alone, not on the
     threads; transfers in two of them could raise E a little together, which none of 120 descents on photographs did.
-    The first sweep, if it moves most, takes them in turn, or borders would gather where stripes meet.
+    The first sweep, which moves most, takes six in turn, or borders would gather where stripes meet.
     """
 
     def __init__(self, image: Layers, shape: tuple[int, ...], n_segments: int, moves: Moves) -> None:
@@ -196,7 +187,6 @@ class State:
         self.cells = SegmentMoments(n_segments, n_dims)
         self._image, self._moves = image, moves
         self._stripes = _stripes(height, 2 * self._reach)
-        self._in_turn = moves.in_turn
         self._measure = partial(self.cells.measure, image, self._stripes, radius)
         self._measure()  # about the origin, to find the means
         self._measure()
@@ -222,7 +212,7 @@ class State:
         all_visited, converged = True, False
         shares: list[float] = []  # of pixels on boundaries that moved
         while not converged and len(energies) <= max_sweeps:
-            moved = self._sweep(edge_weight, len(energies) % 2 == 0, all_visited)
+            moved = self._sweep(edge_weight, len(energies), all_visited)
             energies.append(self._energy(edge_weight))
             shares.append(moved / max(self._n_boundary, 1))
             at_rest = shares[-1] <= _ALMOST_NONE
@@ -273,23 +263,24 @@ class State:
 
         return max(side_by_side(greatest_in, self._stripes))
 
-    def _sweep(self, edge_weight: float, backward: bool, everywhere: bool) -> int:
+    def _sweep(self, edge_weight: float, number: int, everywhere: bool) -> int:
         """Visit the pixels on boundaries, or those of them near transfers; return how many were transferred."""
-        moved, margin, rows, image = 0, self._margin, self.cells.rows, self._image
+        moved, margin, rows, image, backward = 0, self._margin, self.cells.rows, self._image, number % 2 == 0
         total = float(self.cells.masses.mean(axis=1).sum())
         how = total, self._steps, margin, edge_weight, self._moves.volume_power, self._moves.connected, backward
 
-        def sweep(stripe: tuple[int, int]) -> Any:
-            own = slice(stripe[0] + margin, stripe[1] + margin)
+        def sweep(stripes: Sequence[tuple[int, int]], number: int) -> Any:
+            own = slice(*(end + margin for end in stripes[number]))
             if everywhere:
                 image.stale[own][:] = image.others[own] > 0
-            return _segments.sweep(image.rows(*stripe, margin), rows, *how) if image.stale[own].any() else None
+            return _segments.sweep(image.rows(*stripes[number], margin), rows, *how) if image.stale[own].any() else None
 
-        groups = [[ends] for ends in self._stripes] if self._in_turn else [self._stripes[::2], self._stripes[1::2]]
-        self._in_turn = False
+        apart = min(6 if number == 1 else 2, len(self._stripes))
+        groups = [self._stripes[first::apart] for first in range(apart)]
         for stripes in reversed(groups) if backward else groups:
             changes = np.zeros_like(rows)
-            for n_moved, n_pairs, n_boundary, touched, change in filter(None, side_by_side(sweep, stripes)):
+            found = filter(None, of_each(partial(sweep, stripes), len(stripes), work=250.0 * self._n_boundary))
+            for n_moved, n_pairs, n_boundary, touched, change in found:
                 moved += n_moved
                 self._n_pairs += n_pairs
                 self._n_boundary += n_boundary

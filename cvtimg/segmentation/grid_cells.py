@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.threads import in_stripes
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, moments_of, weight_of_detail
@@ -93,12 +94,19 @@ def _settled(field: NDArray[np.float32], cells: NDArray[np.int32], weight: float
     (height, width), n_cells = (side // 2 for side in cells.shape), int(cells.max())
     halves = whole and min(height, width, (height * width / n_cells) ** 0.5) >= _LEAST_SIDE
     if halves:
-        pairs = field[: 2 * height : 2, : 2 * width] + field[1 : 2 * height : 2, : 2 * width]
+        half = np.empty((height, width, field.shape[2]), np.float32)
+
+        def halve(own: slice) -> None:
+            rows = field[2 * own.start : 2 * own.stop, : 2 * width]
+            pairs = rows[::2] + rows[1::2]
+            half[own] = (pairs[:, ::2] + pairs[:, 1::2]) / 4
+
+        in_stripes(halve, height, work=8.0 * field.size)
         # A pixel stands for four there, and a border has half the length.
-        small: Any = (pairs[:, ::2] + pairs[:, 1::2]) / 4, cells[: 2 * height : 2, : 2 * width : 2], weight / 2, True
+        small: Any = half, cells[: 2 * height : 2, : 2 * width : 2], weight / 2, True
         rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in cells.shape)
         cells = take_rows(_settled(*small).labels.take(columns, axis=1), rows)
-    return descend(field, cells, n_cells, edge_weight=weight, connected=True, in_turn=not halves)
+    return descend(field, cells, n_cells, edge_weight=weight, connected=True)
 
 
 def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
@@ -109,7 +117,7 @@ def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
     n_columns = max(1, min(width, round(np.sqrt(n_all * width / height)), round(n_all)))
     n_rows = max(1, min(height, round(n_all / n_columns)))
     rows, columns = np.arange(height) * n_rows // height, np.arange(width) * n_columns // width
-    cells = np.add.outer(rows * n_columns, columns + 1, dtype=np.int32, casting="same_kind")
+    cells = np.add.outer((rows * n_columns).astype(np.int32), (columns + 1).astype(np.int32))
     if inside.all():
         return cells
     pieces = connected_pieces(np.where(inside, cells, 0))

@@ -150,7 +150,8 @@ def to_levels(samples: NDArray[Any]) -> EvenLevels:
         return EvenLevels(np.zeros(samples.shape, np.uint8), float(low), 1.0)
     if samples.dtype.kind in "iu" and high - low < 1 << 63:  # within int64
         steps = samples if low == 0 else (samples.astype(np.int64) if low < 0 else samples) - low
-        step = 1 if np.gcd.reduce(steps[:256], axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
+        some = steps[:: len(steps) // 256 + 1]  # from everywhere: a corner may be of one color
+        step = 1 if np.gcd.reduce(some, axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
         if high - low <= _MOST_LEVELS * step:
             dtype = np.uint8 if high - low <= 255 * step else np.uint16
             return EvenLevels((steps // step).astype(dtype, copy=False), float(low), float(step))
