@@ -320,25 +320,17 @@ LOOKS_CLONES static void rate_extend(const rate_band *band, rate_scratch *scratc
   rate_follow(band, scratch, &matches, row, i, limit);
 }
 
-// Write the indices of the shortest path.
+// Write the indices of the shortest path, which is known from its end.
 static void rate_trace(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
-  const rate_node *nodes = scratch->nodes;
   uint16_t *stream = scratch->stream + (row + 1) * scratch->stride;
-  // The path is known from its end: mark where its edges end. The floor is not needed any more.
-  uint8_t *ends = (uint8_t *)scratch->floor;
-  memset(ends, 0, (size_t)band->width);
-  for (int32_t end = (int32_t)band->width; end > 0; end = nodes[end].from) ends[end - 1] = 1;
-  for (Py_ssize_t i = 0, start = 0; i < band->width; i++) {
-    if (!ends[i]) continue;
-    const int32_t distance = nodes[i + 1].distance;
-    for (Py_ssize_t x = start; x <= i; x++) {
-      // A run of bytes repeats what is beside it, whatever the number of pixels in a byte.
-      const Py_ssize_t back = distance == 1 << band->shift ? 1 : distance;
-      stream[x] = distance ? stream[x - back] : (uint16_t)nodes[i + 1].last;
+  for (int32_t end = (int32_t)band->width; end > 0; end = scratch->nodes[end].from) {
+    const rate_node *node = scratch->nodes + end;
+    const int repeats = node->distance > 1 << band->shift;  // what is in a row above, and neither a literal nor a run
+    for (Py_ssize_t x = node->from; x < end; x++) {
+      stream[x] = repeats ? stream[x - node->distance] : (uint16_t)node->last;
+      band->indices[row * band->width + x] = (uint8_t)stream[x];
     }
-    start = i + 1;
   }
-  for (Py_ssize_t i = 0; i < band->width; i++) band->indices[row * band->width + i] = (uint8_t)stream[i];
 }
 
 // Hand the errors of a finished row on to the next, and put its pairs into their chains.
@@ -367,9 +359,8 @@ static void rate_finish(const rate_band *band, rate_scratch *scratch, Py_ssize_t
 
 static void rate_map_row(const rate_band *band, rate_scratch *scratch, Py_ssize_t row) {
   const Py_ssize_t width = band->width;
-  const rate_node unreached = {.cost = FLT_MAX, .last = (int32_t)band->n_entries};
-  for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = unreached;
-  scratch->nodes[0].cost = 0;
+  const int32_t none = (int32_t)band->n_entries;
+  for (Py_ssize_t i = 0; i <= width; i++) scratch->nodes[i] = (rate_node){.cost = i ? FLT_MAX : 0, .last = none};
   for (Py_ssize_t i = 0; i < width; i++) {
     const Py_ssize_t at = row * width + i;
     float place[RATE_WIDTH];
