@@ -357,7 +357,7 @@ class _Search:
                 # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
                 ways = [self._finely(rung[0])] * (missed <= _AIMING.near) + [rungs]
                 after = [one for some in ways if (one := self._toward(some, wanted)) not in self._found]
-                if missed <= (close / 2 if given else 2 * close) or not after:
+                if missed <= (close / 2 if given else 2.5 * close) or not after:
                     break
                 rung = after[0]
             for step in [close * 2**n for n in range(9) if given]:
