@@ -76,7 +76,7 @@ def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
     n_points = len(points)
     n_near = min(_N_NEAR, n_points - 1)
-    distances, found = cKDTree(points).query(points, n_near + 1, workers=n_threads())
+    distances, found = cKDTree(points, balanced_tree=False).query(points, n_near + 1, workers=n_threads())
     # A point is found itself, and not always first where others lie on it, or even not at all.
     itself = found == np.arange(n_points)[:, np.newaxis]
     itself[~itself.any(axis=1), -1] = True

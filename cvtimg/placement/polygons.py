@@ -327,7 +327,7 @@ def _border(mask: NDArray[np.bool_]) -> Points:
         inside[1:] &= layers[:-1]
         inside[:-1] &= layers[1:]
         inside[[0, -1]] = False
-    return np.argwhere(mask ^ inner)[:, ::-1].astype(np.float64) + 0.5
+    return np.stack(np.unravel_index(np.flatnonzero(mask ^ inner), mask.shape)[::-1], axis=1) + np.float64(0.5)
 
 
 def as_region(region: Any) -> Region:
