@@ -2,10 +2,9 @@
 
 Texture and edges show in the part of a patch that is even about its center and in the odd part alike. The two parts of
 noise, which is alike all over, know nothing of each other. So patches with a quiet odd part tell what noise is in even
-parts, and the other way round: to choose by one and to measure in the other takes no noise away. Patches cut off at an
-end of the levels have lost noise and are left out. In doubt there is less noise. The level is that of the least
-eigenvalues of the covariance of patches: G. Chen, F. Zhu, P. A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62. To choose
-patches by their other half is our own.
+parts, and the other way round: to choose by one and to measure in the other takes no noise away, and is our own. In
+doubt there is less noise. The level is that of the least eigenvalues of the covariance of patches: G. Chen, F. Zhu, P.
+A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62.
 
 Where several versions know a pixel, their difference has no texture in it. It is too large where they do not line up or
 differ in exposure: the lower of the two is taken. Where pixels are missing one by one, no patch is whole, and
@@ -30,9 +29,8 @@ _Doubles = NDArray[np.float64]
 _Bools = NDArray[np.bool_]
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
-#: each of their values. About so many are looked at, and of these a share that is quiet: of versions, and of what two
-#: versions differ by.
-_SIDES, _PER_VALUE, _MOST, _QUIET = (8, 4), 10, 1 << 14, (0.1, 0.5)
+#: each of their values. Those looked at have about so many pixels together, and a share of them is quiet.
+_SIDES, _PER_VALUE, _MOST, _QUIET = (8, 4), 10, 1 << 20, 0.1
 #: Share of values at an end of the levels from which on a patch is cut off; and a block, or what is about a pixel.
 _CUT_OFF = (0.02, 0.1)
 #: Pixels that tell the noise of versions at least.
@@ -43,21 +41,17 @@ _LEAST, _COPIES = 0.1, 0.0025
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
 _CLASSES, _CHANCE = 8, 1e-3
 #: Blocks whose spectra tell what near pixels share: their side, which has room for the lags and a window, and shares of
-#: them, from quiet to loud, that end groups, of which the first has so many at least.
-_BLOCK, _GROUPS, _FEWEST = 16, (0.03, 0.1, 0.25), 12
-#: Texture is so many times what grows from the first group to the third, but for chance; and everything that is not
-#: white, where bands have more than this part of it in common.
-_TEXTURE, _COMMON = (3.0, 0.1), 0.9
-#: Rings of frequencies, per cycle per pixel, in which spectra are compared.
-_RINGS = 12
+#: them, from quiet to loud, that end groups.
+_BLOCK, _GROUPS = 16, (0.03, 0.1, 0.25)
+#: Texture is, in each of so many rings of frequencies per cycle per pixel, so many times what grows from the first to
+#: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white.
+_RINGS, _TIMES, _GROWS, _COMMON = 12, 3.0, 1.1, 0.9
 #: Noise is shared where it has so many times the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
 _POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
 #: Pixels farther apart than this share no noise; and the part of its mean variance that it has in any direction of a
 #: patch, so that the covariance has an inverse.
 _LAGS, _ANYWHERE = 6, 0.01
-#: Part of the noise below which what JPEG has rounded away is not added to it.
-_HEARD = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,33 +130,32 @@ class Noise:
         """Measure the noise of versions, where it is not given; `white`: even and not shared; `alike`: in one look."""
         bands, shared = noise_of_bands(versions, alike=alike), None
         levels = mean_noise(bands)
-        is_seen, told = (levels > versions.unseen), np.isfinite(levels) & (levels > 0)
-        ratios = levels / np.sqrt(np.mean(levels[told] ** 2)) if told.any() else np.ones_like(levels)
+        is_seen, told = levels > versions.unseen, levels[levels > 0]
+        variance = float(np.mean(told**2)) if len(told) else 0.0
+        ratios = levels / np.sqrt(variance) if variance else np.ones_like(levels)
         if not white:
-            if is_seen.all() and (found := lines_of(versions, in_place=in_place)) is not None:
+            if is_seen.all() and (found := lines_of(versions, in_place=in_place)):
                 versions = replace(versions, lines=found[0])
                 bands = [np.sqrt(found[1]) * ratio for ratio in ratios]
             shared = shared_noise(versions, in_place=in_place)
             if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
-                shared = _with_rounding(shared, versions, float(np.mean(levels[told] ** 2)) if told.any() else 0.0)
+                shared = _with_rounding(shared, versions, variance)
         if shared:  # the level of white noise tells little of its bands, and of versions whose difference has it
-            ratios = np.ones_like(ratios) if in_place else ratios
-            bands = [np.sqrt(np.diag(shared.bands)) * ratio for ratio in ratios]
+            bands = [np.sqrt(np.diag(shared.bands)) * (1 if in_place else ratio) for ratio in ratios]
         if level is not None:
             bands = [np.full(len(own), level) for own in bands]
         return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
 
 
 def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float) -> SharedNoise | None:
-    """Add to noise, or to its variance if it is white, what versions have lost as JPEG files, if it is heard."""
+    """Add to noise, or to its variance if it is white, what versions have lost as JPEG files."""
     pairs = zip(versions.roundings, versions.stack, strict=False)
     found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
     if not found:
         return shared
-    total = np.sum([SharedNoise.of(lost).autocovariance for lost in found], axis=0) / versions.n_versions
-    before = shared or SharedNoise.white(white, total.shape[2])
-    is_heard = SharedNoise(total).variance >= _HEARD * before.variance
-    return SharedNoise(total + before.autocovariance) if is_heard else shared
+    before = shared or SharedNoise.white(white, found[0].shape[2])
+    total = np.sum([SharedNoise.of(lost).autocovariance for lost in found], axis=0)
+    return SharedNoise(before.autocovariance + total / versions.n_versions)
 
 
 def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
@@ -177,46 +170,44 @@ def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
 class _Look:
     """What noise is measured in."""
 
-    values: Floats  # (H, W, C): noise and, unless versions were subtracted, the image
+    values: Floats  # (H, W, C): noise, even if its lines are known, and the image unless versions were subtracted
     image: Floats  # (H, W, C): the image
     lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
-    has_texture: bool = True  # False where versions were subtracted
+    has_texture: bool  # False where versions were subtracted
 
     @classmethod
     def of(cls, versions: Versions, *numbers: int) -> _Look:
         """Take one version, or what two of them differ by."""
+        from scipy.ndimage import uniform_filter
+
         bands = [versions.bands(number) for number in numbers]
-        lost = [versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers]
-        for number, share in zip(numbers, lost, strict=True):
-            share[~versions.known[:, :, number]] = np.inf
-        if len(numbers) == 1:
-            return cls(bands[0], bands[0], lost[0])
-        apart, mean = (bands[0] - bands[1]) * np.float32(np.sqrt(0.5)), (bands[0] + bands[1]) * np.float32(0.5)
-        return cls(apart, mean, np.maximum(*lost), has_texture=False)
+        values, image = bands[0], bands[0]
+        if len(bands) > 1:
+            values, image = (values - bands[1]) * np.float32(np.sqrt(0.5)), (image + bands[1]) * np.float32(0.5)
+        lost = np.max([versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers], axis=0)
+        lost[~versions.known[:, :, numbers].all(axis=2)] = np.inf
+        if versions.lines is not None:
+            spread = np.sqrt(versions.noisiness(uniform_filter(image, (5, 5, 0))))[:, :, None]
+            values = np.divide(values, spread, dtype=np.float32)
+        return cls(values, image, lost, len(bands) == 1)
 
-    def patches(self, side: int, most: int = _MOST, cut_off: float = _CUT_OFF[0]) -> tuple[_Doubles, _Doubles]:
-        """(N, side, side, C) patches all over, about so many, and their levels, (N, C)."""
-        height, width = (size - side + 1 for size in self.lost.shape)
-        if min(height, width) < 1:
-            return np.empty((0, side, side, self.values.shape[2])), np.empty((0, self.values.shape[2]))
-        every = (slice(None, None, int(np.ceil(np.sqrt(max(height * width / most, 1))))),) * 2
-
-        def seen(image: Floats) -> Floats:
-            return np.lib.stride_tricks.sliding_window_view(image, (side, side), (0, 1))[every]
-
-        inside = seen(self.lost).mean(axis=(2, 3)) <= cut_off
-        patches = np.moveaxis(seen(self.values)[inside], 1, 3).astype(np.float64)
-        return patches, seen(self.image)[inside].mean(axis=(2, 3), dtype=np.float64)
-
-    def enough(self, per_value: int) -> tuple[_Doubles, _Doubles] | None:
-        """Patches, and their levels, of the largest side of which there are so many for each value of a patch."""
-        found = map(self.patches, _SIDES)
-        return next((pair for pair in found if len(pair[0]) >= per_value * np.prod(pair[0].shape[1:])), None)
-
-    @property
-    def quiet(self) -> float:
-        """Share of patches that are quiet enough to show noise."""
-        return _QUIET[0 if self.has_texture else 1]
+    def patches(
+        self, sides: tuple[int, ...] = _SIDES, per_value: int = _PER_VALUE, cut_off: float = _CUT_OFF[0]
+    ) -> tuple[_Doubles, _Doubles] | None:
+        """(N, side, side, C) patches all over, of about `_MOST` pixels together, and their levels, (N, C)."""
+        # Of the sides, it is the first of which there are enough for each value of a patch.
+        for side in sides:
+            if min(self.lost.shape) >= side:
+                every = int(np.ceil(side * np.sqrt(self.lost.size / _MOST)))
+                values, image, lost = (
+                    np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
+                    for one in (self.values, self.image, self.lost)
+                )
+                inside = lost.mean(axis=(2, 3)) <= cut_off
+                if np.count_nonzero(inside) >= per_value * values[0, 0].size:
+                    patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
+                    return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
+        return None
 
 
 def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
@@ -248,26 +239,24 @@ def _order_of(halves: _Doubles) -> NDArray[np.intp]:
 
 def _levels_of(look: _Look) -> _Doubles:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
-    if (found := look.enough(_PER_VALUE)) is None:
-        return np.full(look.values.shape[2], np.nan)
-    return _levels_in(found[0], look.quiet)
+    found = look.patches()
+    return np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
 
 
-def _levels_in(patches: _Doubles, quiet: float) -> _Doubles:
-    """(C,) standard deviation of the noise in each band of patches, (N, side, side, C), a share of them quiet."""
-    n_bands, n_quiet = patches.shape[3], int(quiet * len(patches))
-    bands = np.array([*side_by_side(lambda band: _least(patches[..., band : band + 1], n_quiet), range(n_bands))])
-    if n_bands == 1 or not bands.max():
+def _levels_in(patches: _Doubles) -> _Doubles:
+    """(C,) standard deviation of the noise in each band of patches, (N, side, side, C)."""
+    bands = np.array([*side_by_side(_least, np.split(patches, patches.shape[3], axis=3))])
+    if len(bands) == 1 or not bands.max():
         return bands
     # Bands have texture in common, so that together they have more directions without it.
     bands = np.maximum(bands, 1e-3 * bands.max())
-    return np.asarray(bands * _least(patches / bands, n_quiet))
+    return np.asarray(bands * _least(patches / bands))
 
 
-def _least(patches: _Doubles, n_quiet: int) -> float:
+def _least(patches: _Doubles) -> float:
     """Return the standard deviation of patches in the directions in which they vary least, which only noise fills."""
     even, odd = _halves_of(patches)
-    n_quiet = min(max(n_quiet, _PER_VALUE * even[0].size), len(patches))
+    n_quiet = min(max(int(_QUIET * len(patches)), _PER_VALUE * even[0].size), len(patches))
     found = [_powers(even[_order_of(odd)[:n_quiet]]), _powers(odd[_order_of(even)[:n_quiet]])]
     powers, again = np.concatenate(found, axis=1)
     order = np.argsort(powers)
@@ -336,29 +325,24 @@ def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> 
 
 def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles] | None:
     """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
-    from scipy.stats import f as distribution
+    from scipy.stats import combine_pvalues, linregress
 
     levels, variances, usual = [], [], []
     for numbers in _looks(versions, in_place=in_place):
-        look = _Look.of(versions, *numbers)
-        if (found := look.enough(3 * _CLASSES)) is None:
-            continue
-        patches, means = found
-        parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
-        some = [patches[part] for part in parts]
-        squares = np.square([*side_by_side(partial(_levels_in, quiet=look.quiet), some)])
-        levels += [means[part].mean(axis=0) for part in parts]
-        # Versions may be more or less noisy; what matters is how noise changes with the level.
-        usual.append(squares.mean(axis=0))
-        variances.append(squares / np.maximum(usual[-1], 1e-30))
-    if not usual or np.min(usual) <= 0:
+        if found := _Look.of(versions, *numbers).patches(per_value=3 * _CLASSES):
+            patches, means = found
+            parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
+            squares = np.square([*side_by_side(_levels_in, [patches[part] for part in parts])])
+            levels += [means[part].mean(axis=0) for part in parts]
+            usual.append(squares.mean(axis=0))
+            # Versions may be more or less noisy; what matters is how noise changes with the level.
+            variances += [*(squares / np.maximum(usual[-1], 1e-30))]
+    if not usual or np.min(usual) <= 0 or np.min(np.ptp(levels, axis=0)) <= 0:
         return None
-    seen, told = np.array(levels), np.concatenate(variances)
-    lines = np.array([np.polynomial.polynomial.polyfit(*pair, 1) for pair in zip(seen.T, told.T, strict=True)])
-    fitted, freedom = lines[:, 0] + lines[:, 1] * seen, len(lines) * (len(seen) - 2)
-    explained, left = (np.square(fitted - other).sum() for other in (told.mean(axis=0), told))
-    chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
-    return (lines, np.mean(usual, axis=0)) if chance < _CHANCE else None
+    fits = [linregress(*pair) for pair in zip(np.transpose(levels), np.transpose(variances), strict=True)]
+    if combine_pvalues([fit.pvalue for fit in fits]).pvalue >= _CHANCE:
+        return None
+    return np.array([(fit.intercept, fit.slope) for fit in fits]), np.mean(usual, axis=0)
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
@@ -368,78 +352,56 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
 
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
-    from scipy.ndimage import uniform_filter
-
-    grain = _GRAIN * 256 * versions.rounding
-
-    def found_in(numbers: tuple[int, ...]) -> list[_Doubles]:
-        look = _Look.of(versions, *numbers)
-        if versions.lines is not None:  # noise becomes as large at all levels
-            spread = np.sqrt(versions.noisiness(uniform_filter(look.image, (5, 5, 0))))[:, :, None]
-            look = replace(look, values=(look.values / spread).astype(np.float32))
-        return _shared_in(look, grain)
-
-    found = [one for some in side_by_side(found_in, _looks(versions, in_place=in_place)) for one in some]
+    looks = side_by_side(lambda numbers: _shared_in(versions, numbers), _looks(versions, in_place=in_place))
+    found = [one for one in looks if one is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(look: _Look, grain: float) -> list[_Doubles]:
-    """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; none where noise is white or too little known."""
-    blocks, _ = look.patches(_BLOCK, _MOST // 4, _CUT_OFF[1])
-    level = _levels_of(look).min()
-    first, second, third = (int(share * len(blocks)) for share in _GROUPS)
-    if first < _FEWEST or not level > 0:
-        return []
-    blocks = _without_slopes(blocks / level)
+def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
+    """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
+    look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
+    found, level = look.patches((_BLOCK,), 1, _CUT_OFF[1]), _levels_of(look).min()
+    if found is None or not level > 0:
+        return None
+    blocks = _without_slopes(found[0] / level)
     turned = blocks[:, ::-1, ::-1]
     even, odd = _halves_of(blocks)
     halves = ((blocks + turned) / 2, _order_of(odd)), ((blocks - turned) / 2, _order_of(even))
     side = np.hanning(_BLOCK + 2)[1:-1]
     window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
-    def spectrum(group: slice) -> _Doubles:
+    def spectrum(*shares: float) -> _Doubles:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
+        group = slice(*(int(share * len(blocks)) for share in shares))
         waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
         return np.asarray(sum(np.einsum("bxyi,bxyj->xyij", one, one.conj()) / len(one) for one in waves))
 
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
-    white = np.square(window).sum()
-    quiet = spectrum(slice(first if look.has_texture else int(look.quiet * len(blocks))))
+    white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(slice(second, third)), white, frequencies)
+        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, (frequencies * _RINGS).astype(np.intp))
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
     if power < _POWER or (look.has_texture and power * level**2 < grain**2):
-        return []
+        return None
     powers = np.einsum("xyij,xyj,xykj->xyik", axes, squares, axes.conj()) * level**2
     seen = np.square(np.abs(np.fft.rfft2(window, sides)))[:, :, None, None]
-    return [_near(powers, sides) / _near(seen, sides)]
+    return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _Doubles) -> _Doubles:
+def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, rings: NDArray[np.intp]) -> _Doubles:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
-    rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
-
-    def by_ring(values: NDArray[np.complex128]) -> _Doubles:
-        return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
-
-    first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
-    together = quiet.sum(axis=(2, 3)).real / n_bands
-    common = by_ring(together)
-    apart = (first - common) / max(n_bands - 1, 1)
-    times, chance = _TEXTURE
-    noise = np.clip(1 - times * np.maximum(next_ / first - 1 - chance, 0), 0, 1) * np.maximum(common - apart, 0)
-    noise += np.minimum(common, apart)
-    if n_bands > 1:
-        beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
-        if beyond[1] > _COMMON * n_bands * beyond[0]:
-            noise[:] = 0.0
-        # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
-        ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
-        ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
-        noise = np.minimum(noise, ratios * apart)
-    return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]
+    n_bands, together = quiet.shape[2], quiet.sum(axis=(2, 3)).real / quiet.shape[2]
+    spectra = (together, np.einsum("xyii->xy", quiet).real, np.einsum("xyii->xy", louder).real)
+    common, first, next_ = (np.bincount(rings.ravel(), one.ravel()) for one in spectra)
+    least = white * np.bincount(rings.ravel())
+    apart = np.maximum((first - common) / max(n_bands - 1, 1), least)
+    noise = np.maximum(common * np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1), apart)
+    if n_bands > 1 and (common - least)[1:].sum() > _COMMON * (first - n_bands * least)[1:].sum():
+        noise = apart
+    share = np.maximum(1 - noise / np.maximum(common, 1e-30), 0)
+    return np.asarray((share[rings] * together / n_bands)[:, :, None, None])
 
 
 def _without_slopes(blocks: _Doubles) -> _Doubles:
