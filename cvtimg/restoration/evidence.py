@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.checks import check_choice, check_positive
+from cvtimg._shared.choices import AlignName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
-from cvtimg.restoration.alignment import Alignment
+from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.fitting import equalized, exposures, fitting
 from cvtimg.restoration.noise import Noise
@@ -54,32 +56,36 @@ def prepare(
     given: Versions,
     weights: ArrayLike | None,
     *,
-    align: str | None,
-    hidden: str,
-    level: float | None,
+    align: bool | AlignName = False,
+    hidden: str | None = None,
+    level: float | None = None,
+    space: SpaceName = "rgb",
     channels: bool = False,
     white: bool = True,
 ) -> Evidence:
     """Measure the noise of versions, put them in place, and leave out where they disagree; options as in `restore`."""
     # Noise is measured before any interpolation, which smooths it.
-    if align and given.n_versions == 1:
-        warnings.warn(f"align={align!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
+    rule = HIDDEN[check_choice("hidden", hidden or "none", HIDDEN)]
+    model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
+    level = None if level is None else check_positive("noise", level) * given.level(space)
+    if model and given.n_versions == 1:
+        warnings.warn(f"align={model!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
     with part(0, 0.4):
-        placed, alignment = align_versions(given, align) if align else (given, Alignment.none(given.n_versions))
-    if align and not channels:
+        placed, alignment = align_versions(given, model) if model else (given, Alignment.none(given.n_versions))
+    if model and not channels:
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
     with part(0.4, 1):
-        noise = Noise.of(given, level=level, white=white, in_place=align is None, alike=not channels)
+        noise = Noise.of(given, level=level, white=white, in_place=model is None, alike=not channels)
     given, placed = (replace(one, lines=noise.lines) for one in (given, placed))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)
-        versions, apart = fitting(placed, usual, noise.shared, aligned=bool(align), hidden=hidden)
-        versions = HIDDEN[hidden](versions, usual, moved=bool(align))
+        versions, apart = fitting(placed, usual, noise.shared, aligned=bool(model), hidden=hidden or "none")
+        versions = rule(versions, usual, moved=bool(model))
         suspicion = Suspicion.of(placed, versions, usual) if hidden == "outliers" else None
     trust = trust_in(given, weights, noise.levels)
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(align))
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model))
 
 
 def without_copies(versions: Versions) -> Versions:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg._shared.pixels import peak, white_of
+from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each
-from cvtimg.colors.spaces import from_space, to_space
+from cvtimg.colors.spaces import from_space
 from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
@@ -44,7 +44,7 @@ def merge_versions(
     versions, trust = evidence.versions, evidence.trust
     if evidence.suspicion:
         versions = evidence.suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
-    unit, cost = level_of(versions, space) ** 2, edge_weight
+    unit, cost = versions.level(space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit
     if n_generators is None:
@@ -59,8 +59,7 @@ def merge_versions(
 
     def settled(labels: _Labels, own: NDArray[np.bool_]) -> EdgeWeighted:
         """Lower the energy in some bands from initial labels until they rest."""
-        some, loads = values[:, :, own], weights[:, :, own]
-        found = descend(some, labels, n_generators, edge_weight=cost * unit, weights=loads)
+        found = descend(values[:, :, own], labels, n_generators, edge_weight=cost * unit, weights=weights[:, :, own])
         return replace(found, generators=found.generators + np.float32(center))
 
     def started(blur: float) -> _Labels:
@@ -89,7 +88,7 @@ def merge_versions(
     rank = np.zeros(len(shown) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[end.labels]
-    result: Restoration = Restoration.of(
+    return Restoration.of(
         colors[order][labels - 1],
         versions,
         evidence,
@@ -101,7 +100,6 @@ def merge_versions(
         energies=end.energies,
         converged=end.converged,
     )
-    return result
 
 
 def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _Doubles:
@@ -114,12 +112,6 @@ def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _
         white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
         apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white
     return apart
-
-
-def level_of(versions: Versions, space: SpaceName) -> float:
-    """Return an 8-bit level in the units of the first version's color space."""
-    white = np.array([[white_of(versions.dtypes[0])]], versions.dtypes[0])
-    return float(to_space(white, space)[0, 0]) / 255
 
 
 def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:

@@ -9,23 +9,19 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_positive, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg.engine.search import EFFORTS
 from cvtimg.engine.tessellation import tessellate
-from cvtimg.restoration.agreement import HIDDEN
-from cvtimg.restoration.alignment import MODELS
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, without_copies
-from cvtimg.restoration.merging import RENORMALIZATIONS, level_of, merge_versions
+from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import mean_noise, noise_of_bands
 from cvtimg.restoration.result import Denoised, Restoration
-from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in
+from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
-#: What noise may be like.
-NOISES = get_args(NoiseName)
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
 #: Blur, in pixels, which removes most of the noise.
@@ -155,15 +151,14 @@ def restore(
     check_choice("effort", effort, tuple(EFFORTS))
     rule = check_choice("renormalize", renormalize or "none", RENORMALIZATIONS)
     cost = check_edge_weight(edge_weight)
-    reading = {"masks": masks, "nodata": nodata, "alpha": alpha, "channels": channels}
-    given, about = _read(images, reading, align, hidden, noise, space)
+    given = stack_versions(images, masks, nodata, space, channels=channels, alpha=alpha, any_size=bool(align))
     if isinstance(n_generators, str):
         check_choice("n_generators", n_generators, ("auto",))
         number = None
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     with part(0, _PREPARING):
-        evidence = prepare(given, weights, channels=channels, **about)
+        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, channels=channels)
     with part(_PREPARING, 1):
         return merge_versions(evidence, number, edge_weight=cost, renormalize=rule, effort=effort, space=space)
 
@@ -232,31 +227,14 @@ def denoise(
     True
     """
     check_choice("effort", effort, ("auto", *EFFORTS))
-    check_choice("noise_like", noise_like, NOISES)
-    reading = {"masks": masks, "nodata": nodata, "alpha": alpha}
-    given, about = _read(images, reading, align, hidden, noise, space)
+    check_choice("noise_like", noise_like, get_args(NoiseName))
+    given = without_copies(stack_versions(images, masks, nodata, space, alpha=alpha, any_size=bool(align)))
+    white = noise_like == "white"
     with part(0, _PREPARING):
-        evidence = prepare(without_copies(given), weights, white=noise_like == "white", **about)
+        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
-    result: Denoised = Denoised.of(image, used, evidence, space)
-    return result
-
-
-def _read(
-    images: Sequence[Any],
-    reading: dict[str, Any],
-    align: bool | AlignName,
-    hidden: str | None,
-    noise: float | None,
-    space: SpaceName,
-) -> tuple[Versions, dict[str, Any]]:
-    """Stack versions; also return checked options of their preparation."""
-    hiding = check_choice("hidden", hidden or "none", HIDDEN)
-    model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
-    level = None if noise is None else check_positive("noise", noise)
-    given = stack_versions(images, space=space, any_size=bool(model), **reading)
-    return given, {"align": model, "hidden": hiding, "level": level and level * level_of(given, space)}
+    return Denoised.of(image, used, evidence, space)
 
 
 # --- what versions are: drawings, whose few colors explain what they show, or photographs; and how noisy
@@ -356,8 +334,8 @@ def measure_noise(
     (True, 0.0, 0.0)
     """
     given = stack_versions(images, masks, nodata, alpha=alpha)
-    evidence = prepare(given, None, align=None, hidden="none", level=None, white=False)
-    noise, lines, unit = evidence.noise, evidence.noise_lines, level_of(given, "rgb")
+    evidence = prepare(given, None, white=False)
+    noise, lines, unit = evidence.noise, evidence.noise_lines, given.level("rgb")
     slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)
     levels = tuple((noise.levels / unit).tolist())
     return MeasuredNoise(levels, slope, noise.shared.neighbors if noise.shared else 0.0)

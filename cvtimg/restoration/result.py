@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,7 @@ class Denoised(ReadOnly):
     misfits: NDArray[np.float64]
 
     @classmethod
-    def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Any:
+    def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Self:
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
         versions, noise = evidence.placed, evidence.noise
         rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtypes[0])

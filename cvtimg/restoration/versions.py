@@ -14,12 +14,13 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_image, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import blur, in_stripes
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
 Floats = NDArray[np.float32]
+_Bools = NDArray[np.bool_]
 
 #: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
 _SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
@@ -58,8 +59,7 @@ class Rounding:
         firsts = [max(side - _LARGEST, _SIDE) // (2 * _SIDE) * _SIDE + _SIDE // 2 for side in values.shape[:2]]
         part = values[tuple(slice(first, first + _LARGEST) for first in firsts)]
         file = BytesIO()
-        about: dict[str, Any] = {} if n_bands == 1 else {"subsampling": self.subsampling}
-        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables, **about)
+        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables, subsampling=self.subsampling)
         with Image.open(file) as again:
             return np.asarray(np.sqrt(_FIRST_TIME) * (np.asarray(again, np.float64).reshape(part.shape) - part))
 
@@ -71,7 +71,7 @@ class Versions:
     #: (H, W, C) each: values in the working color space, in the smallest type at hand, for many versions take much
     #: memory; of any value where unknown
     stack: tuple[NDArray[Any], ...]
-    known: NDArray[np.bool_]  # (H, W, S): which pixels each version knows
+    known: _Bools  # (H, W, S): which pixels each version knows
     version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
@@ -110,7 +110,7 @@ class Versions:
         in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
-    def cut_off(self, version: int) -> NDArray[np.bool_]:
+    def cut_off(self, version: int) -> _Bools:
         """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
         values, white = self.stack[version], self.white
         seen = values[self.known[:, :, version]] if white is None else np.array([0, white])
@@ -134,6 +134,11 @@ class Versions:
         """Standard deviation that no noise is taken to be below: a level of 8 bits, of the range that is used."""
         span = max(float(values.max()) for values in self.stack) - min(float(values.min()) for values in self.stack)
         return (span or 1.0) / 256
+
+    def level(self, space: SpaceName) -> float:
+        """Return an 8-bit level in the units of the first version's color space, which `space` names."""
+        white = np.array([[white_of(self.dtypes[0])]], self.dtypes[0])
+        return float(to_space(white, space)[0, 0]) / 255
 
     @property
     def unseen(self) -> float:
@@ -159,15 +164,17 @@ def stack_versions(
             f"images of shape {shape} must be a list of versions: [image] for one, list(images) for a stack"
         )
     check_that("images", len(images) > 0, "have at least one version")
-    read = [_read(number, image, nodata, alpha) for number, image in enumerate(images)]
-    sizes = [known.shape for _, known in read]
+    masks = [None] * len(images) if masks is None else masks
+    if len(masks) != len(images):
+        raise ValueError(f"masks has {len(masks)} masks and must have {len(images)}, one for each version, or None")
+    given = enumerate(zip(images, masks, strict=True))
+    read = [_read(number, image, mask, nodata, alpha) for number, (image, mask) in given]
     if not any_size:
-        _check_same("size", sizes)
+        _check_same("size", [known.shape for _, known in read])
     if not channels:
         _check_same("bands", [values.shape[2] for values, _ in read])
         _check_same("type", [str(values.dtype) for values, _ in read])
-    given = _check_masks(masks, sizes)
-    fitted = [_fitted(values, seen & mask, sizes[0]) for (values, seen), mask in zip(read, given, strict=True)]
+    fitted = [_fitted(values, seen, read[0][1].shape) for values, seen in read]
     known = np.stack([seen for _, seen in fitted], axis=2)
     check_that("images", bool(known.any()), "have at least one known pixel; no version knows any pixel")
     placed = [_place(values, seen, space) for values, seen in fitted]
@@ -186,22 +193,7 @@ def _check_same(what: str, found: Sequence[object]) -> None:
             raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
 
 
-def _check_masks(masks: Sequence[ArrayLike | None] | None, sizes: Sequence[tuple[int, ...]]) -> list[NDArray[np.bool_]]:
-    """Return an (H, W) mask for each version, True where it is known; all known by default."""
-    if masks is None:
-        masks = [None] * len(sizes)
-    if len(masks) != len(sizes):
-        raise ValueError(f"masks has {len(masks)} masks and must have {len(sizes)}, one for each version, or None")
-    pairs = zip(masks, sizes, strict=True)
-    known = [np.ones(size, np.bool_) if mask is None else np.asarray(mask) != 0 for mask, size in pairs]
-    for number, (one, size) in enumerate(zip(known, sizes, strict=True)):
-        check_shape(f"masks[{number}]", one.shape, one.shape == size, f"{size}, the size of the version")
-    return known
-
-
-def _fitted(
-    values: NDArray[Any], known: NDArray[np.bool_], size: tuple[int, ...]
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def _fitted(values: NDArray[Any], known: _Bools, size: tuple[int, ...]) -> tuple[NDArray[Any], _Bools]:
     """Cut or add rows and columns at the lower right so that (H, W, C) values have a size; what is added is unknown."""
     if known.shape == size:
         return values, known
@@ -210,14 +202,14 @@ def _fitted(
     return np.pad(values, [*more, (0, 0)]), np.pad(known, more)
 
 
-def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """(H, W, C) values of a version, and where they are known by its own mask, NaN, alpha and nodata."""
+def _read(
+    number: int, image: Any, mask: ArrayLike | None, nodata: float | None, alpha: bool | None
+) -> tuple[NDArray[Any], _Bools]:
+    """(H, W, C) values of a version, and where they are known by its masks, NaN, alpha and nodata."""
     array = array_of(image)
-    missing: NDArray[np.bool_] = (
-        np.ma.getmaskarray(image) if isinstance(image, np.ma.MaskedArray) else np.zeros(array.shape, np.bool_)
-    )
-    if array.dtype.kind == "f":
-        missing = missing | np.isnan(array)
+    missing = np.isnan(array) if array.dtype.kind == "f" else np.zeros(array.shape, np.bool_)
+    if isinstance(image, np.ma.MaskedArray):
+        missing |= np.ma.getmaskarray(image)
     values = check_image(f"images[{number}]", np.where(missing, array.dtype.type(0), array) if missing.any() else array)
     values = values.reshape(*values.shape[:2], -1)
     known = np.logical_not(missing.reshape(values.shape).any(axis=2))
@@ -226,10 +218,14 @@ def _read(number: int, image: Any, nodata: float | None, alpha: bool | None) -> 
         values = values[:, :, :-1]
     if nodata is not None:
         known &= (values != nodata).any(axis=2)
+    if mask is not None:
+        inside = np.asarray(mask) != 0
+        check_shape(f"masks[{number}]", inside.shape, inside.shape == known.shape, f"{known.shape}, as the version")
+        known &= inside
     return values, known
 
 
-def _place(values: NDArray[Any], known: NDArray[np.bool_], space: SpaceName) -> NDArray[Any]:
+def _place(values: NDArray[Any], known: _Bools, space: SpaceName) -> NDArray[Any]:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
     if not known.all():
         values = np.where(known[:, :, None], values, values.dtype.type(0))
@@ -251,13 +247,12 @@ def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.fl
 def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
     """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
     # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
-    n_bands = np.count_nonzero(versions.version_of == 0)
     mean, _ = fuse(versions, trust)
     apart = np.zeros(versions.known.shape[:2])
     for version in range(versions.n_versions):
         squares = np.square(versions.bands(version) - mean).sum(axis=2)
-        apart += trust[version] * np.where(versions.known[:, :, version], squares, 0)
-    freedom = np.maximum(versions.coverage - 1, 0).sum() * n_bands
+        apart += trust[version] * squares * versions.known[:, :, version]
+    freedom = np.maximum(versions.coverage - 1, 0).sum() * mean.shape[2]
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
