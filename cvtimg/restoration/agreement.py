@@ -22,8 +22,6 @@ _Doubles = NDArray[np.float64]
 
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
 _SIDES = (1, 3, 5)
-
-
 #: Standard deviations of a Gaussian that one of 100,000 pixels exceeds.
 _RARE = 4.3
 #: Share of known pixels from which on a window is judged; and of those about a pixel that depart, with which it does.
@@ -128,9 +126,8 @@ class _Part:
         if moved:  # the range of the pixels within 3 x 3; 0 where one is unknown
             slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
             slack = _SLACK * np.nan_to_num(slack)
-        residuals = (self.apart(version, reference) for version in range(len(self.values)))
-        residuals = (residual - np.clip(residual, -slack, slack) for residual in residuals)
-        return np.stack([self.departs(residual, s, scales[s]) for s, residual in enumerate(residuals)])
+        apart = (self.apart(version, reference) for version in range(len(self.values)))
+        return np.stack([self.departs(one - np.clip(one, -slack, slack), s, scales[s]) for s, one in enumerate(apart)])
 
     def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
@@ -174,11 +171,8 @@ def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1
 def _sample(versions: Versions, most: int = 1 << 20, rows: int = 32) -> _Part:
     """Return rows that tell the usual departure: all, or bands of a large picture."""
     height, width = versions.known.shape[:2]
-    n_rows = min(max(most // (width * versions.n_versions), rows), height)
-    if n_rows == height:
-        return _Part.of(versions, slice(None))
-    tops = np.linspace(0, height - rows, n_rows // rows).astype(np.intp)
-    return _Part.of(versions, (tops[:, None] + np.arange(rows)).ravel())
+    tops = np.linspace(0, height - rows, max(most // (width * versions.n_versions * rows), 1)).astype(np.intp)
+    return _Part.of(versions, np.unique(np.clip(tops[:, None] + np.arange(rows), 0, height - 1)))
 
 
 def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> Floats:
@@ -187,27 +181,22 @@ def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> 
     # median of three or more versions, .88 of the noise is left.
     from scipy.ndimage import uniform_filter
 
-    scales = np.empty((len(part.values), len(_SIDES), part.values.shape[3]), np.float32)
-
-    def scale(version: int) -> None:
+    def scale(version: int) -> Floats:
         seen = judged & part.known[version]
         residual = np.where(seen[..., None], part.apart(version, reference), np.float32(0))
-        for number, side in enumerate(_SIDES):
-            means = uniform_filter(residual, (side, side, 0)) if side > 1 else residual
-            usual = np.median(np.abs(means[seen]), axis=0) / (0.6745 * 0.88) if seen.any() else 0.0
-            scales[version, number] = np.maximum(noise[version] / side, usual)
+        means = [uniform_filter(residual, (side, side, 0))[seen] for side in _SIDES]
+        usual = [np.median(np.abs(one), axis=0) / (0.6745 * 0.88) if len(one) else one.sum(axis=0) for one in means]
+        return np.maximum((noise[version] / _SIDES)[:, None], usual).astype(np.float32)
 
-    _ = [*side_by_side(scale, range(len(scales)))]
-    return scales
+    return np.stack([*side_by_side(scale, range(len(part.values)))])
 
 
 def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
     """(C,) mean of the fullest of boxes, so many per channel, over all that is known."""
-    n_bands = min(int(np.count_nonzero(versions.version_of == 0)), 3)
     rows = np.concatenate([versions.bands(s)[versions.known[:, :, s]] for s in range(versions.n_versions)])
     low, high = rows.min(axis=0), rows.max(axis=0)
-    places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)
-    number = places[:, :n_bands] @ [boxes**band for band in range(n_bands)]
+    places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)[:, :3]
+    number = places @ boxes ** np.arange(places.shape[1])
     return rows[number == np.bincount(number).argmax()].mean(axis=0)
 
 

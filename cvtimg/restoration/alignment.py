@@ -155,16 +155,13 @@ def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
         return np.asarray(fine * window * level.weight)
 
     shift, _, _ = correlate(structure(fixed), structure(moving), normalization=None)
-    transform = np.eye(3)
-    transform[:2, 2] = -np.asarray(shift, np.float64)[::-1]
-    return transform
+    return np.eye(3) + np.tensordot(-np.asarray(shift, np.float64)[::-1], _GENERATORS[:2], 1)
 
 
 def _simplest(pair: _Pair, transform: _Doubles) -> tuple[_Doubles, str]:
     """Return the simplest model that fits as well as richer ones, by the Bayesian information criterion."""
     center = (np.array(pair.shape[::-1]) - 1) / 2
-    shift = np.eye(3)
-    shift[:2, 2] = np.array(_mapped(transform, *center)) - center
+    shift = np.eye(3) + np.tensordot(np.array(_mapped(transform, *center)) - center, _GENERATORS[:2], 1)
     used, best = "translation", pair.improved(shift, MODELS["translation"])
     for name in list(MODELS)[1:]:
         richer = pair.improved(transform if used == "translation" else best[0], MODELS[name])
@@ -196,8 +193,7 @@ class _Pair:
         n_independent = max(min(len(chosen) / (4 * np.pi * _BLUR**2), _SAMPLED), 2)
         if len(chosen) > _SAMPLED:
             chosen = np.sort(np.random.default_rng(0).choice(chosen, _SAMPLED, replace=False))
-        gradient: Any = np.gradient
-        down, right = gradient(fixed.values)
+        down, right = np.gradient(fixed.values)
         y, x = np.divmod(chosen, fixed.values.shape[1])
         return cls(
             fixed.values.shape,
@@ -218,11 +214,10 @@ class _Pair:
         height, width = self.shape
         at = np.stack([y, x])
         inside = (x >= 1) & (x <= width - 2) & (y >= 1) & (y <= height - 2)
-        values = self.look(at)[:, 0]
         weights = inside * self.weights
         if self.other_weight is not None:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
-        return values, np.where(weights > _COMPARED**2, weights, 0)
+        return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
 
     def improved(self, transform: _Doubles, n_generators: int) -> tuple[_Doubles, float, float]:
         """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
@@ -254,8 +249,7 @@ class _Pair:
             motion = expm(np.tensordot(step[:n_generators], _GENERATORS[:n_generators], axes=1))
             current = current @ from_unit @ motion @ to_unit
             current /= current[2, 2]
-            zoom = np.linalg.det(current[:2, :2])
-            if not 1 / _ZOOM < zoom < _ZOOM:
+            if not 1 / _ZOOM < np.linalg.det(current[:2, :2]) < _ZOOM:
                 return transform, 1.0, 0.0
             if np.abs(step[:n_generators]).max() * half < _SHORT:
                 break

@@ -108,9 +108,8 @@ def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _
     apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
     for version, n in enumerate(n_bands):
         places = generators[:, versions.version_of == version]
-        known = ~np.isnan(places).any(axis=1)
         white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
-        apart[known, version, :n] = from_space(places[known], space, np.dtype(np.float64)) * white
+        apart[:, version, :n] = from_space(places, space, np.dtype(np.float64)) * white
     return apart
 
 

@@ -150,10 +150,6 @@ class Groups:
         found[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
         return found
 
-    def sums(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(G,) or (G, ...) sums over the patches of each group."""
-        return np.add.reduceat(values[self.order], self.bounds[:-1], axis=0, dtype=np.float64)
-
 
 def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
     """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
@@ -328,9 +324,10 @@ class _Filters:
 
 def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     """(G,) variance of the noise in the patches of each group: that of the mean precision of known pixels."""
-    patches = windows(precision[:, :, None]).reshape(len(groups.order), -1)
-    n_known, total = (groups.sums(one.mean(axis=1, dtype=np.float32)) for one in (patches > 0, patches))
-    best = np.maximum.reduceat(patches.max(axis=1)[groups.order], groups.bounds[:-1])
+    patches, starts = windows(precision[:, :, None]).reshape(len(groups.order), -1)[groups.order], groups.bounds[:-1]
+    means = (one.mean(axis=1, dtype=np.float32) for one in (patches > 0, patches))
+    n_known, total = (np.add.reduceat(mean, starts, dtype=np.float64) for mean in means)
+    best = np.maximum.reduceat(patches.max(axis=1), starts)
     variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 

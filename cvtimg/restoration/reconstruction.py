@@ -272,8 +272,8 @@ def is_drawing(
     noise = mean_noise(noise_of_bands(versions))
     trust = trust_in(versions, None, noise)
     picture, weight = fuse(versions, trust, _BLUR)
-    slopes = sum(np.square(gaussian_gradient_magnitude(band, 1.0)) for band in np.moveaxis(picture, 2, 0))
-    slope = np.asarray(slopes).ravel()
+    slopes = [gaussian_gradient_magnitude(band, 1.0) for band in np.moveaxis(picture, 2, 0)]
+    slope = np.square(slopes).sum(axis=0).ravel()
     rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, _AWAY)]
     rows = rows[:: -(-len(rows) // _SAMPLED)].astype(np.float64)
     cells = tessellate(rows, min(_COLORS, len(np.unique(rows, axis=0))), effort="fast")

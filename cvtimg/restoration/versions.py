@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from cvtimg._shared.checks import check_image, check_shape, check_that
+from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import blur, in_stripes
@@ -227,15 +228,14 @@ def _read(
 
 def _place(values: NDArray[Any], known: _Bools, space: SpaceName) -> NDArray[Any]:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
-    if not known.all():
-        values = np.where(known[:, :, None], values, values.dtype.type(0))
     if space == "rgb":
-        return values if values.dtype.itemsize <= 2 else values.astype(np.float32)
-    rows = values.reshape(-1, values.shape[2])
-    if rows.dtype.kind == "f":
-        rows = np.clip(rows, 0, 1)  # noise leaves the gamut, and the other spaces need it
-    places = to_space(rows, space).reshape(values.shape)
-    return np.where(known[:, :, None], places, 0).astype(np.float32)
+        places = values if values.dtype.itemsize <= 2 else values.astype(np.float32)
+    else:
+        rows = values.reshape(-1, values.shape[2])
+        if rows.dtype.kind == "f":
+            rows = np.clip(rows, 0, 1)  # noise leaves the gamut, which these spaces need
+        places = to_space(rows, space).reshape(values.shape).astype(np.float32)
+    return places if known.all() else np.where(known[:, :, None], places, places.dtype.type(0))
 
 
 def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -262,8 +262,7 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
         trust = np.asarray(weights, np.float64)
         each = (versions.n_versions,)
         check_shape("weights", trust.shape, trust.shape == each, f"{each}, one for each version")
-        if not (np.isfinite(trust).all() and trust.min() > 0):
-            raise ValueError(f"weights={trust.tolist()} must be finite and > 0")
+        check_in_range("weights", trust.tolist(), np.isfinite(trust).all() and trust.min() > 0, "finite and > 0")
     else:
         trust = 1 / usual_noise(versions, noise) ** 2
     return trust / trust.mean()
@@ -281,9 +280,8 @@ def fuse(
     for version in some:
         weight += np.float32(trust[version]) * versions.known[:, :, version]
         total += np.float32(trust[version]) * versions.bands(version)
-    if sigma:
-        return fill(blur(total, sigma), blur(weight, sigma)), weight
-    return fill(total, weight), weight
+    sums = (blur(total, sigma), blur(weight, sigma)) if sigma else (total, weight)
+    return fill(*sums), weight
 
 
 def fill(total: Floats, weight: Floats) -> Floats:
@@ -304,13 +302,10 @@ def fill(total: Floats, weight: Floats) -> Floats:
 
 def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> Any:
     """Return an image as read from a file; of a JPEG file of such bands, as a Pillow image that has its tables."""
-    try:
-        with Image.open(path) as file:
-            tables: Any = file
-            if Rounding.of(file) is None:
-                return image
-            found: Any = Image.fromarray(image)
+    found: Any = image
+    with suppress(OSError, Image.DecompressionBombError), Image.open(path) as file:
+        tables: Any = file
+        if Rounding.of(tables):
+            found = Image.fromarray(image)
             found.quantization, found.layer = tables.quantization, tables.layer
-            return found
-    except (OSError, Image.DecompressionBombError):
-        return image
+    return found
