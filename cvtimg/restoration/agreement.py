@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes, side_by_side
-from cvtimg.restoration.versions import Floats, Versions
-
-_Bools = NDArray[np.bool_]
-_Doubles = NDArray[np.float64]
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions
 
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
 _SIDES = (1, 3, 5)
@@ -33,7 +30,7 @@ _MOVED, _SLACK = (7, 0.2), 0.5
 _SHARE, _JUDGED = 1e-3, 256
 
 
-def without_outliers(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
+def without_outliers(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the median of all, which the majority decides."""
     # Versions that were `moved` show what is finer than the pixels differently, each at its place: where the median
     # varies from pixel to pixel, so may they.
@@ -44,22 +41,22 @@ def without_outliers(versions: Versions, noise: _Doubles, *, moved: bool = False
     sample = _sample(versions)
     scales = _scales(sample, sample.median, sample.known.sum(axis=0) >= 3, noise)
 
-    def kept(part: _Part) -> _Bools:
+    def kept(part: _Part) -> Bools:
         departing = part.departing(part.median, scales, moved=moved) & (part.known.sum(axis=0) >= 3)
-        outvoted: _Bools = departing & (part.known & ~departing).any(axis=0)
+        outvoted: Bools = departing & (part.known & ~departing).any(axis=0)
         return part.known & ~outvoted
 
     return _in_bands(versions, kept)
 
 
-def without_motion(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
+def without_motion(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the first, as it does where something moved by itself."""
     from scipy.ndimage import uniform_filter
 
     sample, (side, some) = _sample(versions), _MOVED
     scales = _scales(sample, sample.values[0], sample.known[0], np.hypot(noise, noise[0]))
 
-    def kept(part: _Part) -> _Bools:
+    def kept(part: _Part) -> Bools:
         departing = part.departing(part.values[0], scales, moved=moved) & part.known[0]
         # What moves agrees with what is behind it at some pixels, by chance.
         share = uniform_filter(departing.astype(np.float32), (0, side, side), mode="constant")
@@ -68,16 +65,16 @@ def without_motion(versions: Versions, noise: _Doubles, *, moved: bool = False) 
     return _in_bands(versions, kept)
 
 
-def without_background(versions: Versions, noise: _Doubles, *, moved: bool = False) -> Versions:
+def without_background(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
     # most frequent color.
     background = _commonest_color(versions)
     scales = np.repeat((noise[:, None] / _SIDES)[:, :, None], len(background), axis=2).astype(np.float32)
 
-    def kept(part: _Part) -> _Bools:
+    def kept(part: _Part) -> Bools:
         shown = np.stack([part.departs(part.values[s] - background, s, scales[s]) for s in range(len(scales))])
-        hiding: _Bools = part.known & ~shown & (part.known & shown).any(axis=0)
+        hiding: Bools = part.known & ~shown & (part.known & shown).any(axis=0)
         return part.known & ~hiding
 
     return _in_bands(versions, kept)
@@ -97,7 +94,7 @@ class _Part:
     """Some rows of all versions: (S, h, W, C) values, and (S, h, W) which of them are known."""
 
     values: Floats
-    known: _Bools
+    known: Bools
     versions: Versions
 
     @classmethod
@@ -118,7 +115,7 @@ class _Part:
         low, high = np.maximum((count - 1) // 2, 0), np.minimum(count // 2, len(ordered) - 1)
         return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
 
-    def departing(self, reference: Floats, scales: Floats, *, moved: bool) -> _Bools:
+    def departing(self, reference: Floats, scales: Floats, *, moved: bool) -> Bools:
         """(S, h, W) where each version departs from a reference, (h, W, C)."""
         from scipy.ndimage import maximum_filter, minimum_filter
 
@@ -129,7 +126,7 @@ class _Part:
         apart = (self.apart(version, reference) for version in range(len(self.values)))
         return np.stack([self.departs(one - np.clip(one, -slack, slack), s, scales[s]) for s, one in enumerate(apart)])
 
-    def departs(self, residual: Floats, version: int, scales: Floats) -> _Bools:
+    def departs(self, residual: Floats, version: int, scales: Floats) -> Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
         # `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
         from scipy.ndimage import uniform_filter
@@ -153,7 +150,7 @@ class _Part:
         return found & known
 
 
-def _in_bands(versions: Versions, kept: Callable[[_Part], _Bools], most: int = 1 << 18) -> Versions:
+def _in_bands(versions: Versions, kept: Callable[[_Part], Bools], most: int = 1 << 18) -> Versions:
     """Judge bands of rows, of about so many values, each with the rows around it that windows reach."""
     height, width = versions.known.shape[:2]
     halo, step = max(_SIDES) // 2 + 1 + _MOVED[0] // 2, max(1, most // (width * versions.n_versions))
@@ -175,7 +172,7 @@ def _sample(versions: Versions, most: int = 1 << 20, rows: int = 32) -> _Part:
     return _Part.of(versions, np.unique(np.clip(tops[:, None] + np.arange(rows), 0, height - 1)))
 
 
-def _scales(part: _Part, reference: Floats, judged: _Bools, noise: _Doubles) -> Floats:
+def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Floats:
     """(S, sides, C) standard deviations by which the means of versions in windows depart from a reference anyway."""
     # That is its noise, or more where versions differ all over: in exposure, or because they do not line up. About the
     # median of three or more versions, .88 of the noise is left.
@@ -211,11 +208,11 @@ def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
 class Suspicion:
     """How often versions hold additions."""
 
-    shares: _Doubles  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
-    noise: _Doubles  # (S,): standard deviation of the noise of each version
+    shares: Doubles  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
+    noise: Doubles  # (S,): standard deviation of the noise of each version
 
     @classmethod
-    def of(cls, versions: Versions, kept: Versions, noise: _Doubles) -> Suspicion | None:
+    def of(cls, versions: Versions, kept: Versions, noise: Doubles) -> Suspicion | None:
         """Measure how often the majority of `versions` has left each out of those `kept`; None if never."""
         judged = (versions.coverage >= 3)[:, :, None] & versions.known
         n_judged = np.count_nonzero(judged, axis=(0, 1))
@@ -243,7 +240,7 @@ class Suspicion:
             known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
         return replace(versions, known=known)
 
-    def _variance(self, version: int, squares: Floats, seen: _Bools, n_bands: int, around: int = 5) -> Floats:
+    def _variance(self, version: int, squares: Floats, seen: Bools, n_bands: int, around: int = 5) -> Floats:
         """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
         from scipy.ndimage import uniform_filter
 

@@ -14,14 +14,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import blur, in_stripes, side_by_side
-from cvtimg.restoration.versions import Floats, Versions, fill
-
-_Doubles = NDArray[np.float64]
-_Bools = NDArray[np.bool_]
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
 
 #: Models of motion, from simple to rich, and how many of the generators below each has.
 MODELS = {"translation": 2, "euclidean": 3, "affine": 6, "homography": 8}
@@ -52,7 +48,7 @@ _ZOOM = 1.5
 class Alignment:
     """Where versions lie."""
 
-    transforms: _Doubles  # (S, 3, 3): from pixels (x, y, 1) of the first version to those of each
+    transforms: Doubles  # (S, 3, 3): from pixels (x, y, 1) of the first version to those of each
     models: tuple[str, ...]  # (S,): model of the motion of each
 
     @classmethod
@@ -60,7 +56,7 @@ class Alignment:
         """Return versions where they are."""
         return cls(np.tile(np.eye(3), (n_versions, 1, 1)), ("translation",) * n_versions)
 
-    def shifts(self, shape: tuple[int, ...]) -> _Doubles:
+    def shifts(self, shape: tuple[int, ...]) -> Doubles:
         """(S, 2) pixels, down and to the right, by which the center of each version was moved."""
         center = (np.array(shape[1::-1]) - 1) / 2
         places = np.array([_mapped(transform, *center) for transform in self.transforms])
@@ -76,7 +72,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
 
-    def move(version: int) -> tuple[_Doubles, str, Floats, _Bools] | None:
+    def move(version: int) -> tuple[Doubles, str, Floats, Bools] | None:
         moving, seen = _pyramid(versions, version), versions.known[:, :, version]
         if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(seen & versions.known[:, :, 0]) < _FEWEST:
             return None
@@ -127,7 +123,7 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
     return levels
 
 
-def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_Doubles, str]:
+def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[Doubles, str]:
     """(3, 3) transform from pixels of one image to those of another, and its model."""
     most = MODELS["euclidean" if model == "auto" else model]
     transform = _whole_shift(fixed[-1], moving[-1])
@@ -143,7 +139,7 @@ def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[_
     return _simplest(pair, transform) if model == "auto" else (transform, model)
 
 
-def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
+def _whole_shift(fixed: _Level, moving: _Level) -> Doubles:
     """(3, 3) translation by whole pixels."""
     from skimage.registration import phase_cross_correlation
 
@@ -158,7 +154,7 @@ def _whole_shift(fixed: _Level, moving: _Level) -> _Doubles:
     return np.eye(3) + np.tensordot(-np.asarray(shift, np.float64)[::-1], _GENERATORS[:2], 1)
 
 
-def _simplest(pair: _Pair, transform: _Doubles) -> tuple[_Doubles, str]:
+def _simplest(pair: _Pair, transform: Doubles) -> tuple[Doubles, str]:
     """Return the simplest model that fits as well as richer ones, by the Bayesian information criterion."""
     center = (np.array(pair.shape[::-1]) - 1) / 2
     shift = np.eye(3) + np.tensordot(np.array(_mapped(transform, *center)) - center, _GENERATORS[:2], 1)
@@ -176,11 +172,11 @@ class _Pair:
     """Pixels of one image that are to be found in another."""
 
     shape: tuple[int, int]
-    places: _Doubles  # (2, N): x and y of pixels
+    places: Doubles  # (2, N): x and y of pixels
     values: Floats  # (N,)
     weights: Floats  # (N,)
     slopes: Floats  # (2, N): along x and y
-    look: Callable[[_Doubles], Floats]  # gives the values of the other image at places
+    look: Callable[[Doubles], Floats]  # gives the values of the other image at places
     other_weight: Floats | None  # of the other image; None if all is known
     n_independent: float  # number of pixels whose noise differs
 
@@ -206,7 +202,7 @@ class _Pair:
             n_independent,
         )
 
-    def seen(self, transform: _Doubles) -> tuple[Floats, Floats]:
+    def seen(self, transform: Doubles) -> tuple[Floats, Floats]:
         """(N,) values of the other image at the places of the pixels, and weight behind both."""
         from scipy.ndimage import map_coordinates
 
@@ -219,7 +215,7 @@ class _Pair:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
         return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
 
-    def improved(self, transform: _Doubles, n_generators: int) -> tuple[_Doubles, float, float]:
+    def improved(self, transform: Doubles, n_generators: int) -> tuple[Doubles, float, float]:
         """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
 
         Return also the gain and the offset of the other image.
@@ -255,7 +251,7 @@ class _Pair:
                 break
         return current, gain, offset
 
-    def evidence(self, simple: tuple[_Doubles, float, float], rich: tuple[_Doubles, float, float]) -> float:
+    def evidence(self, simple: tuple[Doubles, float, float], rich: tuple[Doubles, float, float]) -> float:
         """Twice the logarithm of the likelihood ratio of a richer motion and a simpler one, as `improved` has them."""
         seen = [self.seen(transform) for transform, _, _ in (simple, rich)]
         both = np.minimum(seen[0][1], seen[1][1]) > 0
@@ -272,14 +268,14 @@ def _scale(apart: Floats) -> float:
     return max(1.4826 * float(np.median(size)), 1e-6 * float(size.max()), 1e-30)
 
 
-def _mapped(transform: _Doubles, x: Any, y: Any) -> tuple[Any, Any]:
+def _mapped(transform: Doubles, x: Any, y: Any) -> tuple[Any, Any]:
     """Apply a transform to places."""
     (a, b, c), (d, e, f), (g, h, i) = transform
     scale = g * x + h * y + i
     return (a * x + b * y + c) / scale, (d * x + e * y + f) / scale
 
 
-def moved(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floats | None = None) -> tuple[Floats, _Bools]:
+def moved(bands: Floats, known: Bools, transform: Doubles, estimate: Floats | None = None) -> tuple[Floats, Bools]:
     """(H, W, C) values of a version at the place of the first, and where they are known."""
     # Without an estimate of what versions show they are interpolated. With one, they are those of the nearest pixels,
     # each moved by what the estimate changes by over that way, a part of a pixel: this keeps noise white, and what is
@@ -306,7 +302,7 @@ def moved(bands: Floats, known: _Bools, transform: _Doubles, estimate: Floats | 
     return values, still_known
 
 
-def _interpolation(image: Floats) -> Callable[[_Doubles], Floats]:
+def _interpolation(image: Floats) -> Callable[[Doubles], Floats]:
     """Return what gives the (..., C) values of an image, (H, W, C), at rows and columns, (2, ...)."""
     from scipy.ndimage import map_coordinates, spline_filter
 

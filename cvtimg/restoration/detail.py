@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise, product, starmap
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
@@ -19,7 +18,7 @@ from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Floats, Versions, fill, fuse
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -141,7 +140,7 @@ def _fused(
     return fill(total, weights), weights
 
 
-def _agreeing(one: Floats, other: Floats, known: NDArray[np.bool_], noise: float) -> NDArray[np.float64]:
+def _agreeing(one: Floats, other: Floats, known: Bools, noise: float) -> Doubles:
     """(H, W) weight, 0..1, of a version: the variance of `noise` as a part of that and of what is not noise."""
     share = blur(known.astype(np.float32), _NEAR)
     apart = blur(known * np.square(one - other).mean(axis=2), _NEAR)

@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
@@ -16,9 +16,7 @@ from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.fitting import equalized, exposures, fitting
 from cvtimg.restoration.noise import Noise
-from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
-
-_Doubles = NDArray[np.float64]
+from cvtimg.restoration.versions import Doubles, Versions, disagreement, trust_in, usual_noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,9 +27,9 @@ class Evidence:
     placed: Versions  # all that is known, in place; and what is left of it where versions disagree
     versions: Versions
     alignment: Alignment  # how each version was moved
-    misfits: _Doubles  # (S,): misfit of each version, in place, with the one that most fit
+    misfits: Doubles  # (S,): misfit of each version, in place, with the one that most fit
     noise: Noise
-    trust: _Doubles  # (S,): weight of each version, with mean 1
+    trust: Doubles  # (S,): weight of each version, with mean 1
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
@@ -44,7 +42,7 @@ class Evidence:
         return [*found, apart] if np.isfinite(apart) else found or [0.0]
 
     @property
-    def noise_lines(self) -> _Doubles | None:
+    def noise_lines(self) -> Doubles | None:
         """(C, 2) constant and slope of the variance of noise of weight 1 in each band; None where it is even."""
         if self.noise.lines is None:
             return None

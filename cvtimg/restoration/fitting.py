@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.versions import Floats, Versions, fill
-
-_Doubles = NDArray[np.float64]
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
 
 #: A version fits another if in the median of windows, what they differ by is below this part of what there is.
 MOST_MISFIT = 0.25
@@ -44,7 +42,7 @@ _LEFT, _LARGEST = 0.1, 4.0
 _LONGER, _NEAR_WHITE = 0.95, 1 / 16
 
 
-def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = None) -> _Doubles:
+def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = None) -> Doubles:
     """(S, S) misfit of each version with each other, 0 where nothing tells; `noise`, (S,), is that of versions."""
     n = versions.n_versions
     structure = [*side_by_side(partial(_structure, versions), range(n))]
@@ -73,7 +71,7 @@ def misfits(versions: Versions, noise: _Doubles, shared: SharedNoise | None = No
     return found
 
 
-def _structure(versions: Versions, version: int) -> tuple[Floats, NDArray[np.bool_]]:
+def _structure(versions: Versions, version: int) -> tuple[Floats, Bools]:
     """(H, W) fine structure of the mean of the bands, and where it is known."""
     from scipy.ndimage import uniform_filter
 
@@ -91,14 +89,13 @@ def _between_blurs(image: NDArray[Any]) -> NDArray[Any]:
     return gaussian_filter(image, 1) - gaussian_filter(image, 4)
 
 
-def _means(values: NDArray[Any], known: NDArray[np.bool_]) -> _Doubles:
+def _means(values: NDArray[Any], known: Bools) -> Doubles:
     """(T,) mean of known values in each window; NaN where too few are known."""
     from scipy.ndimage import uniform_filter
 
-    side = _SIDE
-    windows = (slice(side // 4, None, side // 2),) * 2
-    share = uniform_filter(known.astype(np.float64), side)[windows].ravel()
-    sums = uniform_filter(np.where(known, values, 0).astype(np.float64), side)[windows].ravel()
+    windows = (slice(_SIDE // 4, None, _SIDE // 2),) * 2
+    share = uniform_filter(known.astype(np.float64), _SIDE)[windows].ravel()
+    sums = uniform_filter(np.where(known, values, 0).astype(np.float64), _SIDE)[windows].ravel()
     return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _KNOWN)
 
 
@@ -112,8 +109,8 @@ def _left_of_noise(shared: SharedNoise, side: int = 256) -> float:
 
 
 def fitting(
-    versions: Versions, noise: _Doubles, shared: SharedNoise | None, *, aligned: bool, hidden: str
-) -> tuple[Versions, _Doubles]:
+    versions: Versions, noise: Doubles, shared: SharedNoise | None, *, aligned: bool, hidden: str
+) -> tuple[Versions, Doubles]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
     # Where motion is hidden, they must fit the first. Return also the (S,) misfit with that one.
     apart = misfits(versions, noise, shared)
@@ -138,7 +135,7 @@ def fitting(
 # --- exposure
 
 
-def exposures(placed: Versions) -> _Doubles:
+def exposures(placed: Versions) -> Doubles:
     """(S, C, 2) gain and offset of each version in place that bring it to the levels of the first."""
     found = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
     first = _levels(placed, 0)
@@ -153,7 +150,7 @@ def exposures(placed: Versions) -> _Doubles:
     return found
 
 
-def _levels(versions: Versions, version: int) -> _Doubles:
+def _levels(versions: Versions, version: int) -> Doubles:
     """(T, C) means of the known pixels of windows; NaN where few are known or some are clipped."""
     values, known = versions.bands(version), versions.known[:, :, version]
     means = np.stack([_means(band, known) for band in np.moveaxis(values, 2, 0)], axis=1)
@@ -163,7 +160,7 @@ def _levels(versions: Versions, version: int) -> _Doubles:
     return means
 
 
-def _line(pairs: tuple[_Doubles, _Doubles]) -> tuple[float, float] | None:
+def _line(pairs: tuple[Doubles, Doubles]) -> tuple[float, float] | None:
     """Gain and offset from values to those wanted, most of which are on a line; None if they are on none."""
     from scipy.stats import theilslopes
 
@@ -176,7 +173,7 @@ def _line(pairs: tuple[_Doubles, _Doubles]) -> tuple[float, float] | None:
     return (gain, offset) if scale**2 < _LEFT * np.var(wanted) and 1 / _LARGEST < gain < _LARGEST else None
 
 
-def equalized(versions: Versions, tones: _Doubles) -> Versions:
+def equalized(versions: Versions, tones: Doubles) -> Versions:
     """Bring versions to the levels of the first; what longer exposures show near white is unknown."""
     from scipy.ndimage import uniform_filter
 

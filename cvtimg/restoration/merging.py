@@ -21,13 +21,12 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.result import Restoration
-from cvtimg.restoration.versions import Floats, Versions, fuse
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 
 #: Blurs, in pixels, of the images in which the search for segments begins; the lowest end is kept.
 _BLURS = {"fast": (1.0,), "balanced": (0.0, 1.5), "best": (0.0, 0.75, 1.5, 3.0)}
 
-_Doubles = NDArray[np.float64]
 _Labels = NDArray[np.int32]
 
 
@@ -57,7 +56,7 @@ def merge_versions(
     center = values[weights > 0].mean(dtype=np.float64)
     values = values - np.float32(center)  # so that float32 is precise enough
 
-    def settled(labels: _Labels, own: NDArray[np.bool_]) -> EdgeWeighted:
+    def settled(labels: _Labels, own: Bools) -> EdgeWeighted:
         """Lower the energy in some bands from initial labels until they rest."""
         found = descend(values[:, :, own], labels, n_generators, edge_weight=cost * unit, weights=weights[:, :, own])
         return replace(found, generators=found.generators + np.float32(center))
@@ -67,8 +66,7 @@ def merge_versions(
         cells = tessellate(_fused_rows(versions, evidence, blur), n_generators, effort=effort)
         return (cells.labels + 1).reshape(versions.known.shape[:2])
 
-    every = np.ones(len(versions.version_of), np.bool_)
-    ends = (settled(started(blur), every) for blur in each(_BLURS[effort]))
+    ends = (settled(started(blur), versions.version_of >= 0) for blur in each(_BLURS[effort]))
     end = min(ends, key=lambda end: end.energies[-1])
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
 
@@ -102,7 +100,7 @@ def merge_versions(
     )
 
 
-def _by_version(generators: _Doubles, versions: Versions, space: SpaceName) -> _Doubles:
+def _by_version(generators: Doubles, versions: Versions, space: SpaceName) -> Doubles:
     """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
     n_bands = np.bincount(versions.version_of)
     apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
@@ -131,20 +129,20 @@ class Levels:
 
     versions: Versions
     labels: _Labels  # (H, W): labels from 1
-    generators: _Doubles  # (S, K, C): means and weights of the segments in each version; of channels, in the first
-    masses: _Doubles
+    generators: Doubles  # (S, K, C): means and weights of the segments in each version; of channels, in the first
+    masses: Doubles
     #: Takes the number of a version and returns its segments once they have settled in it alone
     alone: Callable[[int], EdgeWeighted]
 
 
-def mean_colors(levels: Levels) -> _Doubles:
+def mean_colors(levels: Levels) -> Doubles:
     """(K, C) mean of the known values of each segment in all versions."""
     totals = levels.masses.sum(axis=0)
     sums = (levels.masses * levels.generators).sum(axis=0)
     return np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
 
 
-def median_colors(levels: Levels) -> _Doubles:
+def median_colors(levels: Levels) -> Doubles:
     """(K, C) median of the known values of each segment: right while less than half of it is painted over."""
     colors, known = mean_colors(levels), levels.versions.known
     some = range(len(levels.masses))
@@ -155,7 +153,7 @@ def median_colors(levels: Levels) -> _Doubles:
     return colors
 
 
-def range_colors(levels: Levels) -> _Doubles:
+def range_colors(levels: Levels) -> Doubles:
     """(K, C) median over the versions of the level that each segment has in that version alone."""
     # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
     # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
@@ -170,7 +168,7 @@ def range_colors(levels: Levels) -> _Doubles:
 
 
 #: The registry: names for `renormalize` and ``--renormalize``; "none" keeps the means.
-RENORMALIZATIONS: dict[str, Callable[[Levels], _Doubles]] = {
+RENORMALIZATIONS: dict[str, Callable[[Levels], Doubles]] = {
     "range": range_colors,
     "median": median_colors,
     "none": mean_colors,

@@ -23,9 +23,7 @@ from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.versions import Floats
-
-_Doubles = NDArray[np.float64]
+from cvtimg.restoration.versions import Doubles, Floats
 
 #: Patches are 5 x 5 pixels.
 REACH = 2
@@ -58,11 +56,11 @@ _STEP = 1.9
 class Axes:
     """Axes along which the bands of an image have equal noise, at most a few of them at a time."""
 
-    matrix: NDArray[np.float64]  # (C, C): maps bands to axes
+    matrix: Doubles  # (C, C): maps bands to axes
     slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
-    def of(cls, noise_by_band: list[NDArray[np.float64]], image: Floats, most: int = 4) -> Axes:
+    def of(cls, noise_by_band: list[Doubles], image: Floats, most: int = 4) -> Axes:
         """Give bands, (C,) in each version, equal noise; of more than `most`, put what they share first."""
         n_bands = image.shape[2]
         slices = tuple(slice(first, first + most) for first in range(0, n_bands, most))
@@ -93,7 +91,7 @@ class Kinds:
 
     mean: Floats  # (P,): mean patch
     basis: Floats  # (P, D): main components of the patches
-    generators: NDArray[np.float64]  # (K, D): kinds of patches, in these components
+    generators: Doubles  # (K, D): kinds of patches, in these components
 
     @classmethod
     def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator, n_components: int = 16) -> Kinds:
@@ -180,7 +178,7 @@ def with_border(image: Floats) -> Floats:
     return np.pad(image, ((REACH, REACH), (REACH, REACH), (0, 0)), mode="symmetric")
 
 
-def windows(bordered: Floats) -> NDArray[np.float32]:
+def windows(bordered: Floats) -> Floats:
     """(H, W, 5, 5, C) view of the patches of an (H + 4, W + 4, C) image."""
     seen = np.lib.stride_tricks.sliding_window_view(bordered, (SIDE, SIDE), axis=(0, 1))
     return np.moveaxis(seen, 2, 4)
@@ -260,7 +258,7 @@ class _Filters:
     block: PatchBlock
     means: Floats  # (G, P): mean patches
     matrices: Floats  # (G, P, P): filters
-    variances: _Doubles  # (G,): of the noise
+    variances: Doubles  # (G,): of the noise
     trust: Floats  # (G, 25): weight of the pixels of filtered patches
 
     @classmethod
@@ -322,7 +320,7 @@ class _Filters:
         return sums, weights
 
 
-def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
+def _variances(precision: Floats, groups: Groups, usual: float) -> Doubles:
     """(G,) variance of the noise in the patches of each group: that of the mean precision of known pixels."""
     patches, starts = windows(precision[:, :, None]).reshape(len(groups.order), -1)[groups.order], groups.bounds[:-1]
     means = (one.mean(axis=1, dtype=np.float32) for one in (patches > 0, patches))
@@ -332,7 +330,7 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> _Doubles:
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
-def _lessen_noise(covariances: Floats, variances: _Doubles) -> None:
+def _lessen_noise(covariances: Floats, variances: Doubles) -> None:
     """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.

@@ -21,7 +21,8 @@ from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
 Floats = NDArray[np.float32]
-_Bools = NDArray[np.bool_]
+Doubles = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 #: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
 _SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
@@ -51,7 +52,7 @@ class Rounding:
         subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
         return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
 
-    def lost(self, values: NDArray[Any]) -> NDArray[np.float64] | None:
+    def lost(self, values: NDArray[Any]) -> Doubles | None:
         """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
         n_bands = 1 if len(self.tables) == 1 else 3
         if values.dtype != np.uint8 or values.shape[2] != n_bands or min(values.shape[:2]) < 2 * _SIDE:
@@ -72,14 +73,14 @@ class Versions:
     #: (H, W, C) each: values in the working color space, in the smallest type at hand, for many versions take much
     #: memory; of any value where unknown
     stack: tuple[NDArray[Any], ...]
-    known: _Bools  # (H, W, S): which pixels each version knows
+    known: Bools  # (H, W, S): which pixels each version knows
     version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
-    tones: NDArray[np.float64] | None = None  # (S, C, 2): gain and offset to the exposure of the first
-    lines: NDArray[np.float64] | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
+    tones: Doubles | None = None  # (S, C, 2): gain and offset to the exposure of the first
+    lines: Doubles | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
 
     @property
     def n_versions(self) -> int:
@@ -111,7 +112,7 @@ class Versions:
         in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
-    def cut_off(self, version: int) -> _Bools:
+    def cut_off(self, version: int) -> Bools:
         """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
         values, white = self.stack[version], self.white
         seen = values[self.known[:, :, version]] if white is None else np.array([0, white])
@@ -194,7 +195,7 @@ def _check_same(what: str, found: Sequence[object]) -> None:
             raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
 
 
-def _fitted(values: NDArray[Any], known: _Bools, size: tuple[int, ...]) -> tuple[NDArray[Any], _Bools]:
+def _fitted(values: NDArray[Any], known: Bools, size: tuple[int, ...]) -> tuple[NDArray[Any], Bools]:
     """Cut or add rows and columns at the lower right so that (H, W, C) values have a size; what is added is unknown."""
     if known.shape == size:
         return values, known
@@ -205,7 +206,7 @@ def _fitted(values: NDArray[Any], known: _Bools, size: tuple[int, ...]) -> tuple
 
 def _read(
     number: int, image: Any, mask: ArrayLike | None, nodata: float | None, alpha: bool | None
-) -> tuple[NDArray[Any], _Bools]:
+) -> tuple[NDArray[Any], Bools]:
     """(H, W, C) values of a version, and where they are known by its masks, NaN, alpha and nodata."""
     array = array_of(image)
     missing = np.isnan(array) if array.dtype.kind == "f" else np.zeros(array.shape, np.bool_)
@@ -226,7 +227,7 @@ def _read(
     return values, known
 
 
-def _place(values: NDArray[Any], known: _Bools, space: SpaceName) -> NDArray[Any]:
+def _place(values: NDArray[Any], known: Bools, space: SpaceName) -> NDArray[Any]:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
     if space == "rgb":
         places = values if values.dtype.itemsize <= 2 else values.astype(np.float32)
@@ -238,13 +239,13 @@ def _place(values: NDArray[Any], known: _Bools, space: SpaceName) -> NDArray[Any
     return places if known.all() else np.where(known[:, :, None], places, places.dtype.type(0))
 
 
-def usual_noise(versions: Versions, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def usual_noise(versions: Versions, noise: Doubles) -> Doubles:
     """Replace unknown noise by that of the others, and noise below that of rounding by this."""
     usual = np.nanmedian(noise) if np.isfinite(noise).any() else versions.rounding
     return np.maximum(np.where(np.isnan(noise), usual, noise), versions.rounding)
 
 
-def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
+def disagreement(versions: Versions, trust: Doubles) -> float:
     """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
     # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
     mean, _ = fuse(versions, trust)
@@ -256,7 +257,7 @@ def disagreement(versions: Versions, trust: NDArray[np.float64]) -> float:
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
-def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def trust_in(versions: Versions, weights: ArrayLike | None, noise: Doubles) -> Doubles:
     """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
     if weights is not None:
         trust = np.asarray(weights, np.float64)
@@ -269,7 +270,7 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: NDArray[np.fl
 
 
 def fuse(
-    versions: Versions, trust: NDArray[np.float64], sigma: float = 0.0, some: Sequence[int] | None = None
+    versions: Versions, trust: Doubles, sigma: float = 0.0, some: Sequence[int] | None = None
 ) -> tuple[Floats, Floats]:
     """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it."""
     # With a blur by sigma pixels, known values nearby count too. Unknown pixels are filled from nearby in any case. Of
