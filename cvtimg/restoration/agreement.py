@@ -43,8 +43,7 @@ def without_outliers(versions: Versions, noise: Doubles, *, moved: bool = False)
 
     def kept(part: _Part) -> Bools:
         departing = part.departing(part.median, scales, moved=moved) & (part.known.sum(axis=0) >= 3)
-        outvoted: Bools = departing & (part.known & ~departing).any(axis=0)
-        return part.known & ~outvoted
+        return part.known & ~(departing & (part.known & ~departing).any(axis=0))
 
     return _in_bands(versions, kept)
 
@@ -74,8 +73,7 @@ def without_background(versions: Versions, noise: Doubles, *, moved: bool = Fals
 
     def kept(part: _Part) -> Bools:
         shown = np.stack([part.departs(part.values[s] - background, s, scales[s]) for s in range(len(scales))])
-        hiding: Bools = part.known & ~shown & (part.known & shown).any(axis=0)
-        return part.known & ~hiding
+        return part.known & (shown | ~(part.known & shown).any(axis=0))
 
     return _in_bands(versions, kept)
 

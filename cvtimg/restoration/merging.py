@@ -116,8 +116,7 @@ def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
     trust, numbers = evidence.trust, [*range(versions.n_versions)]
     looks = [[number] for number in numbers] if evidence.channels else [numbers]
     parts = [fuse(versions, trust, blur, some)[0] * np.float32(np.sqrt(trust[some].mean())) for some in looks]
-    picture = np.concatenate(parts, axis=2)
-    return picture.reshape(-1, picture.shape[2])
+    return np.concatenate(parts, axis=2).reshape(versions.known[:, :, 0].size, -1)
 
 
 # --- renormalization

@@ -77,9 +77,8 @@ class Denoised(ReadOnly):
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
         versions, noise = evidence.placed, evidence.noise
         rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtypes[0])
-        shape = places.shape[:2]
         return cls(
-            image=rows.reshape(shape if versions.grey else places.shape),
+            image=rows.reshape(places.shape[:2] if versions.grey else places.shape),
             coverage=versions.coverage,
             left_out=versions.coverage - used.coverage,
             noise=noise.levels,
@@ -87,7 +86,7 @@ class Denoised(ReadOnly):
             noise_lines=evidence.noise_lines,
             noisy=noise.is_seen,
             weights=evidence.trust,
-            shifts=evidence.alignment.shifts(shape),
+            shifts=evidence.alignment.shifts(places.shape),
             transforms=evidence.alignment.transforms,
             exposures=versions.tones,
             models=evidence.alignment.models,

@@ -161,10 +161,8 @@ def stack_versions(
     """Stack versions and find which pixels each knows; the arguments are those of `restore`."""
     # Versions of `any_size` get that of the first, from their upper left corners: what is moved later has room.
     if hasattr(images, "mode") or (isinstance(images, np.ndarray) and images.ndim < 4):
-        shape = array_of(images).shape
-        raise TypeError(
-            f"images of shape {shape} must be a list of versions: [image] for one, list(images) for a stack"
-        )
+        size = array_of(images).shape
+        raise TypeError(f"images of shape {size} must be a list of versions: [image] for one, list(images) for a stack")
     check_that("images", len(images) > 0, "have at least one version")
     masks = [None] * len(images) if masks is None else masks
     if len(masks) != len(images):
