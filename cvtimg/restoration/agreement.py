@@ -39,7 +39,10 @@ def without_outliers(versions: Versions, noise: Doubles, *, moved: bool = False)
     if versions.n_versions < 3 or versions.coverage.max() < 3:
         return versions
     sample = _sample(versions)
-    scales = _scales(sample, sample.median, sample.known.sum(axis=0) >= 3, noise)
+    # The median departs from a quiet version where the noise of most others does, together.
+    others = np.sort([np.delete(noise, version) for version in range(len(noise))], axis=1)
+    together = 1 / np.sqrt(np.sum(others[:, -((len(noise) + 1) // 2) :] ** -2.0, axis=1))
+    scales = _scales(sample, sample.median, sample.known.sum(axis=0) >= 3, np.maximum(noise, together))
 
     def kept(part: _Part) -> Bools:
         departing = part.departing(part.median, scales, moved=moved) & (part.known.sum(axis=0) >= 3)

@@ -49,6 +49,13 @@ def test_what_is_added_in_one_exposure_is_left_out(verb: Callable[..., Any]) -> 
     assert 0.03 < (result.left_out > 0).mean() < 0.12
 
 
+def test_nothing_is_left_out_of_a_quiet_version_among_noisy_ones() -> None:
+    sigmas = np.array([2.0, 8.0, 8.0])
+    values = sigmas[:, None, None] * np.random.default_rng(0).standard_normal((3, 200, 200))
+    versions = stack_versions(list(values))
+    assert np.count_nonzero(~without_outliers(versions, sigmas).known) < 20
+
+
 def test_spikes_are_left_out_of_flat_segments_where_holes_leave_no_majority() -> None:
     clean, _ = card(64)
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.1, holes=0.3), seed=0)
