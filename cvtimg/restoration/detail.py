@@ -106,8 +106,7 @@ def _fused(
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    white, source = versions.white, evidence.given
-    clips = (False, False) if white is None else (source.reach(0), source.reach(white))
+    white, source, ends = versions.white, evidence.given, list[tuple[bool, bool]]()
     total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
 
@@ -123,6 +122,11 @@ def _fused(
             noise = variance * (1 / share + 1 / evidence.trust[0])
             weight *= _agreeing(values, first, known & first_known, noise)
         sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
+        clips = False, False
+        if white is not None:
+            ends.append(clipped_ends(values, known[:, :, None], estimate, sigma, white))
+            # Versions that were moved by fractions of a pixel hide where they were clipped; the first is never moved.
+            clips = ends[0][0] or ends[-1][0], ends[0][1] or ends[-1][1]
 
         def add_rows(rows: slice) -> None:
             near, seen = estimate[rows], values[rows]
@@ -172,3 +176,18 @@ class Clipped:
                 slope -= beyond
                 variance += (away**2 + 1) * (1 - beyond) + away * density - (away + more) ** 2 - 1
         return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
+
+
+def clipped_ends(values: Floats, known: Bools, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:
+    """Tell whether known values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
+    from scipy.special import ndtr
+
+    def piles_up(end: float) -> bool:
+        def expected(rows: slice) -> float:
+            away = np.abs(np.clip(true[rows], 0, white) - end) / sigma[rows]
+            return float(ndtr(-away).sum(dtype=np.float64, where=known[rows]))
+
+        n_there = int(np.count_nonzero((values == end) & known))
+        return n_there > 0 and n_there >= sum(in_stripes(expected, len(values), work=32.0 * values.size)) / 2
+
+    return piles_up(0.0), piles_up(white)

@@ -325,7 +325,7 @@ def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> 
 
 def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles] | None:
     """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
-    from scipy.stats import combine_pvalues, linregress
+    from scipy.stats import f as distribution
 
     levels, variances, usual = [], [], []
     for numbers in _looks(versions, in_place=in_place):
@@ -339,10 +339,12 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles]
             variances += [*(squares / np.maximum(usual[-1], 1e-30))]
     if not usual or np.min(usual) <= 0 or np.min(np.ptp(levels, axis=0)) <= 0:
         return None
-    fits = [linregress(*pair) for pair in zip(np.transpose(levels), np.transpose(variances), strict=True)]
-    if combine_pvalues([fit.pvalue for fit in fits]).pvalue >= _CHANCE:
-        return None
-    return np.array([(fit.intercept, fit.slope) for fit in fits]), np.mean(usual, axis=0)
+    seen, told = np.array(levels), np.array(variances)
+    lines = np.array([np.polynomial.polynomial.polyfit(*pair, 1) for pair in zip(seen.T, told.T, strict=True)])
+    fitted, freedom = lines[:, 0] + lines[:, 1] * seen, len(lines) * (len(seen) - 2)
+    explained, left = (np.square(fitted - other).sum() for other in (told.mean(axis=0), told))
+    chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
+    return (lines, np.mean(usual, axis=0)) if chance < _CHANCE else None
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it
@@ -379,7 +381,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, (frequencies * _RINGS).astype(np.intp))
+        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
@@ -390,18 +392,28 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, rings: NDArray[np.intp]) -> _Doubles:
+def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _Doubles) -> _Doubles:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
-    n_bands, together = quiet.shape[2], quiet.sum(axis=(2, 3)).real / quiet.shape[2]
-    spectra = (together, np.einsum("xyii->xy", quiet).real, np.einsum("xyii->xy", louder).real)
-    common, first, next_ = (np.bincount(rings.ravel(), one.ravel()) for one in spectra)
-    least = white * np.bincount(rings.ravel())
-    apart = np.maximum((first - common) / max(n_bands - 1, 1), least)
-    noise = np.maximum(common * np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1), apart)
-    if n_bands > 1 and (common - least)[1:].sum() > _COMMON * (first - n_bands * least)[1:].sum():
-        noise = apart
-    share = np.maximum(1 - noise / np.maximum(common, 1e-30), 0)
-    return np.asarray((share[rings] * together / n_bands)[:, :, None, None])
+    rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
+
+    def by_ring(values: NDArray[np.complex128]) -> _Doubles:
+        return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
+
+    first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
+    together = quiet.sum(axis=(2, 3)).real / n_bands
+    common = by_ring(together)
+    apart = (first - common) / max(n_bands - 1, 1)
+    noise = np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1) * np.maximum(common - apart, 0)
+    noise += np.minimum(common, apart)
+    if n_bands > 1:
+        beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
+        if beyond[1] > _COMMON * n_bands * beyond[0]:
+            noise[:] = 0.0
+        # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
+        ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
+        ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
+        noise = np.minimum(noise, ratios * apart)
+    return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]
 
 
 def _without_slopes(blocks: _Doubles) -> _Doubles:

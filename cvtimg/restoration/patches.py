@@ -45,6 +45,8 @@ _BENT = 1.5
 _LEFT = 0.02
 #: Share of the variance of noise that every covariance has, so that it has an inverse.
 _RIDGE = 1e-4
+#: Precision of unknown pixels, filled from nearby, as a part of the usual one.
+_FILLED = 0.4
 #: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
 #: for that of so many blocks.
 _UNEVEN, _KEPT = 0.02, 4
@@ -270,6 +272,7 @@ class _Filters:
             image = np.where(precision[:, :, None] > 0, noisy.values[block.bordered], image)
         size = SIDE**2 * image.shape[2]
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
+        noise = None if from_estimate else _noise_by_place(precision, groups, image.shape[2])
         shared = noisy.shared.of_patches(SIDE) if noisy.shared else np.eye(size)
         # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
         factor = np.linalg.cholesky(shared)
@@ -283,10 +286,10 @@ class _Filters:
                 covariances, variance = matrices[here], variances[here]
                 if noisy.shared:
                     covariances[:] = whiten @ covariances @ whiten.T
-                if from_estimate:
+                if noise is None:
                     covariances *= _GAIN
                 else:
-                    _lessen_noise(covariances, variance)
+                    _lessen_noise(covariances, noise[here], variance)
                 diagonal = np.einsum("gii->gi", covariances)
                 diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
                 _patches.make_filters(covariances, variance)
@@ -330,10 +333,21 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> Doubles:
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
-def _lessen_noise(covariances: Floats, variances: Doubles) -> None:
+def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> Doubles:
+    """(G, P) variance of the noise at each place of the patches of each group."""
+    usual = precision.mean() / max((precision > 0).mean(), 1e-30)
+    variance = np.reciprocal(np.maximum(precision, np.float32(_FILLED * usual)), dtype=np.float32)
+    patches = windows(variance[:, :, None]).reshape(len(groups.order), -1)[groups.order]
+    sums = np.add.reduceat(patches, groups.bounds[:-1], axis=0, dtype=np.float64)
+    return np.repeat(sums / groups.sizes[:, None], n_bands, axis=1)
+
+
+def _lessen_noise(covariances: Floats, noise: Doubles, variances: Doubles) -> None:
     """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.
+    diagonal = np.einsum("gii->gi", covariances)
+    diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
     bends = _BENT * variances
     for _ in range(2):
         filters = covariances.copy()

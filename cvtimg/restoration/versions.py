@@ -119,11 +119,6 @@ class Versions:
         low, high = seen.min(initial=np.inf), seen.max(initial=-np.inf)
         return np.asarray((values <= low) | (values >= high))
 
-    def reach(self, end: float) -> bool:
-        """Tell whether any version knows a value at an end of its type, where noise may have been clipped."""
-        pairs = zip(self.stack, np.moveaxis(self.known, 2, 0), strict=True)
-        return any(bool((values[known] == end).any()) for values, known in pairs)
-
     def noisiness(self, levels: Floats) -> Floats:
         """(H, W) variance of noise at levels, (H, W, C), as a multiple of the usual one."""
         if self.lines is None:

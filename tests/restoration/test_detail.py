@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from cvtimg import denoise
 from cvtimg._shared.progress import watched
 from cvtimg.restoration import detail
-from cvtimg.restoration.detail import Clipped
-from cvtimg.restoration.versions import stack_versions
+from cvtimg.restoration.detail import Clipped, clipped_ends
 
 Damage = damage.Damage
 
@@ -123,12 +122,15 @@ def test_what_clipping_does_to_noise_is_what_it_does_to_many_draws() -> None:
     np.testing.assert_allclose(clipped.slope, slope, atol=0.01)
 
 
-def test_only_ends_that_known_values_reach_are_taken_to_clip() -> None:
-    noise = 8 * np.random.default_rng(0).standard_normal((40, 50))
-    at_zero, above = np.clip(noise, 0, 255).astype(np.uint8), np.full((40, 50), 2, np.uint8)
-    assert stack_versions([above, at_zero]).reach(0)
-    assert not stack_versions([above, at_zero]).reach(255)
-    assert not stack_versions([above, at_zero], [np.ones((40, 50)), at_zero > 0]).reach(0)
+def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
+    noise, sigma = (
+        np.float32(8 * np.random.default_rng(0).standard_normal((400, 500))),
+        np.full((400, 500), np.float32(8)),
+    )
+    values, zeros, level, known = np.clip(noise, 0, 255), np.zeros_like(noise), np.full_like(noise, 2), sigma > 0
+    assert clipped_ends(values, known, zeros, sigma, 255)[0]
+    assert not clipped_ends(values, ~known, zeros, sigma, 255)[0]
+    assert not clipped_ends(level, known, level, sigma, 255)[0]
 
 
 @pytest.mark.slow
