@@ -340,7 +340,8 @@ class _Search:
         self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
         numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
         usual = len(self._strengths) // 2
-        self._rungs = [self._finely(number)[usual] for number in numbers if how.palette is None]
+        free, strength = _AIMING.prices[0], self._strengths[usual]
+        self._rungs = [(number, free, strength) for number in numbers if how.palette is None]
         self._rungs += self._finely(palettes.most)[usual:]
 
     def nearest(self) -> Any:
