@@ -62,7 +62,6 @@ def prepare(
     white: bool = True,
 ) -> Evidence:
     """Measure the noise of versions, put them in place, and leave out where they disagree; options as in `restore`."""
-    # Noise is measured before any interpolation, which smooths it.
     rule = HIDDEN[check_choice("hidden", hidden or "none", HIDDEN)]
     model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
     level = None if level is None else check_positive("noise", level) * given.level(space)
@@ -73,7 +72,7 @@ def prepare(
     if model and not channels:
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
-    with part(0.4, 1):
+    with part(0.4, 1):  # noise of what was given: interpolation smooths it
         noise = Noise.of(given, level=level, white=white, in_place=model is None, alike=not channels)
     given, placed = (replace(one, lines=noise.lines) for one in (given, placed))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)

@@ -22,11 +22,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg.restoration.versions import Floats, Versions
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions
 from cvtimg.segmentation.noise import lower_variance, scattered_noise
-
-_Doubles = NDArray[np.float64]
-_Bools = NDArray[np.bool_]
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
 #: each of their values. Those looked at have about so many pixels together, and a share of them is quiet.
@@ -59,10 +56,10 @@ class SharedNoise:
     """Noise with one autocovariance everywhere; whitening patches by it makes it that for which the filters are."""
 
     #: (2 L + 1, 2 L + 1, C, C): covariance of the bands of a pixel with those of one so many rows and columns away
-    autocovariance: _Doubles
+    autocovariance: Doubles
 
     @classmethod
-    def of(cls, noise: _Doubles) -> SharedNoise:
+    def of(cls, noise: Doubles) -> SharedNoise:
         """Measure (H, W, C) noise that goes on at its other end."""
         waves = np.fft.rfft2(noise, axes=(0, 1))
         powers = np.einsum("xyi,xyj->xyij", waves, waves.conj()) / noise[:, :, 0].size
@@ -81,7 +78,7 @@ class SharedNoise:
         return float(np.trace(self.bands) / len(self.bands))
 
     @property
-    def bands(self) -> _Doubles:
+    def bands(self) -> Doubles:
         """(C, C) covariance of the bands of a pixel."""
         return np.asarray(self.autocovariance[_LAGS, _LAGS])
 
@@ -90,11 +87,11 @@ class SharedNoise:
         """Correlation of pixels next to each other in a row."""
         return float(np.trace(self.autocovariance[_LAGS, _LAGS + 1]) / np.trace(self.bands))
 
-    def along(self, matrix: _Doubles) -> SharedNoise:
+    def along(self, matrix: Doubles) -> SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
         return SharedNoise(matrix.T @ self.autocovariance @ matrix)
 
-    def of_patches(self, side: int) -> _Doubles:
+    def of_patches(self, side: int) -> Doubles:
         """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
         places = np.indices((side, side)).reshape(2, -1).T
         rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + _LAGS
@@ -105,7 +102,7 @@ class SharedNoise:
         return np.asarray(raised * (size / np.trace(raised)))
 
 
-def _near(powers: _Doubles, sides: tuple[int, ...]) -> _Doubles:
+def _near(powers: Doubles, sides: tuple[int, ...]) -> Doubles:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what has powers, (X, Y, C, C), of waves over sides of pixels."""
     lags = np.ix_(*(np.arange(-_LAGS, _LAGS + 1),) * 2)
     return np.asarray(np.fft.irfft2(powers, sides, axes=(0, 1))[lags])
@@ -115,13 +112,13 @@ def _near(powers: _Doubles, sides: tuple[int, ...]) -> _Doubles:
 class Noise:
     """The noise of versions."""
 
-    bands: list[_Doubles]  # (C,) of each version: standard deviation in each band; NaN where unknown
+    bands: list[Doubles]  # (C,) of each version: standard deviation in each band; NaN where unknown
     shared: SharedNoise | None = None  # what pixels share of the noise of weight 1; None if it is white
-    lines: _Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
+    lines: Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
     is_seen: bool = True  # whether any version has noise that can be seen, or that was given
 
     @property
-    def levels(self) -> _Doubles:
+    def levels(self) -> Doubles:
         """(S,) standard deviations in each version, root mean square over bands."""
         return mean_noise(self.bands)
 
@@ -158,7 +155,7 @@ def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float)
     return SharedNoise(before.autocovariance + total / versions.n_versions)
 
 
-def mean_noise(noise_by_band: list[_Doubles]) -> _Doubles:
+def mean_noise(noise_by_band: list[Doubles]) -> Doubles:
     """(S,) root mean squares of the noise in the bands of each version."""
     return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
 
@@ -193,7 +190,7 @@ class _Look:
 
     def patches(
         self, sides: tuple[int, ...] = _SIDES, per_value: int = _PER_VALUE, cut_off: float = _CUT_OFF[0]
-    ) -> tuple[_Doubles, _Doubles] | None:
+    ) -> tuple[Doubles, Doubles] | None:
         """(N, side, side, C) patches all over, of about `_MOST` pixels together, and their levels, (N, C)."""
         # Of the sides, it is the first of which there are enough for each value of a patch.
         for side in sides:
@@ -216,7 +213,7 @@ def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
     return list(pairwise(numbers)) if in_place and len(numbers) > 1 else [(number,) for number in numbers]
 
 
-def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
+def _halves_of(patches: Doubles) -> tuple[Doubles, Doubles]:
     """(N, P / 2, C) even and odd parts of patches, (N, side, side, C), about their centers."""
     rows = patches.reshape(len(patches), -1, patches.shape[3])
     half = rows.shape[1] // 2
@@ -224,7 +221,7 @@ def _halves_of(patches: _Doubles) -> tuple[_Doubles, _Doubles]:
     return (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)
 
 
-def _order_of(halves: _Doubles) -> NDArray[np.intp]:
+def _order_of(halves: Doubles) -> NDArray[np.intp]:
     """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
     rows = halves.reshape(len(halves), -1)
     rows = rows - rows.mean(axis=0)
@@ -237,13 +234,13 @@ def _order_of(halves: _Doubles) -> NDArray[np.intp]:
 # --- the level
 
 
-def _levels_of(look: _Look) -> _Doubles:
+def _levels_of(look: _Look) -> Doubles:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
     found = look.patches()
     return np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
 
 
-def _levels_in(patches: _Doubles) -> _Doubles:
+def _levels_in(patches: Doubles) -> Doubles:
     """(C,) standard deviation of the noise in each band of patches, (N, side, side, C)."""
     bands = np.array([*side_by_side(_least, np.split(patches, patches.shape[3], axis=3))])
     if len(bands) == 1 or not bands.max():
@@ -253,7 +250,7 @@ def _levels_in(patches: _Doubles) -> _Doubles:
     return np.asarray(bands * _least(patches / bands))
 
 
-def _least(patches: _Doubles) -> float:
+def _least(patches: Doubles) -> float:
     """Return the standard deviation of patches in the directions in which they vary least, which only noise fills."""
     even, odd = _halves_of(patches)
     n_quiet = min(max(int(_QUIET * len(patches)), _PER_VALUE * even[0].size), len(patches))
@@ -269,7 +266,7 @@ def _least(patches: _Doubles) -> float:
     return float(np.sqrt(max((means[last] + again[order[: last + 1]].mean()) / 2, 0.0)))
 
 
-def _powers(halves: _Doubles) -> _Doubles:
+def _powers(halves: Doubles) -> Doubles:
     """(2, P) power along the axes of every second of the halves of patches: of these, and of the others."""
     rows = halves.reshape(len(halves), -1)
     rows = rows - rows.mean(axis=0)
@@ -277,7 +274,7 @@ def _powers(halves: _Doubles) -> _Doubles:
     return np.stack([values, np.square(rows[1::2] @ axes).mean(axis=0)])
 
 
-def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
+def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[Doubles]:
     """(C,) standard deviation of the noise in each band, of each version; NaN where too little is known."""
     # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise. All are
     # measured in one way, so that they compare.
@@ -292,7 +289,7 @@ def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[_Doubles]:
     return list(_by_differences(versions, np.stack(found), seen)) if alike and versions.n_versions > 1 else found
 
 
-def _inside(versions: Versions, version: int) -> _Bools:
+def _inside(versions: Versions, version: int) -> Bools:
     """(H, W, C) known values near which clipping has left most of the noise; all that are known, if that is few."""
     from scipy.ndimage import uniform_filter
 
@@ -303,7 +300,7 @@ def _inside(versions: Versions, version: int) -> _Bools:
     return np.where(np.count_nonzero(inside, axis=(0, 1)) < _ENOUGH, known, inside)
 
 
-def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> _Doubles:
+def _by_differences(versions: Versions, alone: Doubles, seen: list[Bools]) -> Doubles:
     """(S, C) noise: variances of versions, each `alone`, less what the differences of versions show to be texture."""
     # Texture raises the variance of noisier versions by more, about as much as their standard deviation is larger.
     texture, weight = np.zeros(alone.shape[1]), np.full(alone.shape[1], 1e-30)
@@ -323,7 +320,7 @@ def _by_differences(versions: Versions, alone: _Doubles, seen: list[_Bools]) -> 
 # A. Foi et al., IEEE Trans. Image Processing 17 (2008) 1737-1754, doi 10.1109/TIP.2008.2001399, for the model.
 
 
-def lines_of(versions: Versions, *, in_place: bool) -> tuple[_Doubles, _Doubles] | None:
+def lines_of(versions: Versions, *, in_place: bool) -> tuple[Doubles, Doubles] | None:
     """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
     from scipy.stats import f as distribution
 
@@ -359,7 +356,7 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
+def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Doubles | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
     found, level = look.patches((_BLOCK,), 1, _CUT_OFF[1]), _levels_of(look).min()
@@ -372,7 +369,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
     side = np.hanning(_BLOCK + 2)[1:-1]
     window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
-    def spectrum(*shares: float) -> _Doubles:
+    def spectrum(*shares: float) -> Doubles:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
         group = slice(*(int(share * len(blocks)) for share in shares))
         waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
@@ -392,11 +389,11 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> _Doubles | None:
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _Doubles) -> _Doubles:
+def _texture_in(quiet: Doubles, louder: Doubles, white: float, frequencies: Doubles) -> Doubles:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
-    def by_ring(values: NDArray[np.complex128]) -> _Doubles:
+    def by_ring(values: NDArray[np.complex128]) -> Doubles:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
@@ -416,7 +413,7 @@ def _texture_in(quiet: _Doubles, louder: _Doubles, white: float, frequencies: _D
     return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]
 
 
-def _without_slopes(blocks: _Doubles) -> _Doubles:
+def _without_slopes(blocks: Doubles) -> Doubles:
     """Blocks less the plane that fits each best."""
     down, right = np.indices(blocks.shape[1:3]).reshape(2, -1)
     planes, _ = np.linalg.qr(np.stack([np.ones(down.size), down, right], axis=1))

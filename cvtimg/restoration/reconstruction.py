@@ -188,7 +188,7 @@ def denoise(
     Parameters
     ----------
     images, masks, nodata, alpha, weights, align, hidden, space, noise
-        As in `restore`. Integer values are taken to be clipped at the ends of their type that any version reaches.
+        As in `restore`. Integer values are taken to be clipped at the ends of their type where they pile up there.
     noise_like : {"auto", "white"}
         Whether pixels next to each other may share noise, as after demosaicing, scaling, blurring or JPEG, and whether
         its variance may follow the level, as that of light. "auto" finds out from quiet parts or, of versions in place,

@@ -1,4 +1,4 @@
-"""Versions of one picture, stacked: their values, which pixels each knows, and the weight of each."""
+"""Versions of one picture, stacked: values, pixels that each knows, weights, and what JPEG has rounded away of them."""
 
 from __future__ import annotations
 
