@@ -6,7 +6,6 @@ covariances from the noisy patches; later ones from the estimate, as an oracle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise, product, starmap
 
 import numpy as np
@@ -18,7 +17,7 @@ from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill, fuse
+from cvtimg.restoration.versions import Bools, Clipped, Doubles, Floats, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -51,24 +50,31 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
-    estimate = blur(fuse(kept, trust)[0], _BLUR)
+    seen, weights = fuse(kept, trust)
+    estimate = blur(seen, _BLUR)
     axes = Axes.of(evidence.noise.bands, estimate)
+    # Holes are filled first, by passes in which known pixels count as a blur tells of them: else little would change.
+    filling = passes[: len(passes) // 2] if np.min(weights) == 0 else ()
+    most = np.float32(weights.sum() / max((weights * np.square(seen - estimate).mean(axis=2)).sum(), 1e-30))
     # Groups are what matters: the kinds that they are cut from need no better estimate.
     with part(0, _FINDING):
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
     with part(_FINDING, 1):
-        for number, largest in each(list(enumerate(passes))):
-            if suspicion and number:
+        for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
+            if suspicion and number > -len(filling):
                 kept = suspicion.kept(versions, estimate)
             own = number >= min(_OWN, len(passes) - 1)
-            values, precision = _fused(kept, evidence, variance, estimate, own=own)
+            values, weights = _fused(kept, evidence, variance, estimate, own=own)
+            precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
             noisy = Noisy(
                 with_border(axes.along(values)),
                 with_border(axes.along(estimate)),
-                with_border(precision[:, :, None] / np.float32(variance))[:, :, 0],
+                with_border(precision[:, :, None])[:, :, 0],
                 evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
             )
-            estimate = axes.back(_pass(noisy, axes, kinds, largest, from_estimate=number > 0))
+            estimate = axes.back(_pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)}))
+    if not evidence.noise.is_seen:
+        estimate = np.where((weights > 0)[:, :, None], values, estimate)
     return estimate, kept
 
 
@@ -150,32 +156,6 @@ def _agreeing(one: Floats, other: Floats, known: Bools, noise: float) -> Doubles
     apart = blur(known * np.square(one - other).mean(axis=2), _NEAR)
     excess = np.maximum(apart / np.maximum(share, np.float32(1e-3)) - noise, 0)
     return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Clipped:
-    """What clipping at the ends of an integer type does to noisy values; arrays of the shape of the true ones."""
-
-    added: Floats  # what it adds to their mean
-    slope: Floats  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
-    variance: Floats  # variance that is left, as a share of that of the noise
-
-    @classmethod
-    def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
-        """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
-        from scipy.special import ndtr
-
-        inside = np.clip(true, 0, white)
-        added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
-        for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
-            if is_clipped:
-                away = apart / sigma
-                beyond, density = ndtr(-away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
-                more = density - away * beyond
-                added += sign * sigma * more
-                slope -= beyond
-                variance += (away**2 + 1) * (1 - beyond) + away * density - (away + more) ** 2 - 1
-        return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
 
 
 def clipped_ends(values: Floats, known: Bools, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:

@@ -73,7 +73,7 @@ def prepare(
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
-        noise = Noise.of(given, level=level, white=white, in_place=model is None, alike=not channels)
+        noise = Noise.of(given, level=level, white=white, in_place=model is None)
     given, placed = (replace(one, lines=noise.lines) for one in (given, placed))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:

@@ -105,7 +105,7 @@ def _left_of_noise(shared: SharedNoise, side: int = 256) -> float:
     mean, lags = np.zeros((side, side)), len(shared.autocovariance) // 2
     mean[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
     noise = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(np.abs(np.fft.fft2(mean)))).real
-    return float(np.var(_between_blurs(noise))) / shared.variance
+    return float(np.var(_between_blurs(noise)) / np.diag(shared.bands).mean())
 
 
 def fitting(

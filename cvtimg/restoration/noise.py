@@ -5,16 +5,13 @@ noise, which is alike all over, know nothing of each other. So patches with a qu
 parts, and the other way round: to choose by one and to measure in the other takes no noise away, and is our own. In
 doubt there is less noise. The level is that of the least eigenvalues of the covariance of patches: G. Chen, F. Zhu, P.
 A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62.
-
-Where several versions know a pixel, their difference has no texture in it. It is too large where they do not line up or
-differ in exposure: the lower of the two is taken. Where pixels are missing one by one, no patch is whole, and
-differences across the diagonals of four adjacent pixels have to do.
+Where pixels are missing one by one, only patches of few pixels are whole. What versions in place differ by has no
+texture in it; it tells how noise follows the level of the picture, and what near pixels share.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -22,33 +19,27 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions
-from cvtimg.segmentation.noise import lower_variance, scattered_noise
+from cvtimg.restoration.versions import Clipped, Doubles, Floats, Versions
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
-#: each of their values. Those looked at have about so many pixels together, and a share of them is quiet.
-_SIDES, _PER_VALUE, _MOST, _QUIET = (8, 4), 10, 1 << 20, 0.1
-#: Share of values at an end of the levels from which on a patch is cut off; and a block, or what is about a pixel.
+#: each of their values. Those looked at have about so many pixels together.
+_SIDES, _PER_VALUE, _MOST = (8, 4, 3, 2), 10, 1 << 20
+#: Shares of patches that are quiet, of many and of few: of so many for each band; fewer tell nothing. Along an axis,
+#: others have so many times their power at most: the rest is texture.
+_QUIET, _OF_FEW, _FEWEST, _AGAIN = 0.1, 0.25, 80, 3.0
+#: Share of values at an end of the levels from which on a patch is cut off; and a block.
 _CUT_OFF = (0.02, 0.1)
-#: Pixels that tell the noise of versions at least.
-_ENOUGH = 64
-#: The part of the variance that is measured in a version alone, that it has at least; versions that differ by less than
-#: the last are copies.
-_LEAST, _COPIES = 0.1, 0.0025
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
 _CLASSES, _CHANCE = 8, 1e-3
-#: Blocks whose spectra tell what near pixels share: their side, which has room for the lags and a window, and shares of
-#: them, from quiet to loud, that end groups.
-_BLOCK, _GROUPS = 16, (0.03, 0.1, 0.25)
+#: Blocks whose spectra tell what near pixels share: their side, which has room for a window and the lags, up to the
+#: last; and shares of them, from quiet to loud, that end groups.
+_BLOCK, _GROUPS, _LAGS = 16, (0.03, 0.1, 0.25), 6
 #: Texture is, in each of so many rings of frequencies per cycle per pixel, so many times what grows from the first to
 #: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white.
 _RINGS, _TIMES, _GROWS, _COMMON = 12, 3.0, 1.1, 0.9
 #: Noise is shared where it has so many times the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
 _POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
-#: Pixels farther apart than this share no noise; and the part of its mean variance that it has in any direction of a
-#: patch, so that the covariance has an inverse.
-_LAGS, _ANYWHERE = 6, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,11 +64,6 @@ class SharedNoise:
         return cls(found)
 
     @property
-    def variance(self) -> float:
-        """Mean variance of a band."""
-        return float(np.trace(self.bands) / len(self.bands))
-
-    @property
     def bands(self) -> Doubles:
         """(C, C) covariance of the bands of a pixel."""
         return np.asarray(self.autocovariance[_LAGS, _LAGS])
@@ -90,16 +76,6 @@ class SharedNoise:
     def along(self, matrix: Doubles) -> SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
         return SharedNoise(matrix.T @ self.autocovariance @ matrix)
-
-    def of_patches(self, side: int) -> Doubles:
-        """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
-        places = np.indices((side, side)).reshape(2, -1).T
-        rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + _LAGS
-        size = side**2 * len(self.bands)
-        covariance = self.autocovariance[rows, columns].transpose(0, 2, 1, 3).reshape(size, size)
-        values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
-        raised = (axes * np.maximum(values, _ANYWHERE * values.mean())) @ axes.T
-        return np.asarray(raised * (size / np.trace(raised)))
 
 
 def _near(powers: Doubles, sides: tuple[int, ...]) -> Doubles:
@@ -120,13 +96,16 @@ class Noise:
     @property
     def levels(self) -> Doubles:
         """(S,) standard deviations in each version, root mean square over bands."""
-        return mean_noise(self.bands)
+        return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in self.bands])
 
     @classmethod
-    def of(cls, versions: Versions, *, level: float | None, white: bool, in_place: bool, alike: bool) -> Noise:
-        """Measure the noise of versions, where it is not given; `white`: even and not shared; `alike`: in one look."""
-        bands, shared = noise_of_bands(versions, alike=alike), None
-        levels = mean_noise(bands)
+    def of(cls, versions: Versions, *, level: float | None = None, white: bool = True, in_place: bool = True) -> Noise:
+        """Measure the noise of versions, where it is not given; `white`: even and not shared."""
+        # Versions are as they came: interpolation would smooth their noise.
+        numbers, shared = range(versions.n_versions), None
+        measured = side_by_side(lambda number: _levels_of(_Look.of(versions, number)), numbers)
+        bands = [found for _, found in zip(each(numbers), measured, strict=True)]
+        levels = cls(bands).levels
         is_seen, told = levels > versions.unseen, levels[levels > 0]
         variance = float(np.mean(told**2)) if len(told) else 0.0
         ratios = levels / np.sqrt(variance) if variance else np.ones_like(levels)
@@ -150,14 +129,8 @@ def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float)
     found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
     if not found:
         return shared
-    before = shared or SharedNoise.white(white, found[0].shape[2])
-    total = np.sum([SharedNoise.of(lost).autocovariance for lost in found], axis=0)
-    return SharedNoise(before.autocovariance + total / versions.n_versions)
-
-
-def mean_noise(noise_by_band: list[Doubles]) -> Doubles:
-    """(S,) root mean squares of the noise in the bands of each version."""
-    return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in noise_by_band])
+    own = (shared or SharedNoise.white(white, found[0].shape[2])).autocovariance
+    return SharedNoise(own + sum(SharedNoise.of(lost).autocovariance for lost in found) / versions.n_versions)
 
 
 # --- what noise shows in
@@ -171,6 +144,7 @@ class _Look:
     image: Floats  # (H, W, C): the image
     lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
     has_texture: bool  # False where versions were subtracted
+    white: float | None  # where values end, if pixels are missing, so that few patches are whole
 
     @classmethod
     def of(cls, versions: Versions, *numbers: int) -> _Look:
@@ -178,30 +152,30 @@ class _Look:
         from scipy.ndimage import uniform_filter
 
         bands = [versions.bands(number) for number in numbers]
-        values, image = bands[0], bands[0]
-        if len(bands) > 1:
-            values, image = (values - bands[1]) * np.float32(np.sqrt(0.5)), (image + bands[1]) * np.float32(0.5)
+        image = np.mean(bands, axis=0)
+        values = image if len(bands) == 1 else np.subtract(*bands) * np.float32(np.sqrt(0.5))
         lost = np.max([versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers], axis=0)
         lost[~versions.known[:, :, numbers].all(axis=2)] = np.inf
         if versions.lines is not None:
             spread = np.sqrt(versions.noisiness(uniform_filter(image, (5, 5, 0))))[:, :, None]
             values = np.divide(values, spread, dtype=np.float32)
-        return cls(values, image, lost, len(bands) == 1)
+        white = versions.white if versions.lines is None and np.isinf(lost).any() else None
+        return cls(values, image, lost, len(bands) == 1, white)
 
-    def patches(
-        self, sides: tuple[int, ...] = _SIDES, per_value: int = _PER_VALUE, cut_off: float = _CUT_OFF[0]
-    ) -> tuple[Doubles, Doubles] | None:
-        """(N, side, side, C) patches all over, of about `_MOST` pixels together, and their levels, (N, C)."""
-        # Of the sides, it is the first of which there are enough for each value of a patch.
-        for side in sides:
+    def patches(self, *sides: int, per_value: int = _PER_VALUE) -> tuple[Doubles, Doubles] | None:
+        """(N, side, side, C) patches of the first side of which enough are whole, and their levels, (N, C)."""
+        for side in sides or _SIDES:
             if min(self.lost.shape) >= side:
                 every = int(np.ceil(side * np.sqrt(self.lost.size / _MOST)))
                 values, image, lost = (
                     np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
                     for one in (self.values, self.image, self.lost)
                 )
-                inside = lost.mean(axis=(2, 3)) <= cut_off
-                if np.count_nonzero(inside) >= per_value * values[0, 0].size:
+                share, cut_off = lost.mean(axis=(2, 3)), _CUT_OFF[side > _SIDES[0]]
+                if self.white and not sides and side < _SIDES[0]:  # too few are not cut off, by chance
+                    cut_off = _CUT_OFF[int(np.median(np.append(share[share <= _CUT_OFF[1]], 0)) > cut_off)]
+                inside = share <= cut_off
+                if np.count_nonzero(inside) >= max(per_value * values[0, 0].size, _FEWEST):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
                     return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
         return None
@@ -214,21 +188,19 @@ def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
 
 
 def _halves_of(patches: Doubles) -> tuple[Doubles, Doubles]:
-    """(N, P / 2, C) even and odd parts of patches, (N, side, side, C), about their centers."""
+    """(N, P / 2) even and odd parts of patches, (N, side, side, C), about their centers."""
     rows = patches.reshape(len(patches), -1, patches.shape[3])
     half = rows.shape[1] // 2
-    one, other = rows[:, :half], rows[:, : -half - 1 : -1]
+    one, other = (part.reshape(len(patches), -1) for part in (rows[:, :half], rows[:, : -half - 1 : -1]))
     return (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)
 
 
 def _order_of(halves: Doubles) -> NDArray[np.intp]:
     """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
-    rows = halves.reshape(len(halves), -1)
-    rows = rows - rows.mean(axis=0)
+    rows = halves - halves.mean(axis=0)
     squares = np.square(rows @ np.linalg.eigh(rows.T @ rows)[1])
-    usual = np.median(squares, axis=0)
-    tells = usual > 1e-9 * usual.max(initial=0)
-    return np.argsort((squares[:, tells] / usual[tells]).sum(axis=1), kind="stable")
+    usual = np.median(squares, axis=0)  # 0 where most are flat, as drawings are
+    return np.argsort((squares / np.maximum(usual, 1e-9 * usual.max() + 1e-30)).sum(axis=1), kind="stable")
 
 
 # --- the level
@@ -237,7 +209,11 @@ def _order_of(halves: Doubles) -> NDArray[np.intp]:
 def _levels_of(look: _Look) -> Doubles:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
     found = look.patches()
-    return np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
+    levels = np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
+    if found is not None and look.white and found[0].shape[1] < _SIDES[0]:
+        means, sigmas = (one.astype(np.float32) for one in (found[1], levels + 1e-3))
+        levels /= np.sqrt(Clipped.of(means, sigmas, look.white).variance.mean(axis=0))
+    return levels
 
 
 def _levels_in(patches: Doubles) -> Doubles:
@@ -253,67 +229,25 @@ def _levels_in(patches: Doubles) -> Doubles:
 def _least(patches: Doubles) -> float:
     """Return the standard deviation of patches in the directions in which they vary least, which only noise fills."""
     even, odd = _halves_of(patches)
-    n_quiet = min(max(int(_QUIET * len(patches)), _PER_VALUE * even[0].size), len(patches))
+    few = min(_FEWEST * patches.shape[3], int(_OF_FEW * len(patches)))
+    n_quiet = min(max(int(_QUIET * len(patches)), few, _PER_VALUE * even[0].size), len(patches))
     found = [_powers(even[_order_of(odd)[:n_quiet]]), _powers(odd[_order_of(even)[:n_quiet]])]
     powers, again = np.concatenate(found, axis=1)
     order = np.argsort(powers)
-    # As many directions as have a mean that is not above their median: texture would raise the mean.
+    # As many directions, but not two, as have a mean that is not above their median: texture would raise the mean.
     count = np.arange(1, len(powers) + 1)
     means = np.cumsum(powers[order]) / count
     medians = (powers[order][(count - 1) // 2] + powers[order][count // 2]) / 2
-    last = np.flatnonzero(means <= medians)[-1]
+    last = np.flatnonzero((means <= medians) & (count != 2))[-1]
     # The mean is too low, by chance; that of other patches along the same axes is too high, by texture.
-    return float(np.sqrt(max((means[last] + again[order[: last + 1]].mean()) / 2, 0.0)))
+    return float(np.sqrt(max(means[last] + min(again[order[: last + 1]].mean(), _AGAIN * means[last]), 0.0) / 2))
 
 
 def _powers(halves: Doubles) -> Doubles:
     """(2, P) power along the axes of every second of the halves of patches: of these, and of the others."""
-    rows = halves.reshape(len(halves), -1)
-    rows = rows - rows.mean(axis=0)
+    rows = halves - halves.mean(axis=0)
     values, axes = np.linalg.eigh(rows[::2].T @ rows[::2] / len(rows[::2]))
     return np.stack([values, np.square(rows[1::2] @ axes).mean(axis=0)])
-
-
-def noise_of_bands(versions: Versions, *, alike: bool = True) -> list[Doubles]:
-    """(C,) standard deviation of the noise in each band, of each version; NaN where too little is known."""
-    # Versions are as they came: interpolation would smooth their noise. Those that are `alike` differ by noise. All are
-    # measured in one way, so that they compare.
-    seen = [*side_by_side(partial(_inside, versions), range(versions.n_versions))]
-    numbers = np.flatnonzero(versions.known.any(axis=(0, 1))).tolist()
-    found = [np.full(one.shape[2], np.nan) for one in seen]
-    levels_of = side_by_side(lambda number: _levels_of(_Look.of(versions, number)), numbers)
-    for number, levels in zip(each(numbers), levels_of, strict=True):
-        found[number] = levels
-    if any(np.isnan(found[number]).any() for number in numbers):
-        found = [scattered_noise(versions.bands(number), inside) for number, inside in enumerate(seen)]
-    return list(_by_differences(versions, np.stack(found), seen)) if alike and versions.n_versions > 1 else found
-
-
-def _inside(versions: Versions, version: int) -> Bools:
-    """(H, W, C) known values near which clipping has left most of the noise; all that are known, if that is few."""
-    from scipy.ndimage import uniform_filter
-
-    known = np.broadcast_to(versions.known[:, :, [version]], versions.stack[version].shape)
-    cut_off = versions.cut_off(version) & known
-    near, share = (uniform_filter(one.astype(np.float32), (9, 9, 0)) for one in (cut_off, known))
-    inside = known & (near <= _CUT_OFF[1] * share)
-    return np.where(np.count_nonzero(inside, axis=(0, 1)) < _ENOUGH, known, inside)
-
-
-def _by_differences(versions: Versions, alone: Doubles, seen: list[Bools]) -> Doubles:
-    """(S, C) noise: variances of versions, each `alone`, less what the differences of versions show to be texture."""
-    # Texture raises the variance of noisier versions by more, about as much as their standard deviation is larger.
-    texture, weight = np.zeros(alone.shape[1]), np.full(alone.shape[1], 1e-30)
-    for one, other in pairwise(range(versions.n_versions)):
-        apart, both = versions.bands(one) - versions.bands(other), np.moveaxis(seen[one] & seen[other], 2, 0)
-        if np.count_nonzero(both, axis=(1, 2)).min() >= _ENOUGH and (alone[[one, other]] > 0).all():
-            between = np.array([lower_variance(apart[:, :, band][inside]) for band, inside in enumerate(both)])
-            # Errors are relative ones; copies tell nothing.
-            share = np.where(between > _COPIES * alone[one] ** 2, np.maximum(between, 1e-30) ** -2, 0)
-            excess = np.square(alone[[one, other]]).sum(axis=0) - between
-            texture += share * excess / alone[[one, other]].sum(axis=0)
-            weight += share
-    return np.sqrt(alone * np.clip(alone - texture / weight, _LEAST * alone, alone))
 
 
 # --- noise whose variance follows the level, as that of light does
@@ -326,7 +260,7 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[Doubles, Doubles] |
 
     levels, variances, usual = [], [], []
     for numbers in _looks(versions, in_place=in_place):
-        if found := _Look.of(versions, *numbers).patches(per_value=3 * _CLASSES):
+        if found := _Look.of(versions, *numbers).patches(*_SIDES[:2], per_value=3 * _CLASSES):
             patches, means = found
             parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
             squares = np.square([*side_by_side(_levels_in, [patches[part] for part in parts])])
@@ -359,10 +293,12 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
 def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Doubles | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
-    found, level = look.patches((_BLOCK,), 1, _CUT_OFF[1]), _levels_of(look).min()
+    found, level = look.patches(_BLOCK, per_value=1), _levels_of(look).min()
     if found is None or not level > 0:
         return None
-    blocks = _without_slopes(found[0] / level)
+    rows = found[0].reshape(len(found[0]), _BLOCK**2, -1) / level
+    planes, _ = np.linalg.qr([(1, *place) for place in np.ndindex(_BLOCK, _BLOCK)])  # what fits them best is no noise
+    blocks = (rows - planes @ (planes.T @ rows)).reshape(found[0].shape)
     turned = blocks[:, ::-1, ::-1]
     even, odd = _halves_of(blocks)
     halves = ((blocks + turned) / 2, _order_of(odd)), ((blocks - turned) / 2, _order_of(even))
@@ -411,11 +347,3 @@ def _texture_in(quiet: Doubles, louder: Doubles, white: float, frequencies: Doub
         ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
         noise = np.minimum(noise, ratios * apart)
     return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]
-
-
-def _without_slopes(blocks: Doubles) -> Doubles:
-    """Blocks less the plane that fits each best."""
-    down, right = np.indices(blocks.shape[1:3]).reshape(2, -1)
-    planes, _ = np.linalg.qr(np.stack([np.ones(down.size), down, right], axis=1))
-    rows = blocks.reshape(len(blocks), -1, blocks.shape[3])
-    return np.asarray(rows - planes @ (planes.T @ rows)).reshape(blocks.shape)

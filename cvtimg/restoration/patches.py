@@ -45,6 +45,8 @@ _BENT = 1.5
 _LEFT = 0.02
 #: Share of the variance of noise that every covariance has, so that it has an inverse.
 _RIDGE = 1e-4
+#: Share of its mean variance that shared noise has in any direction of a patch, so that its covariance has an inverse.
+_ANYWHERE = 0.01
 #: Precision of unknown pixels, filled from nearby, as a part of the usual one.
 _FILLED = 0.4
 #: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
@@ -273,7 +275,7 @@ class _Filters:
         size = SIDE**2 * image.shape[2]
         means, matrices = np.empty((len(groups), size), np.float32), np.empty((len(groups), size, size), np.float32)
         noise = None if from_estimate else _noise_by_place(precision, groups, image.shape[2])
-        shared = noisy.shared.of_patches(SIDE) if noisy.shared else np.eye(size)
+        shared = covariance_of(noisy.shared) if noisy.shared else np.eye(size)
         # White noise times the factor is that of patches; these are divided by it, filtered, and multiplied again.
         factor = np.linalg.cholesky(shared)
         whiten = np.linalg.inv(factor)
@@ -323,13 +325,23 @@ class _Filters:
         return sums, weights
 
 
+def covariance_of(shared: SharedNoise) -> Doubles:
+    """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
+    places, lags = np.indices((SIDE, SIDE)).reshape(2, -1).T, len(shared.autocovariance) // 2
+    rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + lags
+    size = SIDE**2 * len(shared.bands)
+    covariance = shared.autocovariance[rows, columns].transpose(0, 2, 1, 3).reshape(size, size)
+    values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
+    raised = (axes * np.maximum(values, _ANYWHERE * values.mean())) @ axes.T
+    return np.asarray(raised * (size / np.trace(raised)))
+
+
 def _variances(precision: Floats, groups: Groups, usual: float) -> Doubles:
-    """(G,) variance of the noise in the patches of each group: that of the mean precision of known pixels."""
+    """(G,) variance of the noise in the patches of each group: that of the mean precision of their pixels."""
     patches, starts = windows(precision[:, :, None]).reshape(len(groups.order), -1)[groups.order], groups.bounds[:-1]
-    means = (one.mean(axis=1, dtype=np.float32) for one in (patches > 0, patches))
-    n_known, total = (np.add.reduceat(mean, starts, dtype=np.float64) for mean in means)
+    means = np.add.reduceat(patches.mean(axis=1, dtype=np.float32), starts, dtype=np.float64) / groups.sizes
     best = np.maximum.reduceat(patches.max(axis=1), starts)
-    variances = np.divide(n_known, total, out=np.full(len(groups), usual), where=total > 1e-6 / usual)
+    variances = np.divide(1, means, out=np.full(len(groups), usual), where=means > 1e-6 / usual)
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 

@@ -18,7 +18,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, without_copies
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
-from cvtimg.restoration.noise import mean_noise, noise_of_bands
+from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
@@ -269,7 +269,7 @@ def is_drawing(
     from scipy.ndimage import gaussian_gradient_magnitude
 
     versions = stack_versions(images, masks, nodata, alpha=alpha)
-    noise = mean_noise(noise_of_bands(versions))
+    noise = Noise.of(versions).levels
     trust = trust_in(versions, None, noise)
     picture, weight = fuse(versions, trust, _BLUR)
     slopes = [gaussian_gradient_magnitude(band, 1.0) for band in np.moveaxis(picture, 2, 0)]

@@ -67,6 +67,32 @@ class Rounding:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Clipped:
+    """What clipping at the ends of an integer type does to noisy values; arrays of the shape of the true ones."""
+
+    added: Floats  # what it adds to their mean
+    slope: Floats  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
+    variance: Floats  # variance that is left, as a share of that of the noise
+
+    @classmethod
+    def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
+        """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
+        from scipy.special import ndtr
+
+        inside = np.clip(true, 0, white)
+        added, slope, variance = np.zeros_like(inside), np.ones_like(inside), np.ones_like(inside)
+        for is_clipped, sign, apart in zip(ends, (1, -1), (inside, white - inside), strict=True):
+            if is_clipped:
+                away = apart / sigma
+                beyond, density = ndtr(-away), np.exp(-(away**2) / 2) / np.float32(np.sqrt(2 * np.pi))
+                more = density - away * beyond
+                added += sign * sigma * more
+                slope -= beyond
+                variance += (away**2 + 1) * (1 - beyond) + away * density - (away + more) ** 2 - 1
+        return cls(added, slope, np.maximum(variance, np.float32(1e-6)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Versions:
     """Versions of one picture, stacked."""
 

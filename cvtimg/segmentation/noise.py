@@ -1,9 +1,7 @@
 """Estimates of noise from an image alone.
 
-Two estimators, because neither serves for both kinds of image. Of an image in one piece, second differences along both
-axes remove what varies linearly and leave noise, edges and texture; the quieter blocks have little of the latter two,
-so noise is measured there (`noise_covariance`). Where pixels are missing one by one, no block is whole, and the lower
-half of the differences of four adjacent pixels has to do (`scattered_noise`).
+Second differences along both axes remove what varies linearly and leave noise, edges and texture; the quieter blocks
+have little of the latter two, so noise is measured there.
 """
 
 from __future__ import annotations
@@ -25,10 +23,6 @@ _QUIET = (0.15, 0.35)
 _LESS_IN_QUIET = 0.674
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
-#: Mean of the squares of the lower half of the absolute values of Gaussian numbers of variance 1.
-_LOWER_HALF = 0.14264
-#: This many differences of four pixels tell how large the noise is.
-_ENOUGH_QUADS = 64
 
 
 def estimate_noise(image: Any) -> NDArray[np.float64]:
@@ -109,22 +103,3 @@ def _block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None) -
     products = np.stack([(band * bands).sum(axis=1) for band in bands]).reshape(n_dims, n_dims, -1, n_columns)
     covariances: NDArray[np.float64] = products.sum(axis=3).transpose(2, 0, 1) / (height * n_columns)
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]
-
-
-def scattered_noise(values: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(D,) standard deviation of the noise of (H, W, D) values where `known`, too; NaN where too few are adjacent."""
-    # From the lower half of the differences across the diagonals of four known pixels: the edges of an image leave most
-    # of them to the noise. After D. Donoho and I. Johnstone, Biometrika 81 (1994), doi 10.1093/biomet/81.3.425.
-    quads = known[1:, 1:] & known[1:, :-1] & known[:-1, 1:] & known[:-1, :-1]
-    twists = values[1:, 1:] - values[1:, :-1] - values[:-1, 1:] + values[:-1, :-1]
-    bands = [band[inside] for band, inside in zip(np.moveaxis(twists, 2, 0), np.moveaxis(quads, 2, 0), strict=True)]
-    return np.array([np.sqrt(lower_variance(one)) / 2 if len(one) >= _ENOUGH_QUADS else np.nan for one in bands])
-
-
-def lower_variance(differences: NDArray[np.float32]) -> float:
-    """Return the variance of Gaussian (N,) differences about 0 from the lower half of them, whatever the others are."""
-    # As robust as the median of their absolute values, but it does not jump from one level of an integer type to the
-    # next.
-    half = max(len(differences) // 2, 1)
-    lower = np.partition(np.abs(differences), half - 1)[:half]
-    return float(np.mean(np.square(lower, dtype=np.float64))) / _LOWER_HALF

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cvtimg import denoise
 from cvtimg._shared.progress import watched
 from cvtimg.restoration import detail
-from cvtimg.restoration.detail import Clipped, clipped_ends
+from cvtimg.restoration.detail import clipped_ends
+from cvtimg.restoration.versions import Clipped, fuse, stack_versions
 
 Damage = damage.Damage
 
@@ -202,3 +203,13 @@ def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clea
     assert len(shares) > 15
     assert max(np.diff([0, *shares])) < 0.4
     assert shares[-1] < 0.9
+
+
+@pytest.mark.parametrize("sigma", [0, 3 / 255])
+def test_holes_are_filled_and_what_is_known_does_not_suffer(clean: NDArray[np.float64], sigma: float) -> None:
+    known = np.random.default_rng(1).random(clean.shape[:2]) >= 0.1
+    image = as_bytes(noisy(clean, sigma))
+    found, complete = restored([image], masks=[known]), restored([image])
+    blurred, _ = fuse(stack_versions([image], [known]), np.ones(1))
+    assert psnr(found[~known], clean[~known]) > psnr(blurred[~known] / 255, clean[~known]) + 1
+    assert psnr(found[known], clean[known]) > psnr(complete[known], clean[known]) - 0.3

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SAMPLES
-from damaging import psnr
+from damaging import card, psnr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -19,9 +19,10 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import denoise, read_image, restore
 from cvtimg.restoration.fitting import MOST_MISFIT, misfits
-from cvtimg.restoration.noise import SharedNoise, lines_of, mean_noise, noise_of_bands, shared_noise
+from cvtimg.restoration.noise import Noise, SharedNoise, lines_of, shared_noise
+from cvtimg.restoration.patches import covariance_of
 from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
-from cvtimg.segmentation.noise import lower_variance, scattered_noise
+from cvtimg.segmentation import estimate_noise
 
 
 def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
@@ -33,7 +34,7 @@ def noisy(clean: NDArray[Any], sigma: float, seed: int = 0) -> NDArray[np.uint8]
 
 
 def level_of(*images: Any, **known: Any) -> NDArray[np.float64]:
-    return mean_noise(noise_of_bands(stack_versions(images, **known)))
+    return Noise.of(stack_versions(images, **known)).levels
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +46,11 @@ def part(photograph: NDArray[Any]) -> NDArray[Any]:
 # --- the level
 
 
-@pytest.mark.parametrize("sigmas", [(3, 3), (2, 6), (2, 5, 20)], ids=str)
+@pytest.mark.parametrize("sigmas", [(6,), (3, 3), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
-def test_several_versions_tell_noise_from_texture(part: NDArray[Any], sigmas: tuple[float, ...], holes: float) -> None:
+def test_versions_with_holes_tell_noise_from_texture(
+    part: NDArray[Any], sigmas: tuple[float, ...], holes: float
+) -> None:
     versions = [noisy(part, sigma, seed) for seed, sigma in enumerate(sigmas)]
     known = [np.random.default_rng(seed + 9).random(part.shape[:2]) >= holes for seed in range(len(sigmas))]
     np.testing.assert_allclose(level_of(*versions, masks=known), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
@@ -60,8 +63,14 @@ def test_one_version_tells_noise_from_texture(photograph: NDArray[Any], sigma: f
     assert abs(found - sigma) < (0.15 * sigma if sigma > 1 else 0.7)
     assert level_of(version[:, :, 1])[0] < 1.3 * sigma + 1
     if sigma <= 3:  # that of more noise is the larger part
-        everywhere = scattered_noise(version.astype(np.float32), np.ones(version.shape, np.bool_))
-        assert abs(found - sigma) < abs(np.sqrt(np.mean(everywhere**2)) - sigma)
+        assert abs(found - sigma) < abs(np.sqrt(np.mean(estimate_noise(version) ** 2)) - sigma)
+
+
+@pytest.mark.parametrize("side", [20, 24, 32, 36, 48])
+def test_drawings_of_few_pixels_have_the_noise_that_they_have(side: int) -> None:
+    clean = 255 * card(side)[0]
+    assert level_of(as_bytes(clean))[0] < 0.01
+    assert level_of(noisy(clean, 8))[0] == pytest.approx(8, rel=0.25)
 
 
 def test_noise_is_that_before_clipping() -> None:
@@ -71,23 +80,9 @@ def test_noise_is_that_before_clipping() -> None:
         assert level_of(*(one / 255 for one in versions))[0] < 0.97 * 50 / 255
 
 
-def test_copies_of_one_noisy_version_have_its_noise(part: NDArray[Any]) -> None:
-    np.testing.assert_allclose(level_of(noisy(part, 20), noisy(part, 20)), level_of(noisy(part, 20))[0])
-
-
-def test_versions_out_of_place_or_of_other_exposure_seem_no_noisier_than_alone(part: NDArray[Any]) -> None:
-    for other in (noisy(np.roll(part, (3, 5), (0, 1)), 10, 1), noisy(part * 0.7, 10, 2)):
-        stack = stack_versions([noisy(part, 10), other])
-        assert (mean_noise(noise_of_bands(stack)) <= mean_noise(noise_of_bands(stack, alike=False)) + 1e-6).all()
-
-
-def test_outliers_and_steps_of_integers_do_not_move_the_lower_half() -> None:
-    rng = np.random.default_rng(0)
-    for sigma in (3.0, 3.3, 3.6, 9.0):
-        differences = np.rint(sigma * rng.standard_normal(100_000)).astype(np.float32)
-        assert lower_variance(differences) == pytest.approx(sigma**2, rel=0.15)
-    differences[:5000] = 1000
-    assert lower_variance(differences) == pytest.approx(81, rel=0.2)
+def test_copies_and_versions_out_of_place_have_the_noise_that_each_has_alone(part: NDArray[Any]) -> None:
+    versions = [noisy(part, 10), noisy(np.roll(part, (3, 5), (0, 1)), 10, 1), noisy(part * 0.7, 10, 2), noisy(part, 10)]
+    np.testing.assert_allclose(level_of(*versions), [level_of(one)[0] for one in versions])
 
 
 def test_noise_that_is_given_is_taken(part: NDArray[Any]) -> None:
@@ -184,7 +179,7 @@ def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: NDArray[
     versions = stack_versions([part + blurred_noise(part.shape, 25, 0.8, seed) for seed in range(2)])
     found = shared_noise(versions, in_place=True)
     assert found is not None
-    np.testing.assert_allclose(np.sqrt(found.variance), 25, rtol=0.08)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.bands)), 25, rtol=0.08)
     white, shared = (misfits(versions, np.full(2, 25.0), noise).max() for noise in (None, found))
     assert shared < min(0.5 * white, MOST_MISFIT)
 
@@ -202,7 +197,7 @@ def test_images_without_noise_and_small_ones_have_no_shared_noise() -> None:
 
 
 def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: NDArray[Any], monkeypatch: Any) -> None:
-    np.testing.assert_allclose(SharedNoise.white(9, 2).of_patches(5), np.eye(50), atol=1e-12)
+    np.testing.assert_allclose(covariance_of(SharedNoise.white(9, 2)), np.eye(50), atol=1e-12)
     image = part[:40, :40] / 255 + np.random.default_rng(0).normal(0, 0.1, (40, 40, 3))
     white = denoise([image], effort="fast", noise=25.5)
     assert white.noise_shared is None
@@ -243,7 +238,7 @@ def test_what_was_rounded_away_is_as_much_and_as_shared(part: NDArray[Any], qual
     lost = rounding.lost(np.atleast_3d(coarse).astype(np.uint8))
     assert lost is not None
     found, true = (SharedNoise.of(np.atleast_3d(one)) for one in (lost, coarse - fine))
-    assert 0.5 < found.variance / true.variance < 1.5
+    assert 0.5 < np.trace(found.bands) / np.trace(true.bands) < 1.5
     for place in ((6, 7), (7, 6), (7, 7), (6, 8), (9, 6)):
         shares = [np.trace(one.autocovariance[place]) / np.trace(one.bands) for one in (found, true)]
         assert shares[0] == pytest.approx(shares[1], abs=0.25)
@@ -320,13 +315,15 @@ def test_nothing_fails(image: NDArray[Any], n_versions: int, holes: float) -> No
         np.testing.assert_allclose(result.image, image, rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize("equal", [1, 3])
-def test_a_photograph_without_noise_comes_back_as_it_is(equal: int) -> None:
+@pytest.mark.parametrize(("equal", "holes"), [(1, 0), (1, 0.1), (3, 0)])
+def test_what_is_known_of_a_photograph_without_noise_comes_back_as_it_is(equal: int, holes: float) -> None:
     photograph = read_image(SAMPLES / "chelsea.png")[60:188, 100:260]
+    known = np.random.default_rng(1).random(photograph.shape[:2]) >= holes
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        result = denoise([photograph] * equal, effort="fast")
-    assert np.square(result.image.astype(float) - photograph).mean() < 0.65  # 50 dB
+        result = denoise([photograph] * equal, masks=[known] * equal, effort="fast")
+    assert not result.noisy
+    np.testing.assert_array_equal(result.image[known], photograph[known])
 
 
 @pytest.mark.parametrize(("sigma", "gain"), [(1, 0.5), (3, 2.5)])

@@ -7,7 +7,7 @@ import pytest
 from damaging import card
 
 from cvtimg import restore
-from cvtimg.restoration.noise import mean_noise, noise_of_bands
+from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, usual_noise
 
 RNG = np.random.default_rng(0)
@@ -19,7 +19,7 @@ def test_a_version_that_knows_too_little_counts_as_the_others_do() -> None:
     known = [np.ones((64, 64), bool), np.ones((64, 64), bool), np.zeros((64, 64), bool)]
     known[2][::2, ::2] = True  # no two known pixels touch
     stack = stack_versions(versions, known)
-    noise = mean_noise(noise_of_bands(stack))
+    noise = Noise.of(stack).levels
     assert np.isnan(noise).tolist() == [False, False, True]
     np.testing.assert_allclose(usual_noise(stack, noise), 0.1, rtol=0.15)
     np.testing.assert_allclose(trust_in(stack, None, noise), 1, rtol=0.3)
@@ -29,14 +29,14 @@ def test_a_version_that_knows_too_little_counts_as_the_others_do() -> None:
 def test_versions_of_which_nothing_can_be_told_count_the_same() -> None:
     tiny = [np.array([[0.0, 1.0]]), np.array([[0.1, 0.9]])]
     stack = stack_versions(tiny)
-    assert np.isnan(mean_noise(noise_of_bands(stack))).all()
-    np.testing.assert_array_equal(trust_in(stack, None, mean_noise(noise_of_bands(stack))), 1)
+    assert np.isnan(Noise.of(stack).levels).all()
+    np.testing.assert_array_equal(trust_in(stack, None, Noise.of(stack).levels), 1)
 
 
 def test_no_version_counts_for_more_than_rounding_to_8_bits_allows() -> None:
     ramp = np.add.outer(np.arange(40.0), np.arange(40.0)) / 78
     stack = stack_versions([ramp, ramp + RNG.normal(0, 2 / 256, ramp.shape)])
-    trust = trust_in(stack, None, mean_noise(noise_of_bands(stack)))
+    trust = trust_in(stack, None, Noise.of(stack).levels)
     np.testing.assert_allclose(trust[0] / trust[1], 4, rtol=0.3)
 
 
