@@ -50,12 +50,13 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
-    seen, weights = fuse(kept, trust)
-    estimate = blur(seen, _BLUR)
+    values, weights = fuse(kept, trust)
+    estimate = blur(values, _BLUR)
     axes = Axes.of(evidence.noise.bands, estimate)
     # Holes are filled first, by passes in which known pixels count as a blur tells of them: else little would change.
-    filling = passes[: len(passes) // 2] if np.min(weights) == 0 else ()
-    most = np.float32(weights.sum() / max((weights * np.square(seen - estimate).mean(axis=2)).sum(), 1e-30))
+    filling, most = passes[: len(passes) // 2] if np.min(weights) == 0 else (), np.float32(np.inf)
+    if filling:
+        most = np.float32(weights.sum() / max((weights * np.square(values - estimate).mean(axis=2)).sum(), 1e-30))
     # Groups are what matters: the kinds that they are cut from need no better estimate.
     with part(0, _FINDING):
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
