@@ -260,4 +260,4 @@ def _points(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[
 
 def _is_image(samples: Any) -> bool:
     array = array_of(samples)
-    return array.ndim == 3 or hasattr(samples, "getbands") or array.dtype in (np.uint8, np.uint16)
+    return array.ndim == 3 or hasattr(samples, "getbands") or (array.dtype.kind == "u" and array.dtype.itemsize <= 2)

@@ -1,0 +1,73 @@
+"""What must not change when a picture comes in another form: type, byte order, layout in memory, bands, alpha."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from reference import same_partition
+from relations.relation import Relation, close, quick_and_wide
+from skimage.filters import gaussian
+
+import cvtimg
+
+Image = NDArray[Any]
+
+
+def gray_picture(rng: np.random.Generator, shape: tuple[int, int] = (32, 44)) -> Image:
+    """Return patches of light with a little noise, 8 bits, from 20 to 235."""
+    patches = gaussian(rng.normal(size=shape), 4)
+    levels = np.interp(patches, (patches.min(), patches.max()), (20, 235)).round(-1)
+    return np.clip(levels + rng.normal(0, 2, shape), 0, 255).astype(np.uint8)
+
+
+def color_picture(rng: np.random.Generator) -> Image:
+    """Return three bands of such patches."""
+    return np.dstack([gray_picture(rng) for _ in range(3)])
+
+
+def alike(labels: Image, others: Image) -> None:
+    """Assert that two label images have the same parts, but for a pixel of a hundred."""
+    assert same_partition(labels, others) >= 0.99
+
+
+#: What is compared of each verb, and how; parts may differ by a few pixels where two are equally near.
+VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
+    "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(2e-3)),
+    "segment": (lambda image: cvtimg.segment(image, 4).labels, alike),
+    "superpixels": (lambda image: cvtimg.superpixels(image, 40).labels, alike),
+    "segment_hierarchy": (lambda image: cvtimg.segment_hierarchy(image).cut(), alike),
+    "mosaic": (lambda image: cvtimg.mosaic(image, 30).psnr, close(2e-3)),
+    "energy_curve": (lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]), close(1e-2)),
+}
+
+#: Changes of any picture.
+FORMS: dict[str, Callable[[Image], Any]] = {
+    "16 bits": lambda image: image.astype(np.uint16) * np.uint16(257),
+    "16 bits, big-endian": lambda image: (image.astype(np.uint16) * np.uint16(257)).astype(">u2"),
+    "floats in 0..1": lambda image: image / 255,
+    "columns first in memory": np.asfortranarray,
+    "every second of a larger array": lambda image: np.repeat(np.repeat(image, 2, 0), 2, 1)[::2, ::2],
+    "a masked array that masks nothing": np.ma.masked_array,
+    "an alpha that is opaque": lambda image: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)]),
+}
+
+#: What cannot be so: an array (H, W) of floats is a table to `energy_curve`.
+EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
+#: What is not so yet.
+EXCEPT |= {
+    (verb, "an alpha that is opaque", inputs)
+    for verb in ("quantize", "segment", "segment_hierarchy", "mosaic")
+    for inputs in (gray_picture, color_picture)
+}
+
+RELATIONS = [
+    Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
+    for verb, (result, follows) in VERBS.items()
+    for inputs in (gray_picture, color_picture)
+    for change, form in FORMS.items()
+    if (verb, change, inputs) not in EXCEPT
+]
+test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)
