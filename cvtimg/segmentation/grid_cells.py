@@ -9,18 +9,26 @@ J. Wang, X. Wang, IEEE Trans. Pattern Analysis and Machine Intelligence 34 (2012
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
+from cvtimg._shared.checks import (
+    check_choice,
+    check_count,
+    check_edge_weight,
+    check_partial_image,
+    hints_at_keywords,
+)
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes
 from cvtimg.colors.spaces import SPACES
 from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, moments_of, weight_of_detail
+from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels
@@ -72,14 +80,17 @@ def superpixels(
     >>> superpixels(image, 6).n_segments
     6
     """
-    values = picture_values(image, check_choice("space", space, SPACES), mask)
+    bands, known = check_partial_image("image", image, mask)
+    frame = frame_of(bands, known)
+    values = picture_values(frame.of(bands), check_choice("space", space, SPACES), frame.of(known))
     given = check_edge_weight(compactness, "compactness")
     check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
     cells = grid_of_cells(values.inside, n_superpixels)
     weight = _compactness(field, cells) if given is None else given
     descent = _settled(field, cells, weight, bool(values.inside.all()))
-    return from_labels(values, field, descent.labels, descent, weight)
+    result = from_labels(values, field, descent.labels, descent, weight)
+    return replace(result, labels=frame.back(result.labels, known.shape))
 
 
 def _compactness(field: NDArray[np.float32], cells: NDArray[np.int32]) -> float:

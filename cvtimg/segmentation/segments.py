@@ -20,6 +20,7 @@ from cvtimg.labels.components import absorb_small, connected_pieces
 from cvtimg.segmentation.averaging import Averaging
 from cvtimg.segmentation.counting import checked_bands
 from cvtimg.segmentation.edge_weight import Planes, length_cost
+from cvtimg.segmentation.frames import frame_of, whole_frame
 from cvtimg.segmentation.prepared import Smoothness, curve_of_segments
 from cvtimg.segmentation.result import Segmentation, from_labels
 from cvtimg.segmentation.touching import Objects
@@ -120,15 +121,18 @@ def segment(
     """
     of_planes = {"shading": shading, "averaging": averaging, "components": components, "min_size": min_size}
     check_excluded("spacing", spacing is not None, **of_planes, objects=objects)
-    shape, planes = np.shape(image)[:3], None
+    bands, known, size_of_voxels = checked_bands(image, spacing, mask)
+    shape, planes, frame = known.shape, None, frame_of(bands, known)
+    bands, known = frame.of(bands), frame.of(known)
+    framed = known.shape
     if spacing is not None:
-        image, mask, planes = below_each_other(image, spacing, mask, edge_radius)
+        bands, known, planes = below_each_other(bands, known, size_of_voxels[0], edge_radius)
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power, planes)
     size = int(check_non_negative("min_size", min_size))
     check_excluded("objects", bool(objects), components=components)
     if n_segments != "auto":
         check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
-    values = picture_values(image, check_choice("space", space, SPACES), mask)
+    values = picture_values(bands, check_choice("space", space, SPACES), known)
     shaded = (2 if n_segments == "auto" else min(n_segments, values.samples.n_colors)) if shading else 0
     prepared = smoothness.prepare(values, shaded)
     curve = None
@@ -144,19 +148,22 @@ def segment(
     own = cells.labels[values.samples.inverse[0]] if start is None else cells.labels
     with part(_CELLS, 1):
         labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
-    weight = descent.edge_weight if descent else 0.0
-    if components or size:
-        labels = _in_pieces(labels, prepared.data, size, weight * length_cost(edge_radius, planes), components)
-    if objects:
-        labels = (Objects() if objects is True else objects).found(labels, prepared.data)
+    weight, field = descent.edge_weight if descent else 0.0, prepared.field
+    if components or size or objects:  # pieces and objects are numbered as the image is read
+        labels, field, data = (frame.back(array, shape) for array in (labels, field, prepared.data))
+        frame = whole_frame(shape)
+        if components or size:
+            labels = _in_pieces(labels, data, size, weight * length_cost(edge_radius, planes), components)
+        if objects:
+            labels = (Objects() if objects is True else objects).found(labels, data)
     scale = values.scale**2 if descent is None and start is None else 1.0
     end: Any = descent or replace(cells, energies=tuple(scale * energy for energy in cells.energies))
-    result = from_labels(values, prepared.field, labels, end, weight, curve)
-    if planes is None:
-        return result
-    first = (len(labels) // planes.rows - shape[0]) // 2
-    own = result.labels.reshape(-1, planes.rows, shape[2])[first : first + shape[0], : shape[1]]
-    return replace(result, labels=np.ascontiguousarray(own))
+    result = from_labels(values, field, labels, end, weight, curve)
+    own = result.labels
+    if planes is not None:
+        first = (len(own) // planes.rows - framed[0]) // 2
+        own = own.reshape(-1, planes.rows, framed[2])[first : first + framed[0], : framed[1]]
+    return replace(result, labels=frame.back(own, shape))
 
 
 def segment_curve(
@@ -193,16 +200,17 @@ def segment_curve(
     3
     """
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, 0, volume_power)
-    values = picture_values(image, check_choice("space", space, SPACES), mask)
+    bands, inside, _ = checked_bands(image, None, mask)
+    frame = frame_of(bands, inside)
+    values = picture_values(frame.of(bands), check_choice("space", space, SPACES), frame.of(inside))
     return curve_of_segments(smoothness.prepare(values), n_max, rng)
 
 
 def below_each_other(
-    image: Any, spacing: Sequence[float], mask: ArrayLike | None, radius: int
+    bands: NDArray[Any], inside: NDArray[np.bool_], spacing: float, radius: int
 ) -> tuple[NDArray[Any], NDArray[np.bool_], Planes]:
     """Return the planes of a volume as one image, with as much around them as `Planes` needs, and what counts of it."""
-    bands, inside, size = checked_bands(image, spacing, mask)
-    planes = Planes(bands.shape[1] + radius, size[0])
+    planes = Planes(bands.shape[1] + radius, spacing)
     first = int(radius / planes.spacing)
     around = [(first, first), (0, radius), (0, 0)]
     tall = np.pad(bands, [*around, (0, 0)]).reshape(-1, *bands.shape[2:])

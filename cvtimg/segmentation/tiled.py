@@ -26,6 +26,7 @@ from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
 from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
 from cvtimg.segmentation.edge_weight import Layers, Moves, State
+from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.noise import noise_of_rows
 from cvtimg.segmentation.prepared import Smoothness, blur_at_start
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
@@ -39,6 +40,8 @@ _ENOUGH_AVERAGES = 1 << 20
 STRIP_PIXELS = 1 << 21
 #: Smallest number of rows of a strip: more than the largest disc of neighbors reaches.
 _LEAST_ROWS = 32
+#: Pixels at most of an image whose rows and columns may change places: strips of it are then read from all rows.
+_MOST_TO_TURN = 1 << 26
 
 
 def segment_file(
@@ -60,7 +63,7 @@ def segment_file(
     """Divide an image on disk, of any size, into segments of similar color.
 
     Segments are those of the whole image, without seams. Memory does not grow with the image, as in `quantize_file`.
-    Until the end, the folder of the target needs room for the uncompressed pixels and 8 bytes more per pixel.
+    Until the end, the folder of the target needs room for the uncompressed pixels and 10 bytes more per pixel.
 
     Parameters
     ----------
@@ -121,9 +124,10 @@ def segment_file(
             samples, scale, origin = picture.averages(blur), 1.0, np.zeros_like(origin)
         cells = tessellate(samples, n_cells, effort=effort, rng=rng)
         layers = picture.layers(folder, edge_radius)
+        own = slice(edge_radius, -edge_radius)
         nearest = picture.nearest(cells.generators * scale - origin, blur)
         for (first, last), labels in zip(picture.strips, nearest, strict=True):
-            layers.labels[first + edge_radius : last + edge_radius][:, edge_radius:-edge_radius] = labels
+            layers.labels[first + edge_radius : last + edge_radius][:, own] = labels
         state = State(layers, (*picture.shape, len(origin)), len(cells.generators), Moves(edge_radius))
         energies, converged = tuple(energy * scale**2 for energy in cells.energies), cells.converged
         if weight or detail:
@@ -135,8 +139,14 @@ def segment_file(
         dtype = np.dtype(np.uint8 if new_label.max() <= 255 else np.uint16)
         form = Form(bands.shape[:2], dtype, geo=bands.geo, nodata=0 if bands.geo else None)
         numbers = np.append(0, new_label).astype(dtype)
-        own = (layers.labels[first + edge_radius : last + edge_radius] for first, last in picture.strips)
-        write_bands(target, form, (numbers[rows[:, edge_radius:-edge_radius]] for rows in own), overwrite=overwrite)
+        end = RowsOnDisk(folder / "end", bands.shape[:2], dtype)
+        for first, last in picture.strips:
+            rows = layers.labels[first + edge_radius : last + edge_radius][:, own]
+            picture.frame.of(end[:])[first:last] = numbers[rows]
+        height = picture.strips[0][1]
+        write_bands(
+            target, form, (end[first : first + height] for first in range(0, bands.shape[0], height)), overwrite=overwrite
+        )
     return SegmentedFile(edge_weight=weight, converged=converged, shape=bands.shape, exact=picture.exact, **ends)
 
 
@@ -164,13 +174,9 @@ class PixelsOnDisk:
 
     def __init__(self, stack: Stack, folder: Path, space: SpaceName) -> None:
         form = stack.content.form
-        self.shape = form.shape[:2]
         n_dims = (form.shape[2] if len(form.shape) > 2 else 1) - form.alpha
-        height, width = self.shape
-        n_rows = max(STRIP_PIXELS // width, _LEAST_ROWS)
-        self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
-        self._pixels = RowsOnDisk(folder / "pixels", (*self.shape, n_dims), form.dtype)
-        self._inside = RowsOnDisk(folder / "inside", self.shape, np.bool_)
+        self._pixels = RowsOnDisk(folder / "pixels", (*form.shape[:2], n_dims), form.dtype)
+        self._inside = RowsOnDisk(folder / "inside", form.shape[:2], np.bool_)
         counter, top = Counter(), 0
         for band, known in stack:
             colors = band.reshape(*known.shape, -1)
@@ -184,11 +190,15 @@ class PixelsOnDisk:
         count = counter.total()
         self.exact = count.exact
         self.values = values_of(count.of_some("is known"), np.empty((0, 0), np.bool_), space, form.dtype)
+        self.frame = frame_of(self._pixels[:], self._inside[:], prod(form.shape[:2]) <= _MOST_TO_TURN)
+        height, width = self.shape = self.frame.of(self._inside[:]).shape
+        n_rows = max(STRIP_PIXELS // width, _LEAST_ROWS)
+        self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
         self._center = self.values.center
 
     def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
-        colors, inside = self._pixels[first:last], self._inside[first:last]
+        colors, inside = (self.frame.of(pixels[:])[first:last] for pixels in (self._pixels, self._inside))
         own = colors.reshape(inside.size, -1) if inside.all() else colors[inside]
         return at_pixels(self.values.of_colors(own, self._center), inside), inside
 
