@@ -15,13 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_count,
-    check_edge_weight,
-    check_partial_image,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes

@@ -124,10 +124,10 @@ def segment_file(
             samples, scale, origin = picture.averages(blur), 1.0, np.zeros_like(origin)
         cells = tessellate(samples, n_cells, effort=effort, rng=rng)
         layers = picture.layers(folder, edge_radius)
-        own = slice(edge_radius, -edge_radius)
+        inner = slice(edge_radius, -edge_radius)
         nearest = picture.nearest(cells.generators * scale - origin, blur)
         for (first, last), labels in zip(picture.strips, nearest, strict=True):
-            layers.labels[first + edge_radius : last + edge_radius][:, own] = labels
+            layers.labels[first + edge_radius : last + edge_radius][:, inner] = labels
         state = State(layers, (*picture.shape, len(origin)), len(cells.generators), Moves(edge_radius))
         energies, converged = tuple(energy * scale**2 for energy in cells.energies), cells.converged
         if weight or detail:
@@ -141,12 +141,11 @@ def segment_file(
         numbers = np.append(0, new_label).astype(dtype)
         end = RowsOnDisk(folder / "end", bands.shape[:2], dtype)
         for first, last in picture.strips:
-            rows = layers.labels[first + edge_radius : last + edge_radius][:, own]
+            rows = layers.labels[first + edge_radius : last + edge_radius][:, inner]
             picture.frame.of(end[:])[first:last] = numbers[rows]
         height = picture.strips[0][1]
-        write_bands(
-            target, form, (end[first : first + height] for first in range(0, bands.shape[0], height)), overwrite=overwrite
-        )
+        own = (end[first : first + height] for first in range(0, bands.shape[0], height))
+        write_bands(target, form, own, overwrite=overwrite)
     return SegmentedFile(edge_weight=weight, converged=converged, shape=bands.shape, exact=picture.exact, **ends)
 
 

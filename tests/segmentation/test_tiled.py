@@ -98,7 +98,7 @@ def test_averages_reach_across_strips() -> None:
     strips = [values for values, _ in picture.blurred(3.7)]
     expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
     assert len(strips) > 3
-    np.testing.assert_allclose(np.concatenate(strips), expected, atol=1e-3)
+    np.testing.assert_allclose(np.concatenate(strips), picture.frame.of(expected), atol=1e-3)
 
 
 def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:

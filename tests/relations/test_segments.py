@@ -1,0 +1,124 @@
+"""Segments of an image that is held in another way, lies in a wider frame, or has other values of the same kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from reference import same_partition
+from relations.relation import Relation, quick_and_wide
+from relations.test_pictures import color_picture, gray_picture
+
+from cvtimg import segment, superpixels
+
+Image = NDArray[Any]
+#: The frame that is put around images.
+_AROUND = ((5, 70), (40, 3))
+
+
+def noisy_picture(rng: np.random.Generator) -> Image:
+    """Return gray patches of 16 bits under noise, in which segments start from a blurred image."""
+    image = gray_picture(rng, (41, 41)).astype(float)
+    return np.clip(257 * (image + rng.normal(0, 60, image.shape)), 0, 65535).astype(np.uint16)
+
+
+def labels_of(image: Image) -> tuple[Image, float]:
+    """Segment an image."""
+    result = segment(image, 4)
+    return result.labels, result.energies[-1]
+
+
+def of_volume(volume: Image) -> tuple[Image, float]:
+    """Segment a volume."""
+    result = segment(volume, 3, spacing=(1.5, 1, 1))
+    return result.labels, result.energies[-1]
+
+
+def of_padded(image: Image) -> tuple[Image, float]:
+    """Segment what counts in a wider frame."""
+    known = np.zeros([sum(ends) + side for ends, side in zip(_AROUND, image.shape[:2], strict=True)], bool)
+    (top, bottom), (left, right) = _AROUND
+    known[top:-bottom, left:-right] = True
+    wide = np.full((*known.shape, *image.shape[2:]), 99, image.dtype)
+    wide[known] = image.reshape(-1, *image.shape[2:])
+    result = segment(wide, 4, mask=known)
+    assert not result.labels[~known].any()
+    return result.labels[top:-bottom, left:-right], result.energies[-1]
+
+
+def same(back: Callable[[Image], Image]) -> Callable[[Any, Any], None]:
+    """Return the relation of labels that are those of the first image when they are turned back."""
+
+    def follows(before: tuple[Image, float], after: tuple[Image, float]) -> None:
+        np.testing.assert_array_equal(back(after[0]), before[0])
+        np.testing.assert_allclose(after[1], before[1], rtol=1e-9)
+
+    return follows
+
+
+def partition(before: tuple[Image, float], after: tuple[Image, float]) -> None:
+    """Assert that segments are the same but for a pixel of a hundred, whatever their numbers and energies."""
+    assert same_partition(before[0], after[0]) > 0.99
+
+
+_HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
+    "mirrored": (lambda image: image[:, ::-1], lambda labels: labels[:, ::-1]),
+    "upside down": (lambda image: image[::-1], lambda labels: labels[::-1]),
+    "turned": (np.rot90, lambda labels: np.rot90(labels, -1)),
+    "transposed": (lambda image: image.swapaxes(0, 1), lambda labels: labels.swapaxes(0, 1)),
+}
+_VALUES: dict[str, Callable[[Image], Image]] = {
+    "an offset and a scale": lambda image: 0.2 + 0.4 * (image / np.iinfo(image.dtype).max)
+}
+_PICTURES = (gray_picture, color_picture, noisy_picture)
+_TOLD: dict[str, Any] = {"since": "2026-11-27"}
+
+RELATIONS = [
+    *(
+        Relation("segment", f"{name}, {inputs.__name__}", inputs, labels_of, change, same(back), **_TOLD)
+        for inputs in _PICTURES
+        for name, (change, back) in _HELD.items()
+    ),
+    *(
+        Relation(
+            "segment",
+            f"in a wider frame that does not count, {inputs.__name__}",
+            inputs,
+            labels_of,
+            lambda image: image,
+            same(lambda labels: labels),
+            rival=of_padded,
+            **_TOLD,
+        )
+        for inputs in _PICTURES
+    ),
+    *(
+        Relation("segment", f"{name}, {inputs.__name__}", inputs, labels_of, change, partition, **_TOLD)
+        for inputs in _PICTURES
+        for name, change in _VALUES.items()
+    ),
+    *(
+        Relation(
+            "segment",
+            f"a volume with its {name} turned over",
+            lambda rng: np.stack([gray_picture(rng, (18, 18)) for _ in range(6)]),
+            of_volume,
+            lambda volume, axis=axis: np.flip(volume, axis),  # type: ignore[misc]
+            same(lambda labels, axis=axis: np.flip(labels, axis)),  # type: ignore[misc]
+            **_TOLD,
+        )
+        for axis, name in enumerate(("planes", "rows", "columns"))
+    ),
+    Relation(
+        "superpixels",
+        "turned",
+        color_picture,
+        lambda image: superpixels(image, 20).labels,
+        np.rot90,
+        lambda before, after: np.testing.assert_equal(same_partition(before, np.rot90(after, -1)), 1),
+        **_TOLD,
+    ),
+]
+test_segments_follow_their_image, test_segments_follow_any_image = quick_and_wide(RELATIONS)
