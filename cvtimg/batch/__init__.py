@@ -3,7 +3,7 @@
 A command supplies the work for one task and the columns of its table.
 """
 
-from cvtimg.batch.plans import Outputs, Plan, check_suffix, find, plan_each, plan_one
+from cvtimg.batch.plans import Outputs, Plan, check_suffix, find, plan_each, plan_one, searched
 from cvtimg.batch.report import Report
 from cvtimg.batch.runner import Running, fold, run
 from cvtimg.batch.tasks import InputsFailedError, Row, Stopwatch, Task, Work, WrongUsageError
@@ -25,4 +25,5 @@ __all__ = [
     "plan_each",
     "plan_one",
     "run",
+    "searched",
 ]

@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
-from cvtimg.files.finding import find_images
-from cvtimg.files.remote import elsewhere, is_remote, url_of
+from cvtimg.files.finding import check_name, find_images
+from cvtimg.files.remote import IS_ONE, elsewhere, is_remote, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
 #: suffix, or a function that returns the pattern for an input.
@@ -33,7 +33,7 @@ class Plan:
     out_dir: Path | None = None  # Folder for outputs, created if missing
     also_read: Sequence[Path] = ()  # Other files that are read, such as masks. No output may replace them.
     joint: Mapping[str, Path] = field(default_factory=dict)  # Files written once for all inputs together, by option
-    folders: Sequence[Path] = ()  # Folders given as inputs, themselves or by a pattern
+    names: Sequence[str] = ()  # The arguments, and in place of lists what they list
 
 
 def plan_each(
@@ -50,9 +50,7 @@ def plan_each(
     # The output of a pipe, such as standard input, goes to standard output unless it is named. Joint outputs are
     # written once for all inputs; `beside` allows outputs of several inputs without `out_dir`, beside them.
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
-    inputs = list(inputs)
-    folders = [_root(text) for text in inputs if glob.has_magic(text) or Path(text).is_dir()]
-    sources, missing = find(inputs, expand, out_dir)
+    sources, missing, names = _found(inputs, expand, out_dir)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
     stems = Counter((source.parent, stem_of(source)) for source in sources)
     tasks = []
@@ -64,7 +62,7 @@ def plan_each(
             outputs_of["-o"] = Path(STANDARD + outputs_of["-o"].suffix)
         tasks.append(Task((source,), outputs_of))
     named = {option: path for option, path in (joint or {}).items() if path}
-    return Plan(tasks, missing, out_dir, [path for path in also_read if path], named, folders)
+    return Plan(tasks, missing, out_dir, [path for path in also_read if path], named, names)
 
 
 def plan_one(
@@ -88,15 +86,27 @@ def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Pa
 def find(
     inputs: Iterable[str], expand: Callable[[str], list[Path]] = find_images, out_dir: Path | None = None
 ) -> tuple[dict[Path, Path], Missing]:
-    """Find the files that arguments name, each with the folder for its outputs, and the arguments that name none."""
+    """Find the files that arguments name, each with the folder for its outputs, and the arguments that name none.
+
+    WrongUsageError refuses empty arguments, as a shell makes them of variables that are not set.
+    """
+    return _found(inputs, expand, out_dir)[:2]
+
+
+def _found(
+    inputs: Iterable[str], expand: Callable[[str], list[Path]], out_dir: Path | None
+) -> tuple[dict[Path, Path], Missing, list[str]]:
+    """Return what `find` does, and the names that were given, themselves or in lists."""
     # Arguments are files, folders and patterns; "-" is standard input, "@FILE" a file that lists names, one per line or
     # separated by zero bytes, and "@-" such a list on standard input. Outputs go to the folder of the file, or to the
     # one in `out_dir` that mirrors its place below what named it. Files in an `out_dir` inside an input folder come
     # from an earlier run, and are no inputs.
     sources: dict[Path, Path] = {}
     missing: Missing = []
+    names: list[str] = []
     outside = Path(os.path.realpath(out_dir)) if out_dir else None
     for text, root in _listed(inputs, missing):
+        names.append(text)
         try:
             found = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:
@@ -106,12 +116,29 @@ def find(
             found = [path for path in found if outside not in Path(os.path.realpath(path)).parents]
         for path in found:
             sources.setdefault(path, out_dir / _below(path, root) if out_dir else path.parent)
-    return sources, missing
+    return sources, missing, names
+
+
+def searched(plan: Plan) -> list[str]:
+    """Return the folders of which all files are inputs, as they were given or match a pattern."""
+    found = []
+    for text in plan.names:
+        if is_remote(text):
+            found += [] if Path(text).suffix or glob.has_magic(text) else [text]
+            continue
+        by_pattern = glob.has_magic(text) and not Path(text).exists()
+        named = glob.glob(text, recursive=True) if by_pattern else [text]  # noqa: PTH207
+        found += [name for name in named if Path(name).is_dir() and not IS_ONE.fullmatch(name)]
+    return found
 
 
 def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path]]:
     """Yield each argument, those from lists included, with the folder to which its outputs are relative."""
     for text in inputs:
+        try:
+            check_name(text.removeprefix("@"))
+        except ValueError as error:
+            raise WrongUsageError(f"{text!r}: {error}") from error
         if not text.startswith("@") or Path(text).exists():
             yield text, _root(text)
             continue
@@ -164,6 +191,7 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
     """Refuse outputs that would replace a file that is read, or each other, or through a link a file elsewhere."""
     # With `in_place` an output may replace its own input.
     read = [*(path for task in plan.tasks for path in task.sources), *plan.also_read]
+    folders = [_root(text) for text in plan.names if glob.has_magic(text) or Path(text).is_dir()]
     inputs = {_identity(path) for path in read}
     wanted = [(path, task.name, task.sources) for task in plan.tasks for path in task.outputs.values()]
     wanted += [(path, option, ()) for option, path in plan.joint.items()]
@@ -173,7 +201,7 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
         if is_standard(path):
             continue
         replaces = in_place and path in sources[:1]
-        _check_link(path, plan.folders, in_place=replaces)
+        _check_link(path, folders, in_place=replaces)
         if not replaces and _identity(path) in inputs - {None}:
             raise WrongUsageError(f"{url_of(path)} is an input, which is never replaced; choose another output")
         place = os.path.normcase(os.path.realpath(path))

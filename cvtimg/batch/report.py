@@ -12,7 +12,7 @@ from typing import Any
 from unicodedata import east_asian_width
 
 from cvtimg._shared.progress import watched
-from cvtimg.batch.tasks import Row, WrongUsageError
+from cvtimg.batch.tasks import Row, Task, WrongUsageError
 from cvtimg.files.remote import exists, local_copy, url_of
 
 #: Left-aligned columns.
@@ -49,6 +49,17 @@ class Report:
 
     def show(self, row: Row) -> None:
         """Print a completed input at once; a hook for subclasses that print no table at the end."""
+
+    def would_do(self, task: Task) -> None:
+        """Print the inputs of a task and its outputs, one a line."""
+        if self.as_json:
+            outputs = {option: task.shown_name(path) for option, path in task.outputs.items()}
+            print(json.dumps({**task.facts, "outputs": outputs}))
+            return
+        others = f" and {len(task.sources) - 1} more" if len(task.sources) > 1 else ""
+        start = f"{task.name}{others} -> " if task.sources else "-> "
+        for path in task.outputs.values():
+            print(start + task.shown_name(path))
 
     def skipped(self, row: Row) -> None:
         """Record a skipped input."""

@@ -38,6 +38,7 @@ class Running(NamedTuple):
     dask: str | None = None
     in_place: bool = False  # Allow outputs to replace their own inputs, once they are complete
     skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
+    dry_run: bool = False  # Print the outputs of each input, and do nothing
     # Modules that tasks import, which workers have from the start.
     late: tuple[str, ...] = ("cvtimg.pictures.files",)
     # Suffixes of inputs elsewhere that the work reads by their URLs, in parts; it gets a copy of any other.
@@ -52,6 +53,8 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     skips = [
         running.skip_existing and bool(task.outputs) and all(map(exists, task.outputs.values())) for task in plan.tasks
     ]
+    if running.dry_run:
+        return _rehearse(plan, skips, report, running)
     todo = [task for task, skip in zip(plan.tasks, skips, strict=True) if not skip]
     with _folders(todo, plan.out_dir), _rows_written(report, running), as_files(todo) as todo:
         for text, error in plan.missing:
@@ -74,6 +77,28 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
             told.end(started)
             report.interrupted(len(plan.tasks) + len(plan.missing))
             return INTERRUPTED
+    return report.close()
+
+
+def _rehearse(plan: Plan, skips: Sequence[bool], report: Report, running: Running) -> int:
+    """Print which file becomes which, and what stands in the way of that; return the exit status of such a run."""
+    for text, error in plan.missing:
+        report.failed(text, reason(text, error))
+    for task, skip in zip(plan.tasks, skips, strict=True):
+        if skip:
+            report.skipped({**task.facts, "skipped": True})
+            continue
+        try:
+            for path in task.outputs.values():
+                if not plan.out_dir or path.parent.exists():  # else the folder is made for it
+                    replaces = running.overwrite or running.in_place or running.skip_existing
+                    check_can_be_written(path, overwrite=replaces)
+        except OSError as error:
+            report.failed(task.name, reason(task.source if task.sources else task.name, error))
+        else:
+            report.would_do(task)
+    for path in plan.joint.values():
+        report.would_do(Task(tuple(source for task in plan.tasks for source in task.sources), {"": path}))
     return report.close()
 
 

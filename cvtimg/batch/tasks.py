@@ -51,16 +51,17 @@ class Task:
     def name(self) -> str:
         """The name to show for the task: its input, or its output if it has no input; "" if it only prints."""
         named = (*self.sources, *self.outputs.values())
-        return self._shown_name(named[0]) if named else ""
+        return self.shown_name(named[0]) if named else ""
 
-    def _shown_name(self, path: Path) -> str:
+    def shown_name(self, path: Path) -> str:
+        """Return how messages call one of its files."""
         return self.shown.get(path, url_of(path))
 
     @property
     def facts(self) -> Row:
         """The first columns of its row in the report."""
         row: Row = {"input": self.name} if self.sources else {}
-        return {**row, "output": self._shown_name(self.output)} if self.outputs else row
+        return {**row, "output": self.shown_name(self.output)} if self.outputs else row
 
     def wording(self, text: str) -> str:
         """Replace the names of temporary files in a message by those to show."""

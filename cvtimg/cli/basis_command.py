@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -27,8 +27,7 @@ def basis(given: Given) -> Todo:
 
     The file has the arrays of cvtimg.bases.Basis; cvtimg.bases.read_basis reads it. Arrays may be larger than memory.
     """
-    plan = plan_one(given.inputs, {"-o": given.output, "--sheet": given.sheet, "--plot": given.plot})
-    return planned(plan, _basis, COLUMNS, given)
+    return planned(plan_of(given, together=True), _basis, COLUMNS, given)
 
 
 def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ def cluster(given: Given) -> Todo:
     given.read = reading(given)
     ends = {".parquet": "-labels.parquet", ".zarr": "-labels.npy"}
     usual = "-labels.csv" if given.labels_only else "-clusters.csv"
-    outputs = {"-o": given.output or (lambda source: "{}" + ends.get(source.suffix.lower(), usual))}
-    outputs |= {"--generators": given.generators, "--plot": given.plot}
-    plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, expand=find_tables)
+    plan = plan_of(given, lambda source: "{}" + ends.get(source.suffix.lower(), usual), expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))

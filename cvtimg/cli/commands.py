@@ -50,7 +50,7 @@ class _Command(TyperCommand):
         given, rest, _ = self.make_parser(ctx).parse_args(args=list(args))
         for param in sorted(self.get_params(ctx), key=lambda param: not param.is_eager):
             option, value = self.options.get(param.name or ""), given.get(param.name)
-            if option is None or (option.required and not value):
+            if option is None or (option.required and value in (None, [], ())):
                 if option or value:
                     param.handle_parse_result(ctx, given, rest)
                 continue

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import Todo, planned, read_beside
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, plan_of, planned, read_beside
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def design(given: Given) -> Todo:
     """
     if sum((given.dimensions is not None, given.bounds is not None, bool(given.axis))) != 1:
         raise WrongUsageError("give one of -d, --bounds and --axis")
-    plan = plan_one((), {"-o": given.output, "--plot": given.plot}, also_read=[given.bounds, given.existing])
+    plan = plan_of(given, together=True)
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
     given.prints = given.output is None and not given.as_json
     return planned(plan, _design, Report(columns, as_json=given.as_json, quiet=given.quiet or given.prints), given)

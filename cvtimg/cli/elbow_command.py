@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError, plan_each
+from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli.cluster_command import reading
-from cvtimg.cli.running import Todo, planned
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
 
@@ -43,7 +43,7 @@ def elbow(given: Given) -> Todo:
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
     report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
-    plan = plan_each(given.inputs, expand=_found, joint={"--csv": given.csv, "--plot": given.plot})
+    plan = plan_of(given, expand=_found, joined=("--csv", "--plot"))
     given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
     if given.edge_weight:
         given.segments["edge_weight"] = given.edge_weight

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import asdict
 
-from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = "  cvtimg info photos/ --json\n  cvtimg info photos/ --noise"
@@ -22,7 +22,7 @@ def info(given: Given) -> Todo:
 
     For stacks and micrographs, show the axes, the names of channels and the size of a pixel, too.
     """
-    return planned(plan_each(given.inputs), _info, COLUMNS + NOISE_COLUMNS * given.noise, given)
+    return planned(plan_of(given), _info, COLUMNS + NOISE_COLUMNS * given.noise, given)
 
 
 def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, check_suffix, plan_each
+from cvtimg.batch import Row, Stopwatch, Task, check_suffix
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
-from cvtimg.cli.running import Todo, planned
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -41,14 +41,12 @@ def mesh(given: Given) -> Todo:
     The suffix of -o picks the format; with --order 2 .vtu, .msh, or by meshio .inp and more. Without -o and
     --out-dir, one input gives NAME-mesh.vtu beside it.
     """
-    output = given.output or ("{}.vtu" if given.out_dir else "{}-mesh.vtu")
+    named = "{}.vtu" if given.out_dir else "{}-mesh.vtu"
     if given.order == 2:
         from cvtimg.meshes.files import suffixes
 
-        check_suffix("--order 2", Path(output), suffixes("triangle6"))
-    outputs = {"-o": output, "--plot": given.plot}
-    plan = plan_each(given.inputs, outputs, out_dir=given.out_dir, also_read=[given.size, given.over])
-    return planned(plan, _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
+        check_suffix("--order 2", Path(given.output or named), suffixes("triangle6"))
+    return planned(plan_of(given, named), _mesh, (*COLUMNS, *MEASURES) if given.measures else COLUMNS, given)
 
 
 def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -23,9 +23,8 @@ def mosaic(given: Given) -> Todo:
     The suffix of -o picks the format: .svg, .geojson with a polygon for each tile, or .png and other images. Without
     -o and --out-dir, one input gives NAME-mosaic.png beside it; with --out-dir each gives NAME.png.
     """
-    output = given.output or ("{}.png" if given.out_dir else "{}-mosaic.png")
-    plan = plan_each(given.inputs, {"-o": output}, out_dir=given.out_dir)
-    return planned(plan, _mosaic, COLUMNS, given)
+    named = "{}.png" if given.out_dir else "{}-mosaic.png"
+    return planned(plan_of(given, named), _mosaic, COLUMNS, given)
 
 
 def _mosaic(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Report, Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Report, Row, Stopwatch, Task
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
 from cvtimg.options.record import Given
 
@@ -31,8 +31,7 @@ def palette(given: Given) -> Todo:
     cvtimg quantize. With --main, the few colors that stand out are listed, such as a small red flower in a green
     field. A palette file, such as game.gpl, has its colors in their order.
     """
-    plan = plan_each(given.inputs, {"--save-palette": given.save_palette})
-    return planned(plan, _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
+    return planned(plan_of(given), _palette, _Palettes((), as_json=given.as_json, quiet=given.quiet), given)
 
 
 def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
@@ -10,11 +11,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from cvtimg._shared.extras import needs
-from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, plan_each
+from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, searched
 from cvtimg.batch.pipes import is_pipe
+from cvtimg.batch.report import complain
 from cvtimg.batch.runner import check_plan
-from cvtimg.cli.running import Todo, only, planned, running_of, selected
+from cvtimg.cli.running import Todo, only, plan_of, planned, running_of, selected
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -86,23 +90,14 @@ def quantize(given: Given) -> Todo:
         check_suffix("--ext", Path(f"NAME{given.ext}"), lossless_suffixes())
         if os.sep in given.ext or "{" in given.ext or "}" in given.ext:
             raise WrongUsageError(f"--ext: {given.ext!r} must be the end of a file name")
-    saved = {"--save-palette": given.save_palette}
-    plan = plan_each(
-        given.inputs,
-        {"-o": given.output or partial(_name, given=given), **({} if given.shared_palette else saved)},
-        out_dir=given.out_dir,
-        beside=given.in_place or given.ext is not None,
-        also_read=[
-            given.palette,
-            given.weight_map,
-            given.mask,
-            *(one for one in given.lock or [] if isinstance(one, Path)),
-        ],
-        joint=saved if given.shared_palette else None,
-    )
+    joined = ("--save-palette",) if given.shared_palette else ()
+    beside = given.in_place or given.ext is not None
+    plan = plan_of(given, partial(_name, given=given), joined=joined, beside=beside)
+    if given.in_place and not _may_replace(plan, given):
+        return lambda: 1
     how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes else "error"}
     palette = how.pop("palette", None)
-    if given.shared_palette:
+    if given.shared_palette and not given.dry_run:
         running = running_of(given)
         find = partial(_palette_of_all, options={name: how[name] for name in (*_FINDING, "space") if name in how})
         palette = _share(plan, find, partial(_count_known, given=given), running=running)
@@ -119,6 +114,19 @@ def quantize(given: Given) -> Todo:
         columns = tuple("quality" if name == "energy" else name for name in columns)
     report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
     return planned(plan, partial(_quantize, options=how), report, given, late=("cvtimg.quantization.files", "deflate"))
+
+
+def _may_replace(plan: Plan, given: Given) -> bool:
+    """Ask whether all images of a folder may be replaced, unless an option allows it; without a terminal it must."""
+    if given.yes or given.overwrite or given.dry_run or not (folders := searched(plan)):
+        return True
+    what = f"{len(plan.tasks)} images in {', '.join(folders)}"
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise WrongUsageError(f"--in-place would replace {what}: --yes allows it, and --dry-run lists them")
+    if not typer.confirm(f"Replace {what}?", err=True):
+        complain("nothing was replaced")
+        return False
+    return True
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:

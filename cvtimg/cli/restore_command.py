@@ -13,9 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, plan_one
+from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import Todo, only, planned
+from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -60,9 +60,8 @@ def restore(given: Given) -> Todo:
     planes of a stack and the frames of an animation, are restored one by one into a stack, -o FILE.tif, or
     an animation; channels are bands of their pages.
     """
-    outputs = {"-o": given.output, "--labels": given.labels, "--sheet": given.sheet}
     masks = given.mask or []
-    plan = plan_one(given.versions, outputs, also_read=masks)
+    plan = plan_of(given, together=True)
     n_versions = sum(len(task.sources) for task in plan.tasks)
     if masks and plan.tasks and len(masks) != n_versions:
         raise WrongUsageError(f"--mask is given {len(masks)} times, for {n_versions} versions")

@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, run
+from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
 from cvtimg.batch.pipes import is_standard
+from cvtimg.batch.plans import Outputs, Pattern
 from cvtimg.options.record import Given
 
 #: What is left to do when a command line is read: what runs its plan, and returns the exit status.
@@ -18,6 +19,40 @@ Todo: TypeAlias = Callable[[], int]
 _Read = TypeVar("_Read")
 #: Options that choose within files.
 CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
+
+
+def plan_of(
+    given: Given,
+    named: Pattern | None = None,
+    *,
+    together: bool = False,
+    joined: Collection[str] = (),
+    more: Outputs | None = None,
+    also_read: Collection[Path] = (),
+    **how: Any,
+) -> Plan:
+    """Plan a command: the roles of its options say which files it reads, and which it writes for each input.
+
+    The main output is that of ``-o``, `named` by default. Options in `joined` name files that are written once for all
+    inputs, and `more` has outputs that no option names. `together` makes one task of all inputs; `how` is for
+    `plan_each`.
+    """
+    inputs: Sequence[str] = ()
+    read = list(also_read)
+    outputs: dict[str, Any] = {"-o": named, **(more or {})}  # in this order
+    for name, option in given.options.items():
+        value = getattr(given, name)
+        paths = [part for part in (value if option.many else [value]) or () if isinstance(part, Path)]
+        if not option.words:
+            inputs = value or ()
+        elif option.role == "reads":
+            read += paths
+        elif option.role == "writes" and paths:
+            outputs[option.flag] = paths[0]
+    joint = {flag: outputs.pop(flag) for flag in joined if flag in outputs}
+    if together:
+        return plan_one(inputs, outputs, also_read=read)
+    return plan_each(inputs, outputs, out_dir=getattr(given, "out_dir", None), also_read=read, joint=joint, **how)
 
 
 def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str], given: Given, **how: Any) -> Todo:
@@ -28,7 +63,7 @@ def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str]
         raise WrongUsageError("--json needs standard output for itself; name the output by -o FILE")
     if not isinstance(report, Report):
         report = Report(report, as_json=given.as_json, quiet=given.quiet)
-    report.quiet |= sends  # a table would mix with the output
+    report.quiet |= sends and not given.dry_run  # a table would mix with the output
     running = running_of(given)._replace(**how, around=partial(_as_asked, given=given))
     return partial(run, plan, partial(work, given=given), report, running)
 
@@ -48,7 +83,7 @@ def read_beside(path: Path, read: Callable[[Path], _Read]) -> _Read:
 
 def running_of(given: Given) -> Running:
     """Return how a batch is run, by the options that the command has."""
-    names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger")
+    names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger", "dry_run")
     jobs = given.jobs if hasattr(given, "jobs") else 1
     own = {name: getattr(given, name) for name in names if hasattr(given, name)}
     return Running(jobs, report_file=given.report, **own)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import Todo, only, planned
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.cli.segment_outputs import check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
@@ -87,7 +87,7 @@ def segment(given: Given) -> Todo:
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
-    plan = plan_each(given.inputs, outputs_of(given), out_dir=given.out_dir, also_read=[given.mask])
+    plan = plan_of(given, more=outputs_of(given))
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
     return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given, late=_LATE)

@@ -7,8 +7,8 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_one
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -48,12 +48,8 @@ def sphere(given: Given) -> Todo:
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
     given.below = None if str(given.over) == "none" else given.over
     given.area = None if given.region is None else _area(given.region)
-    land = None if str(given.land) == "earth" else given.land
-    read = (given.density, given.coast, given.parent, given.below, land, given.area, given.width)
-    files = [one for one in (*read, *(part[0] for part in given.finer)) if isinstance(one, Path)]
-    outputs = {"-o": given.output, "--plot": given.plot, "--histograms": given.histograms}
-    plan = plan_one((), outputs, also_read=files)
-    return planned(plan, _sphere, COLUMNS, given)
+    files = [part for part in (given.area, given.width, *(finer[0] for finer in given.finer)) if isinstance(part, Path)]
+    return planned(plan_of(given, together=True, also_read=files), _sphere, COLUMNS, given)
 
 
 def _refinement(text: str) -> tuple[Any, ...]:

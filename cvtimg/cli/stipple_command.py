@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -28,9 +28,8 @@ def stipple(given: Given) -> Todo:
     """
     if given.radius_range and not 0 < given.radius_range[0] <= given.radius_range[1]:
         raise WrongUsageError("--radius-range: A and B must be > 0, the least first")
-    output = given.output or ("{}.svg" if given.out_dir else "{}-stippled.svg")
-    plan = plan_each(given.inputs, {"-o": output, "--cells": given.cells}, out_dir=given.out_dir)
-    return planned(plan, _stipple, COLUMNS, given)
+    named = "{}.svg" if given.out_dir else "{}-stippled.svg"
+    return planned(plan_of(given, named), _stipple, COLUMNS, given)
 
 
 def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cvtimg.batch import Row, Stopwatch, Task, plan_each
-from cvtimg.cli.running import Todo, planned
+from cvtimg.batch import Row, Stopwatch, Task
+from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -25,9 +25,8 @@ def surface(given: Given) -> Todo:
 
     The suffix of -o picks the format. Without -o and --out-dir, one input gives NAME-points.vtu beside it.
     """
-    output = given.output or ("{}.vtu" if given.out_dir else "{}-points.vtu")
-    plan = plan_each(given.inputs, {"-o": output, "--plot": given.plot}, out_dir=given.out_dir)
-    return planned(plan, _surface, COLUMNS, given)
+    named = "{}.vtu" if given.out_dir else "{}-points.vtu"
+    return planned(plan_of(given, named), _surface, COLUMNS, given)
 
 
 def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

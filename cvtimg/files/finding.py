@@ -23,7 +23,7 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow reads;
     hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for any depth.
     URLs are found by fsspec. The order is the given one, and sorted within each folder or pattern. `FileNotFoundError`
-    names what finds none.
+    names what finds none, and `ValueError` refuses an empty name.
 
     Examples
     --------
@@ -39,7 +39,14 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     return list(dict.fromkeys(found for path in paths for found in _expand(path)))
 
 
+def check_name(name: StrPath) -> None:
+    """Refuse an empty name, which `pathlib.Path` would take for the current folder."""
+    if not os.fspath(name):
+        raise ValueError("an empty name names no file; the current folder is '.'")
+
+
 def _expand(path: StrPath) -> list[Path]:
+    check_name(path)
     if is_remote(path):
         return find_remote(url_of(path), image_suffixes())
     given = Path(path)

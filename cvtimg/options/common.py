@@ -97,7 +97,8 @@ IMAGES = inputs(
 def output(help: str, suffixes: Any = (), *, standard: str = "", required: bool = False) -> Option:
     """Return the option of the main output."""
     excludes = ("out_dir", "ext", "in_place")  # where a verb has them
-    return Option("output", File(suffixes, standard), help, "--output -o", required=required, excludes=excludes)
+    kind = File(suffixes, standard)
+    return Option("output", kind, help, "--output -o", role="writes", required=required, excludes=excludes)
 
 
 def out_dir(help: str) -> Option:
@@ -105,9 +106,9 @@ def out_dir(help: str) -> Option:
     return Option("out_dir", File(), help, metavar="DIR", excludes=("in_place",))
 
 
-def file(name: str, help: str, suffixes: Any = (), **more: Any) -> Option:
-    """Return an option that names a file."""
-    return Option(name, File(suffixes), help, **more)
+def file(name: str, help: str, suffixes: Any = (), *, role: str = "writes", **more: Any) -> Option:
+    """Return an option that names a file to write, or to read beside the inputs."""
+    return Option(name, File(suffixes), help, role=role, **more)
 
 
 def switch(name: str, help: str, **more: Any) -> Option:
@@ -137,7 +138,7 @@ READING = (
         metavar="SIZE",
     ),
 )
-MASK = file("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.")
+MASK = file("mask", "Image of the same size (one, or one per page or frame): leave out black pixels.", role="reads")
 NODATA = Option(
     "nodata",
     Real(),
@@ -193,10 +194,11 @@ ENGINE = (
 
 #: Of every verb: whether to replace files, and what to print.
 RUN = (
-    switch("overwrite", "Replace existing outputs, but never an input."),
+    switch("overwrite", "Replace existing outputs; inputs are replaced only by commands with --in-place."),
     switch("as_json", "Print one JSON object per line and input, not a table.", flags="--json", excludes=("quiet",)),
     switch("quiet", "Print nothing but errors."),
-    file("report", "Write a row for each input, .csv or .jsonl.", (".csv", ".jsonl")),
+    file("report", "Write a row for each input, .csv or .jsonl, as it is done.", (".csv", ".jsonl"), role=""),
+    switch("dry_run", "Print which files would be written, INPUT -> OUTPUT, and do nothing.", excludes=("quiet",)),
 )
 #: Of verbs that process each input separately.
 BATCH = (

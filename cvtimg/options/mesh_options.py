@@ -49,7 +49,7 @@ MESH = (
     passed(
         "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
     ).on_page("Edge length", slider=(2, 100), step=0.5, unit="px", low=0.1, high=10_000, default=10.0),
-    file("size", "Gray image with the length of edges at each pixel; with -n, its ratios."),
+    file("size", "Gray image with the length of edges at each pixel; with -n, its ratios.", role="reads"),
     Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
     passed(
         "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=0.2
@@ -78,7 +78,7 @@ MESH = (
     OUT_DIR,
     switch("measures", "Report the eight measures of mesh quality."),
     file("plot", "Plot the mesh, .png or .svg, with triangles colored by quality.", common.PLOTS),
-    file("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",)),
+    file("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",), role="reads"),
     common.EFFORT,
     common.SEED,
     common.SKIP_EXISTING,
@@ -134,7 +134,12 @@ SPHERE = (
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km", suffix="km"),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
-    file("density", "Gather points where a map of the globe, twice as wide as high, is bright.", metavar="IMAGE"),
+    file(
+        "density",
+        "Gather points where a map of the globe, twice as wide as high, is bright.",
+        metavar="IMAGE",
+        role="reads",
+    ),
     Option(
         "refine",
         Text(),
@@ -148,8 +153,15 @@ SPHERE = (
         "Place points on the coasts of a map with white land and black sea.",
         metavar="MASK",
         excludes=("parent",),
+        role="reads",
     ),
-    file("parent", "Grid (.nc or .csv) that keeps all points outside of --within.", (".nc", ".csv"), needs=("within",)),
+    file(
+        "parent",
+        "Grid (.nc or .csv) that keeps all points outside of --within.",
+        (".nc", ".csv"),
+        needs=("within",),
+        role="reads",
+    ),
     Option(
         "within",
         Text(),
@@ -162,6 +174,7 @@ SPHERE = (
         "Remove the cells whose points are on land: a map with white land, polygons, or `earth` for coasts at 1:110 "
         "million; keep the largest sea.",
         metavar="FILE|earth",
+        role="reads",
     ),
     Option(
         "strait",
@@ -197,7 +210,11 @@ SPHERE = (
         needs=("plot",),
     ),
     file(
-        "over", "Map to show below the cells in --plot, instead of coasts; or `none`.", metavar="IMAGE", needs=("plot",)
+        "over",
+        "Map to show below the cells in --plot, instead of coasts; or `none`.",
+        metavar="IMAGE",
+        needs=("plot",),
+        role="reads",
     ),
     file("histograms", "Plot histograms of widths and angles, .png or .svg.", common.PLOTS),
     common.EFFORT,

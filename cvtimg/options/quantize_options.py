@@ -72,6 +72,7 @@ _LOCK = Option(
     "repeated.",
     metavar="COLOR|FILE",
     many=True,
+    role="reads",
     keyword="locked",
     to=locked_colors,
 )
@@ -132,6 +133,7 @@ QUANTIZE = (
         "palette",
         "Use the colors of a palette file or of an image, a palette by name: cga, game-boy, nes, pico-8, web-safe; or "
         "colors as '#102030,#f0e0d0'; with -k, the best of them.",
+        role="reads",
         excludes=("number=auto", "psnr", "max_bytes", "lock", "weight_map"),
         keyword="palette",
         to=late("palettes.files", "read_palette"),
@@ -151,7 +153,13 @@ QUANTIZE = (
         metavar="N|R,G,B",
         excludes=("palette",),
     ).on_page("Hardware", default="any"),
-    file("weight_map", "Gray image of the same size: the weight of each pixel.", keyword="weights", to=_weights),
+    file(
+        "weight_map",
+        "Gray image of the same size: the weight of each pixel.",
+        role="reads",
+        keyword="weights",
+        to=_weights,
+    ),
     common.MASK._replace(keyword="mask"),
     common.NODATA._replace(keyword="nodata"),
     passed("depth", Choice(("8", "16")), "Bits per channel to work and write with; by default those of the image."),
@@ -170,7 +178,13 @@ QUANTIZE = (
         metavar="END",
         excludes=("in_place",),
     ),
-    switch("in_place", "Replace each input by its output, in the same format, once that is complete."),
+    switch(
+        "in_place",
+        "Replace each input by its output, in the same format, once that is complete; asks first if a folder is given.",
+    ),
+    switch(
+        "yes", "Do not ask before --in-place replaces the images of a folder.", flags="--yes -y", needs=("in_place",)
+    ),
     switch("skip_if_larger", "Write no output that is not smaller than its input."),
     common.PALETTE_OUTPUT._replace(excludes=("palette_per_frame",)),
     switch(

@@ -164,6 +164,7 @@ class Option(NamedTuple):
     flags: str | None = None
     metavar: str = ""  # What ``--help`` shows for a value; by default what suits its kind
     default: Any = None  # Value where none is given; None for none
+    role: str = ""  # Of files that the verb "reads" beside its inputs, or "writes"
     # Whether it must be given, and whether it can be repeated.
     required: bool = False
     many: bool = False
@@ -208,6 +209,8 @@ class Option(NamedTuple):
             given = self.default
         if given is None:
             return None
+        if "" in (given if self.many else [given]):  # of a shell's variable that is not set
+            raise ValueError("an empty text is no value; the current folder is '.'")
         return [self.kind.parse(one) for one in given] if self.many else self.kind.parse(given)
 
     def is_given(self, value: Any) -> bool:

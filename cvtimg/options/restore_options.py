@@ -41,7 +41,11 @@ RESTORE = (
         excludes=("detail",),
     ).on_page("Segments", slider=(2, 64), log=True),
     Option(
-        "mask", File(), "Image that is black where a version is missing; once per version, in their order.", many=True
+        "mask",
+        File(),
+        "Image that is black where a version is missing; once per version, in their order.",
+        role="reads",
+        many=True,
     ),
     Option(
         "merge",

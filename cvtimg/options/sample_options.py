@@ -101,6 +101,7 @@ DESIGN = (
         "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
+        role="reads",
     ),
     Option(
         "axis",
@@ -109,7 +110,12 @@ DESIGN = (
         metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
         many=True,
     ),
-    file("existing", "Points that exist, .csv or .npy: new points keep away from them.", (".csv", ".tsv", ".npy")),
+    file(
+        "existing",
+        "Points that exist, .csv or .npy: new points keep away from them.",
+        (".csv", ".tsv", ".npy"),
+        role="reads",
+    ),
     common.output("Write the points, .csv or .npy; by default print them.", (".csv", ".npy")),
     passed(
         "latin",

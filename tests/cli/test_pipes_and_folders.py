@@ -209,7 +209,7 @@ def test_in_place_replaces_no_file_elsewhere_through_a_link(
     write_image("orig/master.png", read_image("a.png"))
     Path("proj/a.png").symlink_to("../orig/master.png")
     before = Path("orig/master.png").read_bytes()
-    assert cli.main(["quantize", given, "-k", "4", "--in-place", "--quiet"]) == 2
+    assert cli.main(["quantize", given, "-k", "4", "--in-place", "--yes", "--quiet"]) == 2
     assert re.search(r"proj/a\.png is a link to .*/orig/master\.png, a file elsewhere", capsys.readouterr().err)
     assert Path("orig/master.png").read_bytes() == before
 
@@ -219,13 +219,13 @@ def test_in_place_follows_links_within_a_folder_that_is_given(here: Path, capsys
     write_image("proj/store/b.png", read_image("a.png"))
     Path("proj/store/b.png").rename("proj/store/b.data")
     Path("proj/a.png").symlink_to("store/b.data")
-    assert cli.main(["quantize", "proj", "-k", "4", "--in-place", "--quiet"]) == 0
+    assert cli.main(["quantize", "proj", "-k", "4", "--in-place", "--yes", "--quiet"]) == 0
     assert len(image_info("proj/store/b.data").bands) == 1
     assert Path("proj/a.png").is_symlink()
     Path("proj/store/b.data").rename("proj/store/b.png")
     Path("proj/a.png").unlink()
     Path("proj/a.png").symlink_to("store/b.png")
-    assert cli.main(["quantize", "proj", "-k", "2", "--in-place", "--quiet"]) == 2
+    assert cli.main(["quantize", "proj", "-k", "2", "--in-place", "--yes", "--quiet"]) == 2
     assert "proj/a.png and proj/store/b.png would both become" in capsys.readouterr().err
 
 
