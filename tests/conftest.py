@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
+
+# Results prove themselves, also in the processes that tests start; read when cvtimg is imported, so before that.
+os.environ["CVTIMG_CHECK"] = "1"
 
 from cvtimg import read_image
 

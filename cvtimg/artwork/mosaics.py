@@ -25,7 +25,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
 from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import (
@@ -109,6 +109,9 @@ class Mosaic(ReadOnly):
     energy: float
     energies: tuple[float, ...]
     psnr: float
+
+    def _claims(self) -> Claims:
+        yield "labels are those of tiles", (self.labels >= 0) & (self.labels < len(self.colors))
 
     @property
     def image(self) -> NDArray[Any]:

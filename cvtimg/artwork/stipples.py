@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
@@ -123,6 +123,10 @@ class Stipples(ReadOnly):
     size: tuple[int, int]
     max_ink: float
     energy: float
+
+    def _claims(self) -> Claims:
+        yield "the tour visits each dot once", np.sort(self.order) == np.arange(len(self))
+        yield "dots are on the paper", (self.points >= 0) & (self.points <= self.size[::-1])
 
     def __len__(self) -> int:
         return len(self.points)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, hints_at_keywords
 from cvtimg._shared.iteration import Stopping, iterate
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
 from cvtimg.elbow.rules import Scale, chord_linear
@@ -152,6 +152,9 @@ class Basis(ReadOnly):
     medoids: NDArray[np.int64]
     energies: _Floats
     variance: float
+
+    def _claims(self) -> Claims:
+        yield "energies never rise", never_rises(self.energies)
 
     def __repr__(self) -> str:
         cells = f" in each of {self.n_cells} cells" if self.n_cells > 1 else ""

@@ -21,7 +21,7 @@ from cvtimg._shared.checks import (
     refuse,
 )
 from cvtimg._shared.choices import EffortName
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
@@ -76,6 +76,9 @@ class Design(ReadOnly):
     latin: bool
     periodic: bool
     factors: tuple[Factor, ...]
+
+    def _claims(self) -> Claims:
+        yield "points are within the unit cube", (self.unit_points >= 0) & (self.unit_points <= 1)
 
     def _repr_html_(self) -> str:
         """Draw all points, old and new, in each pair of the first axes."""

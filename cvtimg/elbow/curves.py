@@ -25,7 +25,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import array_of, peak
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
@@ -54,6 +54,10 @@ class EnergyCurve(ReadOnly):
     energies: NDArray[np.float64]
     generators: tuple[NDArray[np.float64], ...]
     scale: Scale = field(repr=False)
+
+    def _claims(self) -> Claims:
+        yield "energies never rise", never_rises(self.energies)
+        yield "at most k generators have the k-th energy", [len(of) <= k for k, of in enumerate(self.generators, 1)]
 
     def __repr__(self) -> str:
         """Tell the range of the curve and its elbow in one line."""

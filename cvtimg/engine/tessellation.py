@@ -27,7 +27,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
@@ -75,6 +75,12 @@ class Tessellation(ReadOnly):
     energies: tuple[float, ...]
     n_iter: int
     converged: bool
+
+    def _claims(self) -> Claims:
+        yield "masses and generators are as long", len(self.masses) == len(self.generators)
+        yield "energies never rise", never_rises(self.energies)
+        if isinstance(self.labels, np.ndarray):
+            yield "labels are those of generators", (self.labels >= 0) & (self.labels < len(self.generators))
 
     def __repr__(self) -> str:
         """Tell size, energy and convergence in one line."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import MOST_SHAPES, draw_lines
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
@@ -60,6 +60,12 @@ class Mesh(ReadOnly):
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
     pairs: NDArray[np.int32] | None = None
+
+    def _claims(self) -> Claims:
+        first, second, third = self.points[self.triangles].transpose(1, 0, 2)
+        (along, up), (across, over) = (second - first).T, (third - first).T
+        yield "triangles are counter-clockwise", along * over > up * across
+        yield "each vertex is one of a triangle", len(np.unique(self.triangles)) == len(self.points)
 
     @property
     def energy(self) -> float:

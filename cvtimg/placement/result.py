@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import CellMeasures, measure_cells, oriented_pieces, voronoi_cells
@@ -49,6 +49,10 @@ class Placement(ReadOnly):
     n_iter: int
     converged: bool
     region: Region
+
+    def _claims(self) -> Claims:
+        yield "masses are not negative", self.masses >= 0
+        yield "generators are in the region", self.region.contains(self.points)
 
     def _repr_html_(self) -> str:
         """Draw the generators, with y down in images and in each pair of axes if there are more than two."""

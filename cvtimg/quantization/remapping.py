@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
@@ -99,6 +99,10 @@ class Quantized(ReadOnly, Fidelity):
     quality: float | None = None
     n_left_out: int = 0
     exact: bool = True
+
+    def _claims(self) -> Claims:
+        if self.indices is not None:
+            yield "indices are those of colors", np.asarray(self.indices) < len(self.palette)
 
     def __repr__(self) -> str:
         """Tell size, colors and error in one line."""

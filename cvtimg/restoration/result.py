@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -71,6 +71,10 @@ class Denoised(ReadOnly):
     exposures: NDArray[np.float64] | None
     models: tuple[str, ...]
     misfits: NDArray[np.float64]
+
+    def _claims(self) -> Claims:
+        yield "no more versions are left out than there are", self.left_out <= self.coverage
+        yield "what is known is finite", np.isfinite(self.image[self.coverage > 0])
 
     @classmethod
     def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Self:

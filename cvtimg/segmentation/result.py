@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, equals, never_rises
 from cvtimg._shared.sums import take_rows
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
@@ -57,6 +57,10 @@ class Segments(ReadOnly):
     energies: tuple[float, ...]
     edge_weight: float
     converged: bool
+
+    def _claims(self) -> Claims:
+        yield "masses and generators are as long", len(self.masses) == len(self.generators)
+        yield "energies never rise", never_rises(self.energies)
 
     @property
     def n_segments(self) -> int:
@@ -138,6 +142,13 @@ class Segmentation(Segments):
     curve: EnergyCurve | None = None
     hierarchy: RegionHierarchy | None = None
     counting: Counting | None = None
+
+    def _claims(self) -> Claims:
+        yield from Segments._claims(self)
+        yield (
+            "masses are numbers of pixels",
+            equals(self.masses, np.bincount(self.labels.ravel(), minlength=self.n_segments + 1)[1:]),
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return what a table says of the result, by column."""

@@ -1,7 +1,7 @@
 """Relations: an input is changed, and its result must follow in a known way, whatever the right result is.
 
-This is metamorphic testing (T. Y. Chen et al., ACM Computing Surveys 51 (2018), doi 10.1145/3143561). Each subject has a
-module ``test_SUBJECT.py`` here with its table of relations::
+This is metamorphic testing (T. Y. Chen et al., ACM Computing Surveys 51 (2018), doi 10.1145/3143561). Each subject has
+a module ``test_SUBJECT.py`` here with its table of relations::
 
     RELATIONS = [
         Relation("tessellate", "an offset", rows, energy, lambda rows: rows + 1000, close(1e-6), since="2026-11-27"),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import PIL.Image
 from numpy.typing import NDArray
 from reference import same_partition
 from relations.relation import Relation, close, quick_and_wide
@@ -33,6 +34,13 @@ def alike(labels: Image, others: Image) -> None:
     assert same_partition(labels, others) >= 0.99
 
 
+def with_alpha(image: Image, alpha: Image) -> PIL.Image.Image:
+    """Return a picture whose last band is declared to be its alpha."""
+    return PIL.Image.merge(
+        "LA" if image.ndim == 2 else "RGBA", [*map(PIL.Image.fromarray, np.dstack([image, alpha]).transpose(2, 0, 1))]
+    )
+
+
 #: What is compared of each verb, and how; parts may differ by a few pixels where two are equally near.
 VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
     "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(2e-3)),
@@ -51,7 +59,7 @@ FORMS: dict[str, Callable[[Image], Any]] = {
     "columns first in memory": np.asfortranarray,
     "every second of a larger array": lambda image: np.repeat(np.repeat(image, 2, 0), 2, 1)[::2, ::2],
     "a masked array that masks nothing": np.ma.masked_array,
-    "an alpha that is opaque": lambda image: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)]),
+    "an alpha that is opaque": lambda image: with_alpha(image, np.full(image.shape[:2], 255, np.uint8)),
 }
 
 #: What cannot be so: an array (H, W) of floats is a table to `energy_curve`.
@@ -59,7 +67,7 @@ EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
 #: What is not so yet.
 EXCEPT |= {
     (verb, "an alpha that is opaque", inputs)
-    for verb in ("quantize", "segment", "segment_hierarchy", "mosaic")
+    for verb in ("segment", "segment_hierarchy", "mosaic")
     for inputs in (gray_picture, color_picture)
 }
 

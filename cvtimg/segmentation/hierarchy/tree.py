@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_count, check_non_negative, check_that
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, equals
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import find_borders
@@ -61,6 +61,13 @@ class RegionHierarchy(ReadOnly):
     means: NDArray[np.float64]
     energies: NDArray[np.float64]
     default_threshold: float
+
+    def _claims(self) -> Claims:
+        yield "altitudes never fall", np.diff(self.altitudes) >= 0
+        yield (
+            "a region has the pixels of its two",
+            equals(self.sizes[self.n_leaves :], self.sizes[self.merges].sum(axis=1)),
+        )
 
     def __repr__(self) -> str:
         height, width = self.leaves.shape
