@@ -60,8 +60,9 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     making = given.arguments
     if is_polygon and given.label is not None:
         raise ValueError("has polygons; --label is for images of labels")
-    if given.keep_points and not is_polygon:
-        raise ValueError("has pixels; --keep-points is for polygons")
+    outlines = {"keep_points": given.keep_points, "snap": given.snap, "simplify": given.simplify}
+    if not is_polygon and (unfit := given.chosen(*outlines)):
+        raise ValueError(f"has pixels; {' and '.join(unfit)} is for polygons")
     region = read_region(task.source, given.name_by) if is_polygon else None
     labels, is_mask = (None, False) if is_polygon else read_segments(task.source, given.label)
     if labels is not None and labels.ndim == 3:
@@ -70,7 +71,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     sizes = None if given.size is None else read_size(given.size)
     stopwatch.lap("read")
     if labels is None:
-        found = cvtimg.mesh_region(region, size=sizes, keep_points=given.keep_points, **making)
+        found = cvtimg.mesh_region(region, size=sizes, **outlines, **making)
     elif is_mask:
         found = cvtimg.mesh_region(labels > 0, size=sizes, **making)
     else:
@@ -93,6 +94,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "below_30": float((each.least_angles < 30).mean()),
         "energy": found.energy,
         "n_iter": len(found.energies) - 1,
+        **({} if found.changes is None else asdict(found.changes)),
         **({} if found.pairs is None else {"pairs": len(found.pairs)}),
         **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
         **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),

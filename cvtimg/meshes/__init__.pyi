@@ -15,3 +15,4 @@ from .sizes import MeshSize as MeshSize
 from .volumes import VolumeMeasures as VolumeMeasures
 from .volumes import VolumeMesh as VolumeMesh
 from .volumes import mesh_volume as mesh_volume
+from .welding import OutlineChanges as OutlineChanges

@@ -85,7 +85,8 @@ def place_on_borders(
         if changed.any():
             field = field.lowered(middles[changed], low[changed], grade)
     at = borders.points[borders.edges[crossed][:1]].mean(axis=(0, 1)).tolist()
-    check_that(f"borders at {at}", not crossed.any(), "not cross or touch")
+    hint = "not cross or touch; a larger snap joins them, and simplify takes points away"
+    check_that(f"borders at {at}", not crossed.any(), hint)
     return borders, field
 
 

@@ -35,6 +35,7 @@ from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.sizes import SizeLike
 from cvtimg.meshes.triangulation import PlaneTriangulation
+from cvtimg.meshes.welding import Cleaning
 from cvtimg.placement import as_region
 
 Points = NDArray[np.float64]
@@ -89,6 +90,8 @@ def mesh_region(
     size: SizeLike | None = None,
     grade: float = 0.2,
     min_size: float = 0.0,
+    snap: float | None = None,
+    simplify: float = 0.0,
     fixed: ArrayLike | None = None,
     keep_points: bool = False,
     metric: MatrixFunction | None = None,
@@ -118,7 +121,13 @@ def mesh_region(
     grade : float
         How much sizes may grow for each unit of length, > 0; more where `n` is too small for that.
     min_size : float
-        The least size, and the size of details of polygons that are left out.
+        The least size. Islands and holes of polygons that a circle of this diameter holds are left out, and so are
+        narrow parts and points that would make edges shorter than half of it.
+    snap : float, optional
+        Points of polygons nearer to each other than this, or to an edge, are one, so that cracks and spikes that are
+        thinner vanish: 1e-5 of the diameter by default. 0 keeps all, but for points within 1e-9 of the diameter.
+    simplify : float
+        Draw polygons with fewer points, moving the lines by about this at most; areas are kept.
     fixed : (F, 2) array, optional
         Points of the region that become vertices.
     keep_points : bool
@@ -174,12 +183,13 @@ def mesh_region(
     (100, 3.0)
     """
     least = check_non_negative("min_size", min_size)
+    how = Cleaning(snap, check_non_negative("simplify", simplify), least, keep_points)
     optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
     parts = dict(region) if isinstance(region, Mapping) and "type" not in region else {}
     if parts:
-        outline = outline_of_parts([as_region(part) for part in parts.values()], least, keep_points)
+        outline = outline_of_parts([as_region(part) for part in parts.values()], how)
     else:
-        outline = outline_of(as_region(region), least, keep_points)
+        outline = outline_of(as_region(region), how)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
@@ -299,8 +309,8 @@ def _made(outline: Outline, plan: Plan, wanted: Wanted, effort: MeshEffort, inne
         )
     with part(_RELAXED, 1):
         mesh = _finished(mesh, outline, plan, wanted, effort)
-    edges = mesh.border_edges()
-    return Mesh(mesh.points, mesh.triangles, mesh.tags, edges, relaxed.energies, relaxed.converged, wanted.n)
+    about = relaxed.energies, relaxed.converged, wanted.n
+    return Mesh(mesh.points, mesh.triangles, mesh.tags, mesh.border_edges(), *about, changes=outline.changes)
 
 
 def _finished(

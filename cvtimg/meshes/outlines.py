@@ -55,6 +55,7 @@ class Outline:
     contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
     polygons: Any = None  # What it is the outline of, if that is polygons of shapely
+    changes: Any = None  # What these lost when they were cleaned: `OutlineChanges`
     still: tuple[int, ...] = ()  # Nodes that were asked for, and stay even where areas are kept
 
     @classmethod
@@ -287,7 +288,8 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         lines[nearest : nearest + 1] = parts
         own[nearest : nearest + 1] = [own[nearest]] * len(parts)
     areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
-    cut = Outline.of(lines, outline.sides[own], outline.bounds, outline.mask, outline.contains, areas, outline.polygons)
+    about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
+    cut = Outline.of(lines, outline.sides[own], *about)
     cut = cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]]))
     return cut, np.array(alone).reshape(-1, 2)
 

@@ -17,6 +17,7 @@ from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 from cvtimg.meshes.quadratic import QuadraticTriangles
+from cvtimg.meshes.welding import OutlineChanges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +48,8 @@ class Mesh(ReadOnly):
         The triangles with six nodes, if ``order=2`` was asked for.
     pairs : (P, 2) int32 array or None
         Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
+    changes : OutlineChanges or None
+        What polygons lost before they were meshed.
     """
 
     points: NDArray[np.float64]
@@ -60,6 +63,7 @@ class Mesh(ReadOnly):
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
     pairs: NDArray[np.int32] | None = None
+    changes: OutlineChanges | None = None
 
     def _claims(self) -> Claims:
         first, second, third = self.points[self.triangles].transpose(1, 0, 2)

@@ -60,6 +60,20 @@ MESH = (
     passed(
         "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
     ),
+    Option(
+        "snap",
+        Real(0),
+        "Join points of polygons that are nearer than this, and close cracks and spikes that are thinner; 0 keeps all. "
+        "Default: 1e-5 of the diagonal.",
+        metavar="TOL",
+    ),
+    Option(
+        "simplify",
+        Real(0),
+        "Draw polygons with fewer points, moving lines by about this; areas are kept.",
+        metavar="TOL",
+        default=0.0,
+    ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
     passed(
         "periodic",

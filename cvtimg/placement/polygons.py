@@ -19,6 +19,9 @@ from cvtimg.placement.regions import Geometry, Region
 _SMOOTH = 30.0
 #: Corners that are nearer to each other than this part of the extent are one, which rounding has doubled.
 _ONE = 1e-13
+#: Lines that cross, or double back, and enclose no more than this part of the area by it are taken apart: digitizing
+#: and rounding make them. Others may mean anything, and are refused.
+_SLIVERS = 1e-6
 #: How far a point may be from the center of its pixel along an axis: at one half it would be in the next.
 _TO_SIDE = 0.5 - 1e-7
 
@@ -54,7 +57,10 @@ class PolygonRegion(Region):
         has_area = shapely.get_dimensions(geometry) == 2 and not is_flat
         check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
         if not shapely.is_valid(geometry):
-            _refuse_invalid(shapely.is_valid_reason(geometry))
+            mended = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+            if not abs(mended.area - geometry.area) <= _SLIVERS * geometry.area:
+                _refuse_invalid(shapely.is_valid_reason(geometry))
+            geometry = mended
         shapely.prepare(geometry)
         object.__setattr__(self, "geometry", geometry)
 

@@ -135,7 +135,8 @@ def rings(draw: st.DrawFn) -> list[list[tuple[float, float]]]:
 @given(rings())
 def test_any_rings_have_a_mesh_or_one_clear_error(given_rings: list[list[tuple[float, float]]]) -> None:
     whole = shapely.Polygon(given_rings[0], given_rings[1:])
-    if not (whole.is_valid and whole.area > 0):
+    mended = shapely.make_valid(whole, method="structure", keep_collapsed=False)  # what doubles back has no area
+    if not (abs(mended.area - whole.area) < 1e-6 and whole.area > 0):
         with pytest.raises(ValueError, match=r"cross themselves|a hole at|must be a polygon with area > 0|be valid"):
             mesh_region(given_rings, edge_length=3.0, effort="fast")
     else:

@@ -1,0 +1,98 @@
+"""What must not change in a mesh when an outline comes as people have it: doubled points, cracks, another start."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from reference import ring
+from relations.relation import Relation, close, quick_and_wide
+
+from cvtimg import mesh_region
+
+Points = NDArray[np.float64]
+
+
+def smooth(random: np.random.Generator) -> Points:
+    """Return 100 to 400 points of a star with three round arms, anywhere and of any size."""
+    places = ring(int(random.integers(100, 400)))
+    star = (1 + 0.3 * np.sin(3 * np.arctan2(*places.T)))[:, None] * places
+    return random.normal(size=2) + 10 ** random.uniform(-3, 3) * star
+
+
+def size(points: Points) -> float:
+    """Return the diagonal of the bounds."""
+    return float(np.hypot(*np.ptp(points, axis=0)))
+
+
+def doubled(points: Points) -> Points:
+    """Add a point beside each tenth one, a millionth of the size away."""
+    at = np.arange(0, len(points), 10)
+    steps = 1e-6 * size(points) * np.stack([np.cos(at), np.sin(at)], axis=1)
+    return np.insert(points, at, points[at] + steps, axis=0)
+
+
+def cracked(points: Points) -> Points:
+    """Cut a crack towards the middle that is a millionth of the size wide, and add a spike as thin."""
+    middle, thin = points.mean(axis=0), 1e-6 * size(points) * np.array([0.0, 1.0])
+    tips = points[:1] + 0.2 * (points[:1] - middle), points[:1] - 0.2 * (points[:1] - middle)
+    return np.concatenate([points, points[:1] - thin, tips[0], points[:1], tips[1], points[:1] + thin])
+
+
+def figures(points: Points) -> tuple[float, float, bool]:
+    """Return the area, the vertices, and whether all angles are regular."""
+    mesh = mesh_region(points, effort="fast")
+    return mesh.area, len(mesh.points), mesh.measures().least_angle > 25
+
+
+def alike(before: Any, after: Any) -> None:
+    """Assert figures of the same region: areas within 1e-6, nearly as many vertices, angles as regular."""
+    close(1e-6)(before[0], after[0])
+    close(0.2)(before[1], after[1])
+    assert before[2] == after[2]
+
+
+def parts(random: np.random.Generator) -> list[Points]:
+    """Return two halves of a square, the border between which is a line of points."""
+    line = np.stack([1 + 0.1 * np.sin(9 * np.linspace(0, 1, 12)), np.linspace(0, 1, 12)], axis=1)
+    line[[0, -1], 0] = 1
+    halves, scale = ([[0, 0], *line, [0, 1]], [[2, 0], [2, 1], *line[::-1]]), 10 ** random.uniform(-3, 3)
+    return [scale * np.array(half, float) for half in halves]
+
+
+def shaken(halves: list[Points]) -> list[Points]:
+    """Move the points of the second half by a millionth of its size: there are gaps and overlaps."""
+    noise = np.random.default_rng(0).uniform(-1, 1, halves[1].shape)
+    return [halves[0], halves[1] + 1e-6 * size(halves[1]) * noise]
+
+
+def seams(halves: list[Points]) -> tuple[float, float, int]:
+    """Return the areas of both halves, and the holes between them."""
+    mesh = mesh_region(dict(zip("ab", halves, strict=True)), effort="fast")
+    triangles = shapely.polygons(mesh.points[mesh.triangles])
+    first, second = (float(shapely.area(triangles[mesh.tags == tag]).sum()) for tag in (1, 2))
+    return first, second, len(shapely.coverage_union_all(triangles).interiors)
+
+
+RELATIONS = [
+    Relation("mesh_region", "points doubled within rounding", smooth, figures, doubled, alike, since="2026-11-27"),
+    Relation("mesh_region", "a crack and a spike", smooth, figures, cracked, alike, since="2026-11-27"),
+    Relation(
+        "mesh_region", "another start", smooth, figures, lambda p: np.roll(p, 7, axis=0), alike, since="2026-11-27"
+    ),
+    Relation("mesh_region", "the other way around", smooth, figures, lambda p: p[::-1], alike, since="2026-11-27"),
+    Relation("mesh_region", "gaps between parts", parts, seams, shaken, close(2e-5), since="2026-11-27"),
+]
+test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)
+
+
+def test_simpler_outlines_keep_their_areas_and_straight_sides() -> None:
+    noisy = np.random.default_rng(0).normal(0, 0.01, 300)
+    side = np.stack([1 + noisy, np.linspace(0, 1, 302)[1:-1]], axis=1)
+    outline = np.concatenate([[[0, 0], [1, 0]], side, [[1, 1], [0, 1]]])
+    mesh, all_of_it = (mesh_region(outline, simplify=simplify, effort="fast") for simplify in (0.02, 0.0))
+    np.testing.assert_allclose(mesh.area, shapely.Polygon(outline).area, rtol=1e-6)
+    assert len(mesh.points) < 0.8 * len(all_of_it.points)
+    assert (mesh.points[:, 0] == 0).sum() > 10
