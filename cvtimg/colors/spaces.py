@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
@@ -162,8 +162,9 @@ def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[An
     return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
 
 
-def to_depth(colors: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+def to_depth(colors: NDArray[Any], dtype: DTypeLike) -> NDArray[Any]:
     """Bring colors to an integer type or floating point in 0..1: black to black, white to white, integers rounded."""
+    dtype = np.dtype(dtype)
     if colors.dtype == dtype:
         return colors
     white = peak(colors.dtype)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import time
 from collections.abc import Callable, Sequence
@@ -191,4 +192,6 @@ async def _answered(make: Callable[[], dict[str, Any]]) -> Response:
         made = await run_in_threadpool(make)
     except UnfitRequestError as error:
         return PlainTextResponse(str(error), 422)
+    except asyncio.CancelledError:  # the server ends, and waits no longer
+        return PlainTextResponse("the server ends", 503)
     return Response(json.dumps(made, allow_nan=False), media_type="application/json")

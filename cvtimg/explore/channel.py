@@ -137,7 +137,8 @@ class Channel:
             except (WebSocketDisconnect, RuntimeError):
                 return  # the page is gone
             except Exception as error:  # a page goes on whatever happens
-                await self._refuse(request["seq"], lane, _said(error))
+                tab = TABS.get(str(request.get("tab")))
+                await self._refuse(request["seq"], lane, tab.worded(_said(error)) if tab else _said(error))
 
     async def _refuse(self, number: int, lane: str, why: str) -> None:
         await self._socket.send_text(json.dumps({"seq": number, "lane": lane, "error": why}))

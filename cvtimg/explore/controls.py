@@ -95,6 +95,7 @@ class Number(Control):
     auto: bool = False  # Whether "auto" is allowed
     unit: str = ""  # Shown after the number; on the command line, `suffix` follows it
     suffix: str = ""
+    room: float = 0  # Pixels that each of so many things takes: a picture with less room begins with fewer
 
     def parse(self, value: Any) -> Any:
         if self.auto and value == "auto":

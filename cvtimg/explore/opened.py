@@ -194,9 +194,11 @@ class Picture:
         for name in _IMPORTED:
             import_module(name)
 
-    def close(self) -> None:
+    def close(self, *, wait_for: bool = True) -> None:
+        """End what is computed in the background; by default, wait for that."""
         self._closed = True
-        wait(list(self._curves.values()))
+        if wait_for:
+            wait(list(self._curves.values()))
 
     @cached_property
     def _limits(self) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import secrets
 import signal
@@ -57,6 +58,9 @@ def serve(
         while (left := 60 * idle_minutes - server.idle_seconds) > 0:
             await asyncio.sleep(max(left, 0.05))
         running.should_exit = True
+
+    # Ctrl-C while something is computed is no error.
+    logging.getLogger("uvicorn.error").addFilter(lambda record: "graceful shutdown" not in record.getMessage())
 
     async def run() -> None:
         config = uvicorn.Config(

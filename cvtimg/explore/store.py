@@ -25,8 +25,11 @@ from cvtimg.palettes.known import known_palettes
 
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
+#: Pictures in memory, palettes and results that are held.
 _MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
-#: Pixels of all pictures together; a picture takes about 12 bytes for each.
+#: Bytes of all files that pages send together, which lie on the disk.
+_MOST_SENT = 1 << 32
+#: Pixels of all pictures in memory together; a picture takes about 12 bytes for each.
 _MOST_PIXELS = 1 << 28
 #: Longest name that is kept.
 _LONGEST_NAME = 120
@@ -38,15 +41,18 @@ T = TypeVar("T")
 
 
 class Store:
-    """Pictures, palettes and results by key; the oldest go when there are too many.
+    """Pictures, palettes and results by key.
 
-    Files that a page sends lie in a folder of their own under names that the server makes up.
+    Of pictures the last few are held in memory; the others are opened again when they are needed. Of palettes and
+    results the oldest go when there are too many. Files that a page sends lie in a folder of their own under names that
+    the server makes up.
     """
 
     def __init__(self) -> None:
         _remove_left()
         self._folder = tempfile.TemporaryDirectory(prefix=own_prefix())
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
+        self._files: dict[str, tuple[str, Path]] = {}  # name and file of each picture, in memory or not
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
@@ -60,15 +66,19 @@ class Store:
     def forget(self) -> None:
         """Forget all that was opened and made; files of the command line can be opened again."""
         with self._lock:
-            for kept in (self._pictures, self._palettes, self._results):
+            for kept in (self._pictures, self._files, self._palettes, self._results):
                 kept.clear()
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
 
     def picture(self, key: str) -> Picture:
-        if key not in self._pictures:
+        with self._lock:
+            if key in self._pictures:
+                self._pictures.move_to_end(key)
+                return self._pictures[key]
+        if key not in self._files:
             raise UnfitRequestError("this image is no longer open; open it again")
-        return self._pictures[key]
+        return self._add(*self._files[key], key)
 
     def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
         """Return the name and the colors of the palette that was chosen."""
@@ -81,33 +91,36 @@ class Store:
     def open_file(self, path: Path) -> Picture:
         """Open a picture of the command line; pages share it."""
         with self._lock:
-            same = next((picture for picture in self._pictures.values() if picture.path == path), None)
-            if same is not None:  # others are older now
-                self._pictures.move_to_end(same.key)
-        return same or self._add(str(path), path)
+            same = next((key for key, (_, file) in self._files.items() if file == path), None)
+        return self.picture(same) if same else self._add(str(path), path, secrets.token_hex(8))
 
     def open_sent(self, name: str, content: bytes) -> Picture:
+        held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir())
+        if held + len(content) > _MOST_SENT:
+            raise UnfitRequestError(
+                f"{_plain(name)}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; "
+                "Keys has Forget all, and files that are named on the command line do not count"
+            )
         path = self._stored(name, content)
         try:
-            picture = self._add(_plain(name), path)
+            picture = self._add(_plain(name), path, secrets.token_hex(8))
         except Exception:
             path.unlink()
             raise
         return picture
 
-    def _add(self, name: str, path: Path) -> Picture:
+    def _add(self, name: str, path: Path, key: str) -> Picture:
         try:
-            picture = Picture(secrets.token_hex(8), name, path)
+            picture = Picture(key, name, path)
             picture.described()  # counts the colors
         except (OSError, ValueError, MemoryError) as error:
-            raise UnfitRequestError(f"{name}: {_reason(path, error)}") from error
-        picture.curve("rgb", wait=False)
+            raise UnfitRequestError(f"{name}: {_reason(path, error, _plain(name))}") from error
         with self._lock:
-            self._pictures[picture.key] = picture
+            self._files[key] = name, path
+            self._pictures[key] = picture
             while len(self._pictures) > 1 and not self._fits():
-                _, old = self._pictures.popitem(last=False)
-                if old.path.parent == Path(self._folder.name):
-                    old.path.unlink(missing_ok=True)
+                self._pictures.popitem(last=False)[1].close(wait_for=False)
+        picture.curve("rgb", wait=False)
         return picture
 
     def _fits(self) -> bool:
@@ -120,7 +133,7 @@ class Store:
         try:
             colors = read_palette(path)
         except (OSError, ValueError) as error:
-            raise UnfitRequestError(f"{_plain(name)}: {_reason(path, error)}") from error
+            raise UnfitRequestError(f"{_plain(name)}: {_reason(path, error, _plain(name))}") from error
         finally:
             path.unlink()
         if len(colors) > 1 << 12:
@@ -174,7 +187,7 @@ def _plain(name: str) -> str:
     return seen[-_LONGEST_NAME:] or "picture"
 
 
-def _reason(path: Path, error: Exception) -> str:
-    """Return why a file cannot be used, without the name that it has here."""
-    why = one_line(error).replace(f"{path}: ", "").replace(str(path), "the file")
+def _reason(path: Path, error: Exception, name: str) -> str:
+    """Return why a file cannot be used, with the name that a person knows for the one that it has here."""
+    why = one_line(error).replace(f"{path}: ", "").replace(str(path), name)
     return why.replace("--max-pixels raises it", "the command line has --max-pixels")

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from visits import Visit, served, without_history
+from PIL import Image
+from visits import PATIENCE, Visit, served, without_history
 
 from cvtimg.explore import TABS
 
@@ -56,6 +57,62 @@ def test_a_reply_that_comes_too_late_is_dropped(visit: Go) -> None:
         }"""
     )
     assert shown == [3, 6]  # the draft 1 is older than 3, the result 4 than what is wanted, the draft 5 than 6
+
+
+def test_after_a_cancel_and_where_drafts_fail_nothing_of_a_draft_is_shown(visit: Go) -> None:
+    one = visit()
+    one.settled()
+    shown = one.page.evaluate(
+        """async () => {
+            const {Link} = await import("/link.js");
+            const got = [], link = new Link(reply => got.push(reply.seq), () => {});
+            await link.ready ?? new Promise(done => setTimeout(done, 500));
+            link.seq = 10;
+            link.sent.set(8, {lane: "draft", request: {}});
+            link.sent.set(9, {lane: "draft", request: {}});
+            link.take(JSON.stringify({seq: 9, error: "too many"}));
+            link.cancel();
+            link.take(JSON.stringify({seq: 8}));
+            return got;
+        }"""
+    )
+    assert shown == []
+
+
+def test_a_number_that_is_not_allowed_is_refused_and_the_one_in_effect_comes_back(visit: Go) -> None:
+    one = visit()
+    page = one.page
+    typed = page.locator("#controls input[type=number]").first
+    for text in ("40", "", "40.5"):
+        typed.fill(text)
+        typed.press("Enter")
+        one.settled()
+        assert typed.input_value() == "40"
+        assert "-k 40" in page.inner_text("#command")
+    assert "40.5 must be a whole number" in page.inner_text("#problem")
+
+
+def test_a_small_picture_begins_with_as_many_tiles_as_fit(visit: Go, tmp_path: Path, folder: Path) -> None:
+    one = visit()
+    page = one.page
+    with Image.open(folder / "photo.png") as photograph:
+        photograph.resize((16, 16)).save(tmp_path / "icon.png")
+    page.set_input_files("#open", tmp_path / "icon.png")
+    one.choose("mosaic")
+    one.settled()
+    assert "-n 16 " in page.inner_text("#command")
+    page.select_option("#pictures", label="photo.png")
+    one.settled()
+    assert "-n 1000 " in page.inner_text("#command") or "-n" not in page.inner_text("#command")
+
+
+def test_a_link_in_a_tab_of_its_own_is_let_in_by_an_open_page(visit: Go) -> None:
+    one = visit()
+    with one.page.context.expect_page() as opened:
+        one.page.evaluate("open(location.origin)")
+    new = opened.value
+    new.wait_for_selector("body[data-ready=true]", timeout=PATIENCE * 1000)
+    assert new.locator("#tabs button").count() == len(TABS)
 
 
 def test_the_number_of_colors_the_divider_and_the_palette_answer_to_keys(visit: Go) -> None:

@@ -322,16 +322,39 @@ def test_channels_on_pages_of_their_own_are_for_colors_alone(page: TestClient) -
     assert "--channel" in request(page, picture["id"], tab="stipple").about["error"]
 
 
-def test_the_oldest_picture_goes_and_its_file_with_it(
+def test_pictures_beyond_those_in_memory_are_opened_again_when_they_are_needed(
     page: TestClient, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store, "_MOST_PICTURES", 2)
-    first = opened(page, png(np.zeros((4, 5))))["id"]
-    path = server.store.picture(first).path
-    kept = [opened(page, png(np.zeros((4, 5))))["id"] for _ in range(2)]
-    assert not path.exists()
-    assert "no longer open" in request(page, first).about["error"]
-    assert request(page, kept[0]).about["facts"]["k"] == 1
+    keys = [opened(page, png(np.full((4, 5), level)))["id"] for level in range(5)]
+    assert [request(page, key).about["facts"]["k"] for key in keys] == [1] * 5
+    assert len(server.store._pictures) == 2
+    assert page.get(f"/picture/{keys[0]}").json()["id"] == keys[0]
+
+
+def test_what_pages_send_together_has_a_limit_that_is_said(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened(page, png(np.zeros((4, 5))))
+    monkeypatch.setattr(store, "_MOST_SENT", 100)
+    answer = page.post("/picture", params={"name": "more.png"}, content=png(np.zeros((4, 5))))
+    assert answer.status_code == 422
+    assert answer.text.startswith("more.png: 0.0 GB are open")
+
+
+def test_messages_speak_of_controls(page: TestClient) -> None:
+    key = opened(page, png(np.arange(20).reshape(4, 5)))["id"]
+    assert (
+        request(page, key, tab="mosaic", settings={"n_cells": 21})
+        .about["error"]
+        .startswith("Tiles: 21 must be in 1..20")
+    )
+    cells = {"way": "superpixels", "cells": 21}
+    assert "Superpixels: 21 must be" in request(page, key, tab="segments", settings=cells).about["error"]
+
+
+def test_a_file_that_is_no_image_is_told_by_its_name(page: TestClient) -> None:
+    answer = page.post("/picture", params={"name": "coast.geojson"}, content=b'{"type": "FeatureCollection"}')
+    assert answer.status_code == 422
+    assert "the file" not in answer.text
 
 
 def test_a_picture_that_is_opened_again_is_no_longer_the_oldest(

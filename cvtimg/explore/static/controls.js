@@ -13,12 +13,16 @@ export const inEffect = (controls, settings) => controls.filter(control => count
 
 export const defaults = controls => Object.fromEntries(controls.map(control => [control.name, control.default]));
 
-// changed(name, value, live): live while a slider moves
+// Numbers of things that a small picture has no room for, as it is opened: as many as fit.
+export function fitted(controls, settings, n_pixels, before) {
+	const numbers = controls.filter(control => control.room && [control.default, before[control.name]].includes(settings[control.name]));
+	return Object.fromEntries(numbers.map(({name, room, low, default: usual}) => [name, Math.min(usual, Math.max(low, Math.floor(n_pixels / room)))]));
+}
+
+// changed(name, value, live): live while a slider moves; refused(text): what is typed is not allowed
 export class Controls {
-	constructor(form, changed, openPalette) {
-		this.form = form;
-		this.changed = changed;
-		this.openPalette = openPalette;
+	constructor(form, changed, openPalette, refused) {
+		Object.assign(this, {form, changed, openPalette, refused});
 		form.addEventListener("submit", event => event.preventDefault());
 	}
 
@@ -71,6 +75,7 @@ export class Controls {
 		const slider = element("input", {id, type: "range", min: log ? 0 : from, max: log ? 1000 : to, step: log ? 1 : step});
 		const typed = element("input", {type: "number", min: control.low, max: control.high, step: "any", ariaLabel: `${control.label}, typed`});
 		const parts = [slider, typed];
+		let now = control.default;
 		slider.oninput = () => this.changed(control.name, fromSlider(slider.value), true);
 		slider.onchange = () => this.changed(control.name, fromSlider(slider.value), false);
 		if (log) { // a key moves to the next number, however near it is
@@ -78,15 +83,16 @@ export class Controls {
 				const by = {ArrowLeft: -step, ArrowDown: -step, ArrowRight: step, ArrowUp: step}[event.key];
 				if (!by) return;
 				event.preventDefault();
-				const now = Number(typed.value) || control.default;
-				this.changed(control.name, Math.min(control.high, Math.max(control.low, rounded(now + by))), true);
+				const value = Number(typed.value) || control.default;
+				this.changed(control.name, Math.min(high, Math.max(low, rounded(value + by))), true);
 			};
 			slider.onkeyup = event => { if (event.key.startsWith("Arrow")) this.changed(control.name, Number(typed.value), false); };
 		}
 		typed.onchange = () => {
-			const value = rounded(Number(typed.value));
-			if (typed.value === "" || !Number.isFinite(value)) return this.set[control.name](this.last?.[control.name] ?? control.default);
-			this.changed(control.name, Math.min(control.high, Math.max(control.low, value)), false);
+			const value = Number(typed.value), fits = typed.value !== "" && value >= low && value <= high && (step !== 1 || Number.isInteger(value));
+			if (fits) return this.changed(control.name, rounded(value), false);
+			if (typed.value !== "" || typed.validity.badInput) this.refused(`${control.label}: ${typed.value || "this"} must be a ${step === 1 ? "whole " : ""}number ${high > 1e9 ? `>= ${low}` : `in ${low}..${high}`}.`);
+			this.set[control.name](now); // what is shown holds
 		};
 		if (control.unit) parts.push(element("span", {textContent: control.unit}));
 		let auto = null;
@@ -96,6 +102,7 @@ export class Controls {
 			parts.push(element("label", {}, auto, "auto"));
 		}
 		this.set[control.name] = value => {
+			now = value;
 			const isAuto = value === "auto";
 			if (auto) auto.checked = isAuto;
 			slider.classList.toggle("auto", isAuto); // moving it ends auto

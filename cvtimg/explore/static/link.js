@@ -4,7 +4,16 @@
 
 const given = location.hash.match(/^#session=(.+)/);
 if (given) { sessionStorage.session = given[1]; history.replaceState(null, "", "/"); }
-const session = sessionStorage.session ?? "none";
+let session = sessionStorage.session ?? "none";
+
+// Another tab of this browser, on the same server, lets this one in.
+const tabs = new BroadcastChannel("session");
+tabs.onmessage = ({data}) => { if (data === "asked" && session !== "none") tabs.postMessage({session}); };
+export const admitted = session !== "none" ? Promise.resolve(true) : new Promise(done => {
+	tabs.addEventListener("message", ({data}) => { if (data.session) { session = sessionStorage.session = data.session; done(true); } });
+	tabs.postMessage("asked");
+	setTimeout(done, 400, false);
+});
 
 export async function get(address, body) {
 	const answer = await fetch(address, {method: body === undefined ? "GET" : "POST", body, headers: {"x-cvtimg-session": session}});
@@ -19,7 +28,8 @@ export class Link {
 		this.connect();
 	}
 
-	connect() {
+	async connect() {
+		if (!await admitted) return;
 		this.socket = new WebSocket(`ws://${location.host}/live`, ["cvtimg", session]);
 		this.socket.binaryType = "arraybuffer";
 		this.ready = new Promise(done => { this.socket.onopen = () => { done(); if (this.gone) { this.gone = false; this.back(); } }; });
@@ -33,12 +43,13 @@ export class Link {
 	cancel() { this.ask("cancel", {}); }
 
 	async ask(lane, request, about = {}) {
-		if (this.gone) return;
+		if (this.gone || !this.socket) return;
 		if (lane === "draft" && this.drafting) { this.next = [lane, request, about]; return; } // else they are painted late, one after the other
 		if (lane === "exact") this.goOn();
 		const seq = ++this.seq;
 		if (lane === "draft") this.drafting = seq;
 		if (lane !== "before") this.newest = seq;
+		if (lane === "cancel") this.lastShown = seq; // older drafts come too late
 		this.sent.set(seq, {lane, request, ...about});
 		for (const old of this.sent.keys()) if (old < seq - 300) this.sent.delete(old);
 		if (this.socket.readyState !== WebSocket.OPEN) await this.ready;
@@ -60,7 +71,8 @@ export class Link {
 		// A result is wanted only for the settings that are shown; of drafts the newest so far.
 		if (asked.lane === "exact" && reply.seq !== this.newest) return;
 		if (asked.lane === "draft" && reply.seq < (this.lastShown || 0)) return;
-		if (asked.lane !== "before" && !reply.error && reply.share === undefined) this.lastShown = reply.seq;
+		if (asked.lane === "draft" && reply.error !== undefined) return; // the result tells why, if it has none either
+		if (asked.lane !== "before" && reply.share === undefined) this.lastShown = reply.seq;
 		this.receive(reply, asked);
 	}
 }

@@ -1,10 +1,10 @@
 // The page: what is open, what is chosen, and what is shown of it.
 
-import {Controls, defaults, element, inEffect} from "/controls.js";
+import {Controls, defaults, element, fitted, inEffect} from "/controls.js";
 import {Curve} from "/curve.js";
 import {Editor} from "/editor.js";
 import {Globe} from "/globe.js";
-import {Link, get, send} from "/link.js";
+import {Link, admitted, get, send} from "/link.js";
 import {Recipes} from "/recipes.js";
 import {Shades, hex} from "/shades.js";
 import {arrived, linkTo, taken} from "/sharing.js";
@@ -15,11 +15,11 @@ const $ = id => document.getElementById(id);
 const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
-const state = {tabs: [], tab: "colors", settings: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
-let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, frame = 0;
+const state = {tabs: [], tab: "colors", settings: {}, fitted: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
+let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, shared = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
-const controls = new Controls($("controls"), change, file => openPalette(file));
+const controls = new Controls($("controls"), change, file => openPalette(file), problem);
 const shades = new Shades(locate, toggleLock, (colors, live, spot) => {
 	const old = shades.hexes[spot], {locked} = settings(), edited = colors.length === shades.hexes.length && colors[spot];
 	const kept = colors.includes(old) || !edited ? locked : locked.map(one => one === old ? edited : one);
@@ -172,9 +172,10 @@ function working() {
 		if (!started) return clearInterval(working.timer);
 		const seconds = (performance.now() - started) / 1000;
 		if (seconds < .5) return;
-		$("facts").textContent = `working… ${share ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s`;
+		const moves = share && share < 1 && performance.now() - shared < 4000; // else the bar shows that work goes on
+		$("facts").textContent = `working… ${moves ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s`;
 		$("share").hidden = $("cancel").hidden = false;
-		if (share) $("share").value = share; else $("share").removeAttribute("value");
+		if (moves) $("share").value = share; else $("share").removeAttribute("value");
 	}, 200);
 }
 
@@ -213,7 +214,7 @@ function receive(reply, about) {
 	}
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
-	if (reply.share !== undefined) { share = reply.share; return; }
+	if (reply.share !== undefined) { share = reply.share; shared = performance.now(); return; }
 	if (reply.bytes !== undefined) { stopCounting(); facts(reply.bytes); return; }
 	problem("");
 	recipes.show(reply.recipes, state.tab);
@@ -288,9 +289,10 @@ function facts(bytes) {
 	if (!last) { $("facts").textContent = ""; return; }
 	const {width, height, distinct} = subject(), f = last.facts, parts = sheet() ? [] : [`${width} × ${height}`];
 	const draft = recipes.result ? "" : "≈ ";
-	if (f.noun) parts.push(`${f.k.toLocaleString("en")} ${f.noun}`);
-	else if (f.labels) parts.push(`${draft}${f.k.toLocaleString("en")} segment${f.k === 1 ? "" : "s"}`);
-	else parts.push(`${distinct.toLocaleString("en")} → ${f.k.toLocaleString("en")} colors`, f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
+	const number = (n, noun) => `${n.toLocaleString("en")} ${n === 1 ? noun.replace("vertices", "vertex").replace(/s$/, "") : noun}`;
+	if (f.noun) parts.push(number(f.k, f.noun));
+	else if (f.labels) parts.push(draft + number(f.k, "segments"));
+	else parts.push((state.picture.frames > 1 ? "" : `${distinct.toLocaleString("en")} → `) + number(f.k, "colors"), f.psnr === null ? "exact" : `${draft}${f.psnr.toFixed(2)} dB`);
 	$("note").textContent = f.about ?? "";
 	const saved = 1 - bytes / state.picture?.bytes;
 	if (bytes && (f.noun || f.labels || !recipes.list[0].key.startsWith("o."))) parts.push(size(bytes)); // not of this image
@@ -353,6 +355,7 @@ function showTab(name) {
 function lay() { // what the tab shows onto the stage: the picture, or a sheet of its own
 	const size = subject(), {width, height} = viewer.size ?? {};
 	$("stage").classList.toggle("empty", !size);
+	$("open").parentElement.classList.toggle("main", !size); // what is done first
 	$("stage").classList.toggle("alone", Boolean(sheet()));
 	viewer.right.clear();
 	$("stage").classList.add("bare");
@@ -404,6 +407,10 @@ function show(picture) {
 	$("against").value = "original";
 	$("swap").disabled = true;
 	if (!state.settings.restore.versions.includes(picture.id)) state.settings.restore = {...state.settings.restore, versions: []}; // of another subject
+	for (const {name, controls} of state.tabs) {
+		state.fitted[name] = fitted(controls, state.settings[name], picture.width * picture.height, state.fitted[name] ?? {});
+		state.settings[name] = {...state.settings[name], ...state.fitted[name]};
+	}
 	if (picture.distinct <= 2) state.settings.mesh = {...state.settings.mesh, of: "picture"};
 	link.ask("before", original(), {main: true});
 	showTab(state.tab);
@@ -520,6 +527,11 @@ async function forget() {
 
 async function start() {
 	arrived();
+	if (!await admitted) {
+		$("limits").textContent = arrived() ? "Open the address that cvtimg explore printed in this tab: the settings of the link wait for it." : "Open the address that cvtimg explore printed.";
+		$("sample").hidden = true;
+		return;
+	}
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
 	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
@@ -530,6 +542,7 @@ async function start() {
 	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
 	for (const one of about.tabs) {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);
+		button.dataset.title = one.title; // which gives it the width of bold letters
 		button.dataset.tab = one.name;
 		button.setAttribute("aria-controls", "panel");
 		button.onclick = () => { steps.remember(); showTab(one.name); };

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -71,6 +72,7 @@ class Tab:
     sheet: ClassVar[tuple[int, int] | None] = None
     most_drafted: ClassVar[int] = 1 << 20  # Pixels, or what else a tab makes, of a draft: what is quickly made
     for_frames: ClassVar[bool] = False  # Whether the result is of all frames of an animation, or pages of a file
+    arguments: ClassVar[Mapping[str, str]] = {}  # Names of controls by those of arguments that they say otherwise
     tool: ClassVar[str] = ""  # What the page lets a person do on the result, by its name there
 
     def lines(self, request: Request) -> list[Line]:
@@ -155,6 +157,15 @@ class Tab:
     def in_effect(self, settings: Settings) -> set[str]:
         return {control.name for control in active(self.controls, settings)}
 
+    def worded(self, message: str) -> str:
+        """Return a message of the library in the words of the page: labels of controls for names of arguments."""
+        labels = {one.name: one.label for one in self.controls}
+        labels |= {one.keyword: one.label for one in self.controls if one.keyword}
+        labels |= {argument: labels[name] for argument, name in self.arguments.items()}
+        names = "|".join(sorted(map(re.escape, labels), key=len, reverse=True))
+        said = rf"(?<![\w.])({names})(=| (?=must))"
+        return re.sub(said, lambda name: labels[name[1]] + (": " if name[2] == "=" else " "), message)
+
     def described(self) -> dict[str, Any]:
         about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
         return {**about, "controls": [control.described() for control in self.controls]}
@@ -185,6 +196,33 @@ IMAGE = Name("image")
 def reading(request: Request) -> Line:
     """Return the line by which the picture is read."""
     return Line("image", Named(request.picture.python, request.every(request.picture.array)))
+
+
+def visible(
+    request: Request, drawn: NDArray[np.uint8] | None = None, drawing: Sequence[Line] = ()
+) -> tuple[list[Line], dict[str, Any]]:
+    """Return the lines that read a picture without its transparency, and the argument that leaves out what is hidden.
+
+    That is what is transparent, has no value, or is left out by a mask that was `drawn`, which lines of `drawing` read.
+    """
+    picture = request.picture
+    image, known = (picture.plain[..., :3] if picture.has_alpha else picture.plain), picture.known
+    lines = [Line("image", Named(picture.python, request.every(image)))]
+    if picture.has_alpha:
+        seen: NDArray[np.bool_] = picture.plain[..., 3] > 0
+        known = seen if known is None else seen & known
+        lines += [Line("known", Named("image[..., 3] > 0", known))]
+    elif known is not None:
+        lines += [Line("known", Named(missing(picture), known))]
+    if picture.header.has_alpha and picture.array.shape[2:] == (4,):
+        lines += [Line("image", Named("image[..., :3]", request.every(image)))]
+    if drawn is not None:
+        both = "mask > 0" if known is None else "known & (mask > 0)"
+        known = drawn > 0 if known is None else known & (drawn > 0)
+        if not known.any():
+            raise UnfitRequestError("the mask leaves nothing")
+        lines += [*drawing, Line("known", Named(both, known))]
+    return lines, {} if known is None else {"mask": Named("known", request.every(known))}
 
 
 def missing(picture: Picture) -> str:

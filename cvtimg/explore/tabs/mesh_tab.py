@@ -14,7 +14,7 @@ from cvtimg.explore.calls import Call, Line, Name, Named, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
-from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
+from cvtimg.explore.tabs.base import IMAGE, Request, Tab, visible
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
@@ -82,9 +82,10 @@ class MeshTab(Tab):
             of = Named("labels > 0", labels > 0) if is_mask else Name("labels")
             return [read, Line("result", Call("mesh_region" if is_mask else "mesh_labels", (of,), keywords))]
         least = {"min_size": settings["least"]} if settings["least"] else {}
-        segments = Call("segment", (IMAGE, settings["k"]), least)
+        lines, inside = visible(request)
+        segments = Call("segment", (IMAGE, settings["k"]), inside | least)
         mesh = Call("mesh_labels", (Name("segments.labels"),), keywords)
-        return [reading(request), Line("segments", segments), Line("result", mesh)]
+        return [*lines, Line("segments", segments), Line("result", mesh)]
 
     def scaled(self, request: Request) -> Settings:
         number, most = request.settings["n"], max(3, math.prod(request.size) // 16)

@@ -24,7 +24,7 @@ class MosaicTab(Tab):
     most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mosaic",
-        ("number", {"name": "n_cells", "keyword": ""}),
+        ("number", {"name": "n_cells", "keyword": "", "room": 16}),
         "shape",
         Choice(name="limit", label="Colors", default="all", choices={"all": "one for each tile", "few": "only a few"}),
         ("palette", {"when": {"limit": ["few"]}, "always": True}),

@@ -10,12 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal, run
-from cvtimg.explore.controls import Control, Edits, Settings, Switches, UnfitRequestError, controls_of
+from cvtimg.explore.calls import Call, Formula, Line, Name, literal, run
+from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
-from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output
-from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing
+from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, visible
 from cvtimg.labels import region_means
 from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy
 
@@ -33,6 +32,7 @@ class SegmentsTab(Tab):
         "Divide the image into connected regions, segments of similar color, or superpixels, and change them by hand."
     )
     verb = "segment"
+    arguments: ClassVar[Mapping[str, str]] = {"n_superpixels": "cells", "n_segments": "k"}
     most_drafted = 1 << 17
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
@@ -45,7 +45,7 @@ class SegmentsTab(Tab):
         ),
         ("number", {"name": "k", "when": _SEGMENTS}),
         ("number", {**_REGIONS, "name": "regions", "default": "auto", "slider": (2, 200), "always": False}),
-        ("number", {**_CELLS, "name": "cells", "default": 400, "slider": (16, 4000), "auto": False}),
+        ("number", {**_CELLS, "name": "cells", "default": 400, "room": 16, "slider": (16, 4000), "auto": False}),
         ("threshold", {"when": {"regions": ["auto"]}}),
         ("compactness", {"always": False}),
         "shading",
@@ -102,22 +102,8 @@ class SegmentsTab(Tab):
         ]
 
     def lines(self, request: Request) -> list[Line]:
-        settings, picture = request.settings, request.picture
-        image, known = picture.plain[..., :3] if picture.has_alpha else picture.plain, _known(picture)
-        lines = [Line("image", Named(picture.python, request.every(image)))]
-        if picture.has_alpha:
-            lines += [Line("known", Named("image[..., 3] > 0", known))]
-        elif known is not None:
-            lines += [Line("known", Named(missing(picture), known))]
-        if picture.header.has_alpha and picture.array.shape[2:] == (4,):
-            lines += [Line("image", Named("image[..., :3]", request.every(image)))]
-        if (mask := self.maps(request).get("mask")) is not None:
-            both = "mask > 0" if known is None else "known & (mask > 0)"
-            known = mask > 0 if known is None else known & (mask > 0)
-            if not known.any():
-                raise UnfitRequestError("the mask leaves nothing")
-            lines += [*self.map_lines(request), Line("known", Named(both, known))]
-        inside = {} if known is None else {"mask": Named("known", request.every(known))}
+        settings = request.settings
+        lines, inside = visible(request, self.maps(request).get("mask"), self.map_lines(request))
         tree = Line("tree", Call("segment_hierarchy", (IMAGE,), inside))
         call = self._call(settings, inside)
         if settings["way"] == "hierarchy":
@@ -170,14 +156,6 @@ class SegmentsTab(Tab):
         counts = np.bincount(labels.ravel(), minlength=len(colors))
         facts: dict[str, Any] = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
         return Indexed(labels, colors), facts
-
-
-def _known(picture: Picture) -> NDArray[np.bool_] | None:
-    """(H, W) pixels to segment; None for all."""
-    if not picture.has_alpha:
-        return picture.known
-    seen: NDArray[np.bool_] = picture.plain[..., 3] > 0
-    return seen if picture.known is None else seen & picture.known
 
 
 def _cut_text(settings: Settings) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -80,7 +81,12 @@ class SphereTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        return [Output(label, "-o", f"globe{suffix}") for suffix, label in _FILES.items()]
+        outputs = []
+        for suffix, label in _FILES.items():
+            command = shlex.join([*self.words(request), "-o", f"globe{suffix}"])
+            history = {"attributes": {"history": command}} if suffix.endswith(".nc") else {}
+            outputs.append(Output(label, "-o", f"globe{suffix}", Call("save", (), history, "result")))
+        return outputs
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
