@@ -50,14 +50,14 @@ class Watch:
 
     def __init__(self, callback: Callback | None = None, outward: Callable[[float], float] = float) -> None:
         self._callback = callback
-        self._outward = outward
+        self.outward = outward  # converts energies for the callback
         self._n_steps = 0
         self.stopped = False
 
     def __call__(self, energy: float) -> bool:
         """Report a step; return whether to stop now."""
         if self._callback is not None and not self.stopped:
-            self.stopped = bool(self._callback(self._n_steps, self._outward(energy)))
+            self.stopped = bool(self._callback(self._n_steps, self.outward(energy)))
         self._n_steps += 1
         return self.stopped
 

@@ -31,6 +31,8 @@ _MOST_AUTO_MODES = 32
 _OVERSAMPLING = 24
 #: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
 _COORDINATES_PER_MODE = 2
+#: Coordinates of snapshots are rounded to this fraction of the largest, some thousand roundings of float64.
+_ROUNDED = 2.0**-40
 #: Starts of a CVOD, and when each rests.
 _STARTS = 4
 _RESTING = Stopping(tolerance=1e-6, max_iterations=100)
@@ -46,9 +48,15 @@ def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Gene
     """
     ends = []
     for _ in range(_STARTS):
-        start = tessellate(rows, n_cells, init="k-means++", effort="fast", rng=rng).labels
+        start = tessellate(_settled(rows), n_cells, init="k-means++", effort="fast", rng=rng).labels
         ends.append(_descended(rows, start.astype(np.int64), n_cells, n_axes))
     return min(ends, key=lambda end: end[0])[1]
+
+
+def _settled(rows: _Floats) -> _Floats:
+    """Round coordinates, so that equal snapshots have equal ones: these are sums, and differ in their last bits."""
+    step = np.abs(rows).max() * _ROUNDED or 1.0
+    return np.rint(rows / step) * step
 
 
 def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
@@ -334,7 +342,7 @@ def _pod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) ->
 
 def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
     rows = found.coordinates
-    cells = tessellate(rows, n_modes, init="k-means++", effort="best", rng=rng)
+    cells = tessellate(_settled(rows), n_modes, init="k-means++", effort="best", rng=rng)
     heaviest = np.argsort(-cells.masses, kind="stable")
     axes = np.zeros((1, n_modes, rows.shape[1]))
     orthonormal = np.linalg.qr(cells.generators[heaviest].T)[0].T

@@ -187,8 +187,9 @@ class Cube(SampleMoments):
         if self.periodic:
             return super().__call__(generators)
         places, frame = self._packed.frame.inward(generators), self._packed.frame
-        masses, firsts = cell_moments(self._packed, assign(self._packed, places), len(places))
-        found = energy(self._packed.energy_about_origin, places, masses, firsts)
+        labels = assign(self._packed, places)
+        masses, firsts = cell_moments(self._packed, labels, len(places))
+        found = energy(self._packed, places, labels, masses, firsts)
         moves = per_mass(firsts - masses[:, None] * places, masses)
         return Moments(masses, frame.outward(places + moves), frame.energy(found))
 

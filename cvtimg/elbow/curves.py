@@ -30,7 +30,7 @@ from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method, random_numbers
-from cvtimg.engine.points import Points, pack
+from cvtimg.engine.points import Points, float32_suffices, pack
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
 from cvtimg.engine.search import EFFORTS
 
@@ -207,19 +207,26 @@ def energy_curve(
     n_max = check_count("n_max", n_max, 1 << 16, "the largest number of generators")
     power = check_non_negative("volume_power", volume_power)
     alone = None if check_choice("effort", effort, EFFORTS) == "fast" else EFFORTS[effort]
-    points, scale = _points(samples, density, space)
+    generator, watch = random_numbers(rng), Watch(callback)
+    exact = False
+    while True:
+        points, scale, is_table = _points(samples, density, space, exact)
+        watch.outward = points.frame.energy
+        conditions = Conditions(EFFORTS["balanced"].stopping, generator, 0, power, watch)
+        most = min(n_max, int(np.count_nonzero(points.density)))
+        method = choose_method(n_dims=points.n_dims, volume_power=power)
+        if method.exact_in_one_dimension:
+            ends = _optimal(points, most, method, conditions)
+        else:
+            from cvtimg.engine.all_counts import chain
+
+            ends = chain(points, most, method, conditions, alone)
+        least = min((end.energies[-1] for end in ends if end.energies[-1] > 0), default=0.0)
+        if points.exact or not is_table or watch.stopped or float32_suffices(points, least):
+            break
+        exact = True
     if power:
         scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
-    watch = Watch(callback, points.frame.energy)
-    conditions = Conditions(EFFORTS["balanced"].stopping, random_numbers(rng), 0, power, watch)
-    n_max = min(n_max, int(np.count_nonzero(points.density)))
-    method = choose_method(n_dims=points.n_dims, volume_power=power)
-    if method.exact_in_one_dimension:
-        ends = _optimal(points, n_max, method, conditions)
-    else:
-        from cvtimg.engine.all_counts import chain
-
-        ends = chain(points, n_max, method, conditions, alone)
     return EnergyCurve(
         np.array([points.frame.energy(end.energies[-1]) for end in ends]),
         tuple(points.frame.outward(end.generators) for end in ends),
@@ -247,19 +254,23 @@ def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions)
     return ends
 
 
-def _points(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[Points, Scale]:
-    """Pack samples of any kind; also return what their energies are measured against."""
+def _points(
+    samples: Any, density: ArrayLike | None, space: SpaceName, exact: bool = False
+) -> tuple[Points, Scale, bool]:
+    """Pack samples of any kind; also return what their energies are measured against, and whether they are a table."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
         n_channels = counted.colors.shape[1]
         plain = space == "rgb" and not counted.alpha
         scale = Scale(float(counted.density.sum() * n_channels), peak(counted.colors.dtype) if plain else None)
-        return pack(to_places(counted.colors, space, counted.alpha), counted.density, in_order=counted.in_order), scale
+        places = to_places(counted.colors, space, counted.alpha)
+        return pack(places, counted.density, in_order=counted.in_order), scale, False
     rows = check_rows("samples", samples)
     weights = check_density(density, len(rows))
     ordered = rows.shape[1] <= MAX_ORDERED_DIMS
     order = along_curve(rows) if ordered else np.arange(len(rows))
-    return pack(rows[order], weights[order], in_order=ordered), Scale(float(weights.sum() * rows.shape[1]), None)
+    points = pack(rows[order], weights[order], in_order=ordered, exact=exact or rows.shape[1] == 1)
+    return points, Scale(float(weights.sum() * rows.shape[1]), None), True
 
 
 def _is_image(samples: Any) -> bool:

@@ -17,17 +17,18 @@ cdef extern from "nearest.h" nogil:
     enum: LANES, FEW_DIMS, TILES_IN_GROUP
     cdef struct nearest_functions:
         void (*one)(
-            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-            int32_t *nearest) noexcept nogil
+            const void *tile, int dims, const void *generators, const void *half_norms, int n_generators,
+            int32_t *nearest, void *gap) noexcept nogil
         void (*next)(
-            const float *tile, int dims, const float *generators, const float *half_norms, int n_generators,
-            const float *inverse_masses, const float *weights, const int32_t *own, int32_t *nearest,
-            float *gap) noexcept nogil
+            const void *tile, int dims, const void *generators, const void *half_norms, int n_generators,
+            const void *inverse_masses, const void *weights, const int32_t *own, int32_t *nearest,
+            void *gap) noexcept nogil
         void (*group)(
-            const float *tiles, const float *boxes, int n_tiles, int dims, const float *columns, Py_ssize_t width,
-            const float *generators, const float *half_norms, int n_generators, int32_t *nearest) noexcept nogil
-        void (*sum)(const float *tile, int dims, const double *density, const int32_t *labels, double *sums) noexcept nogil
-    const nearest_functions *nearest_at(int level)
+            const void *tiles, const void *boxes, int n_tiles, int dims, const void *columns, Py_ssize_t width,
+            const void *generators, const void *half_norms, int n_generators, int32_t *nearest,
+            void *gap) noexcept nogil
+        void (*sum)(const void *tile, int dims, const double *density, const int32_t *labels, double *sums) noexcept nogil
+    const nearest_functions *nearest_at(int level, int exact)
 
 SIMD_LEVELS = ("baseline", "avx2", "avx512")
 TILE = LANES
@@ -39,20 +40,24 @@ ctypedef fused sample_t:
     float
     double
 
+# Coordinates of points and generators: float, or double where float is too coarse. There half norms are 0.
+ctypedef fused real:
+    float
+    double
 
-cdef const nearest_functions *search = NULL
+# For float and for double: `search[sizeof(real) == 8]`.
+cdef const nearest_functions *search[2]
 
 
 def _choose_level():
     """Use the processor's best level, or the lower one that CVTIMG_SIMD names; that there is, if only one is compiled."""
-    global search
     wanted = os.environ.get("CVTIMG_SIMD") or "avx512"
     if wanted not in SIMD_LEVELS:
         raise ImportError(f"CVTIMG_SIMD={wanted!r} must be one of {', '.join(SIMD_LEVELS)}")
     cdef int most = SIMD_LEVELS.index(wanted), level
     for level in (*range(most, -1, -1), *range(most + 1, 3)):
-        search = nearest_at(level)
-        if search != NULL:
+        search[0], search[1] = nearest_at(level, False), nearest_at(level, True)
+        if search[0] != NULL:
             return SIMD_LEVELS[level]
     raise ImportError("cvtimg was compiled for instructions that this processor does not have")
 
@@ -64,7 +69,7 @@ def pack_tiles(
     const sample_t[:, ::1] rows,  # IN (N, D)
     const double[::1] center,     # IN (D,)
     double scale,                 # IN
-    float[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
+    real[:, :, ::1] tiles,       # OUT (n_tiles, D, LANES): (row - center) scale; the last row fills the padding
 ):
     cdef Py_ssize_t n = rows.shape[0], dims = rows.shape[1], n_tiles = tiles.shape[0]
     cdef Py_ssize_t t, d, i
@@ -72,62 +77,69 @@ def pack_tiles(
         for t in range(n_tiles):
             for d in range(dims):
                 for i in range(LANES):
-                    tiles[t, d, i] = <float>((rows[min(t * LANES + i, n - 1), d] - center[d]) * scale)
+                    tiles[t, d, i] = <real>((rows[min(t * LANES + i, n - 1), d] - center[d]) * scale)
 
 
 def assign(
-    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
-    const float[:, ::1] generators,     # IN (K, D)
-    const float[::1] half_norms,        # IN (K,): |generator|^2 / 2
+    const real[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const real[:, ::1] generators,     # IN (K, D)
+    const real[::1] half_norms,        # IN (K,): |generator|^2 / 2
     int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator, the lowest index on a tie
+    real[::1] gaps,                     # OUT (n_tiles * LANES,) or None: how much farther the second is, squared
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef real *gap = NULL if gaps is None else &gaps[0]
     with nogil:
         for t in range(n_tiles):
-            search.one(&tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+            search[sizeof(real) == 8].one(
+                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
+                gap + t * LANES if gap != NULL else NULL)
 
 
 def assign_grouped(
-    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES), D <= MAX_GROUPED_DIMS
-    const float[:, :, ::1] boxes,       # IN (n_tiles, 2, D): least and greatest coordinates of each tile
-    const float[:, ::1] columns,        # IN (D, width): generators, filled up with 1e18 to a multiple of LANES
-    const float[:, ::1] generators,     # IN (K, D)
-    const float[::1] half_norms,        # IN (K,)
+    const real[:, :, ::1] tiles,       # IN (n_tiles, D, LANES), D <= MAX_GROUPED_DIMS
+    const real[:, :, ::1] boxes,       # IN (n_tiles, 2, D): least and greatest coordinates of each tile
+    const real[:, ::1] columns,        # IN (D, width): generators, filled up with 1e18 to a multiple of LANES
+    const real[:, ::1] generators,     # IN (K, D)
+    const real[::1] half_norms,        # IN (K,)
     int32_t[::1] labels,                # OUT (n_tiles * LANES,)
+    real[::1] gaps,                     # OUT (n_tiles * LANES,) or None
 ):
     """Assign as `assign` does, faster where the points of a tile are near each other."""
     cdef Py_ssize_t n_tiles = tiles.shape[0], width = columns.shape[1], t
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef real *gap = NULL if gaps is None else &gaps[0]
     with nogil:
         t = 0
         while t < n_tiles:
-            search.group(
+            search[sizeof(real) == 8].group(
                 &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
-                &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES])
+                &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
+                gap + t * LANES if gap != NULL else NULL)
             t += TILES_IN_GROUP
 
 
 def assign_next(
-    const float[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
-    const float[:, ::1] generators,     # IN (K, D), K >= 2
-    const float[::1] half_norms,        # IN (K,)
+    const real[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const real[:, ::1] generators,     # IN (K, D), K >= 2
+    const real[::1] half_norms,        # IN (K,)
     const int32_t[::1] labels,          # IN (n_tiles * LANES,)
     int32_t[::1] seconds,               # OUT (n_tiles * LANES,): nearest generator but for that of the label
-    float[::1] gaps,                    # OUT (n_tiles * LANES,): how much farther that is, in squared distance
+    real[::1] gaps,                    # OUT (n_tiles * LANES,): how much farther that is, in squared distance
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], t, at
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
     with nogil:
         for t in range(n_tiles):
             at = t * LANES
-            search.next(
+            search[sizeof(real) == 8].next(
                 &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, NULL, NULL,
                 &labels[at], &seconds[at], &gaps[at])
 
 
 def accumulate(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
     const int32_t[::1] labels,      # IN (n_tiles * LANES,)
     double[:, ::1] sums,            # INOUT (K, D + 1): += density times (point, 1), by label
@@ -136,11 +148,36 @@ def accumulate(
     cdef int dims = tiles.shape[1]
     with nogil:
         for t in range(n_tiles):
-            search.sum(&tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+            search[sizeof(real) == 8].sum(
+                &tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
+
+
+def measure_rows(
+    const sample_t[:, ::1] rows,      # IN (N, D)
+    const double[::1] weights,        # IN (N,)
+    const double[:, ::1] places,      # IN (K, D)
+    const int32_t[::1] labels,        # IN (N,)
+    double[:, ::1] moments,           # INOUT (K, D + 2): += weight times (row - place, 1, |row - place|^2), by label
+):
+    cdef Py_ssize_t dims = rows.shape[1], n, d
+    cdef double step, square
+    cdef const double *place
+    cdef double *cell
+    with nogil:
+        for n in range(rows.shape[0]):
+            place = &places[labels[n], 0]
+            cell = &moments[labels[n], 0]
+            square = 0
+            for d in range(dims):
+                step = <double>rows[n, d] - place[d]
+                square = square + step * step
+                cell[d] += weights[n] * step
+            cell[dims] += weights[n]
+            cell[dims + 1] += weights[n] * square
 
 
 def descend_sets(
-    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)
     double spread,                    # IN: sum of density times squared distance to the origin
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
@@ -150,19 +187,20 @@ def descend_sets(
     double[:, :, ::1] generators,     # INOUT (n_sets, K, D)
     double[:, :, ::1] sums,           # OUT (n_sets, K, D + 1), at first 0: density times (point, 1) of the cells
     int32_t[:, ::1] labels,           # OUT (n_sets, n_tiles * LANES), at first -1: the cells
-    float[:, ::1] single,             # OUT (K, D): scratch
-    float[::1] half_norms,            # OUT (K,): scratch
+    real[:, ::1] single,             # OUT (K, D): scratch
+    real[::1] half_norms,            # OUT (K,): scratch
     double[::1] energies,             # OUT (n_sets,)
 ):
     """Find the cells of each set, and move its generators to their means until it rests.
 
-    The generator of an empty cell stays. Only points that change cells are summed.
+    The generator of an empty cell stays. Only points that change cells are summed, and energies follow from the sums;
+    in double precision all points are, as what differences leave of large sums would be too much.
     """
     cdef Py_ssize_t n_sets = generators.shape[0], n_tiles = tiles.shape[0]
     cdef Py_ssize_t s, n, t, k, d, i, p
     cdef int dims = tiles.shape[1], n_generators = generators.shape[1]
     cdef int32_t nearest[LANES]
-    cdef double norm, cross, total, moved
+    cdef double norm, cross, total, moved, step
     cdef int32_t before
     with nogil:
         for s in range(n_sets):
@@ -173,14 +211,23 @@ def descend_sets(
                             generators[s, k, d] = sums[s, k, d] / sums[s, k, dims]
                     norm = 0
                     for d in range(dims):
-                        single[k, d] = <float>generators[s, k, d]
+                        single[k, d] = <real>generators[s, k, d]
                         norm = norm + <double>single[k, d] * single[k, d]
-                    half_norms[k] = <float>(0.5 * norm)
+                    half_norms[k] = <real>(0.5 * norm) if real is float else 0
+                total = 0
+                if real is double:
+                    sums[s] = 0
+                    labels[s] = -1
                 for t in range(n_tiles):
-                    search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, nearest)
+                    search[sizeof(real) == 8].one(
+                        &tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], n_generators, nearest, NULL)
                     for i in range(LANES):
                         p = t * LANES + i
                         before = labels[s, p]
+                        if real is double:
+                            for d in range(dims):
+                                step = tiles[t, d, i] - generators[s, nearest[i], d]
+                                total = total + density[p] * step * step
                         if before == nearest[i]:
                             continue
                         labels[s, p] = nearest[i]
@@ -192,13 +239,14 @@ def descend_sets(
                         sums[s, nearest[i], dims] += density[p]
                         if before >= 0:
                             sums[s, before, dims] -= density[p]
-                total = spread
-                for k in range(n_generators):
-                    norm = cross = 0
-                    for d in range(dims):
-                        norm = norm + generators[s, k, d] * generators[s, k, d]
-                        cross = cross + generators[s, k, d] * sums[s, k, d]
-                    total = total + sums[s, k, dims] * norm - 2 * cross
+                if real is float:
+                    total = spread
+                    for k in range(n_generators):
+                        norm = cross = 0
+                        for d in range(dims):
+                            norm = norm + generators[s, k, d] * generators[s, k, d]
+                            cross = cross + generators[s, k, d] * sums[s, k, d]
+                        total = total + sums[s, k, dims] * norm - 2 * cross
                 moved = energies[s] - total
                 energies[s] = max(total, 0)
                 if n > 0 and moved <= tolerance * (total + moved):
@@ -206,7 +254,7 @@ def descend_sets(
 
 
 def cross_sets(
-    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)
     const double[:, :, ::1] elders,   # IN (n_elders, K, D): sets of generators
     const int64_t[:, ::1] pairs,      # IN (n, 2): parents of each child, two of the elders
@@ -215,8 +263,8 @@ def cross_sets(
     const double[::1] heights,        # IN (n,): 0 to 1, where in the energies summed up the point in its place is
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
     double[:, :, ::1] children,       # OUT (n, K, D)
-    float[:, ::1] single,             # OUT (K, D): scratch
-    float[::1] half_norms,            # OUT (K,): scratch
+    real[:, ::1] single,             # OUT (K, D): scratch
+    real[::1] half_norms,            # OUT (K,): scratch
     uint8_t[::1] paired,              # OUT (K,): scratch
     double[::1] energies,             # OUT (n_tiles * LANES,): scratch
 ):
@@ -246,13 +294,14 @@ def cross_sets(
                 total = 0
                 for d in range(dims):
                     children[s, k, d] = elders[first, k, d] if inherited[s, k] else elders[other, best, d]
-                    single[k, d] = <float>children[s, k, d]
+                    single[k, d] = <real>children[s, k, d]
                     total = total + <double>single[k, d] * single[k, d]
-                half_norms[k] = <float>(0.5 * total)
+                half_norms[k] = <real>(0.5 * total) if real is float else 0
             half_norms[replaced[s]] = 1e30
             total = 0
             for t in range(n_tiles):
-                search.one(&tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], <int>n_cells, nearest)
+                search[sizeof(real) == 8].one(
+                    &tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], <int>n_cells, nearest, NULL)
                 for i in range(LANES):
                     square = 0
                     for d in range(dims):
@@ -268,7 +317,7 @@ def cross_sets(
 
 
 def distances_to_own(
-    const float[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[:, ::1] generators,  # IN (K, D)
     const int32_t[::1] labels,        # IN (n_tiles * LANES,)
     double[::1] distances,            # OUT (n_tiles * LANES,): squared, to the own generator
@@ -291,14 +340,14 @@ def distances_to_own(
 
 
 def transfer(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
     int32_t[:, ::1] labels,         # INOUT (n_sets, n_tiles * LANES)
     double[:, ::1] masses,          # INOUT (n_sets, K)
     double[:, :, ::1] means,        # INOUT (n_sets, K, D)
     double[:, ::1] energies,        # INOUT (n_sets, K): of each cell about its mean
-    float[:, ::1] single,           # OUT (K, D): scratch
-    float[:, ::1] scalars,          # OUT (2, K): scratch
+    real[:, ::1] single,           # OUT (K, D): scratch
+    real[:, ::1] scalars,          # OUT (2, K): scratch
     Py_ssize_t n_locked,            # IN: the means of the first cells stay in place
     double power,                   # IN: a cell counts by its share of the mass to this power
     double total,                   # IN: mass of all cells
@@ -328,21 +377,21 @@ cdef double _weighted(double[::1] masses, double[::1] energies, double power, do
 
 
 cdef Py_ssize_t _sweep(
-    const float[:, :, ::1] tiles, const double[::1] density, int32_t[::1] labels, double[::1] masses,
-    double[:, ::1] means, double[::1] energies, float[:, ::1] single, float[:, ::1] scalars,
+    const real[:, :, ::1] tiles, const double[::1] density, int32_t[::1] labels, double[::1] masses,
+    double[:, ::1] means, double[::1] energies, real[:, ::1] single, real[:, ::1] scalars,
     Py_ssize_t n_locked, double power, double total,
 ) noexcept nogil:
     cdef Py_ssize_t dims = tiles.shape[1], n_cells = masses.shape[0], t, p, d, i, k, own, best, n_moved = 0
     cdef double mass, square, before, after, change, gain, least, own_change
-    cdef float weights[LANES], gaps[LANES]
+    cdef real weights[LANES], gaps[LANES]
     cdef int32_t next[LANES]
     for k in range(n_cells):
         _round(means, masses[k] / total, k, k < n_locked, single, scalars)
     for t in range(tiles.shape[0]):
         if power == 0:
             for i in range(LANES):
-                weights[i] = <float>(density[t * LANES + i] / total)
-            search.next(
+                weights[i] = <real>(density[t * LANES + i] / total)
+            search[sizeof(real) == 8].next(
                 &tiles[t, 0, 0], <int>dims, &single[0, 0], &scalars[0, 0], <int>n_cells, &scalars[1, 0], weights,
                 &labels[t * LANES], next, gaps)
         for i in range(LANES):
@@ -387,20 +436,20 @@ cdef Py_ssize_t _sweep(
 
 
 cdef inline void _round(
-    const double[:, ::1] means, double mass, Py_ssize_t k, bint locked, float[:, ::1] single, float[:, ::1] scalars
+    const double[:, ::1] means, double mass, Py_ssize_t k, bint locked, real[:, ::1] single, real[:, ::1] scalars
 ) noexcept nogil:
     """Set the mean of a cell, half its squared norm and the inverse of its mass in single precision."""
     cdef double norm = 0
     cdef Py_ssize_t d
     for d in range(means.shape[1]):
-        single[k, d] = <float>means[k, d]
+        single[k, d] = <real>means[k, d]
         norm = norm + <double>single[k, d] * single[k, d]
-    scalars[0, k] = <float>(0.5 * norm)
-    scalars[1, k] = <float>(0 if locked else 1 / max(mass, 1e-12))
+    scalars[0, k] = <real>(0.5 * norm) if real is float else 0
+    scalars[1, k] = <real>(0 if locked else 1 / max(mass, 1e-12))
 
 
 cdef inline double _square(
-    const float[:, :, ::1] tiles, Py_ssize_t t, Py_ssize_t i, const double[:, ::1] means, Py_ssize_t k
+    const real[:, :, ::1] tiles, Py_ssize_t t, Py_ssize_t i, const double[:, ::1] means, Py_ssize_t k
 ) noexcept nogil:
     """Return the squared distance of a point to a mean."""
     cdef double step, square = 0
@@ -425,14 +474,14 @@ cdef inline double _growth(
 
 
 def squared_distances(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
-    const float[::1] generator,     # IN (D,)
-    const float[::1] bound,         # IN (n_tiles * LANES,)
-    float[::1] distances,           # OUT (n_tiles * LANES,): the lesser of bound and squared distance; may be bound
+    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const real[::1] generator,     # IN (D,)
+    const real[::1] bound,         # IN (n_tiles * LANES,)
+    real[::1] distances,           # OUT (n_tiles * LANES,): the lesser of bound and squared distance; may be bound
 ):
     cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
-    cdef float total[LANES]
-    cdef float step
+    cdef real total[LANES]
+    cdef real step
     with nogil:
         for t in range(n_tiles):
             for i in range(LANES):
@@ -446,7 +495,7 @@ def squared_distances(
 
 
 def divide_cells(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const double[::1] density,      # IN (n_tiles * LANES,)
     int32_t[::1] labels,            # INOUT (n_tiles * LANES,): points above the plane of their cell get its child
     const int32_t[::1] children,    # IN (K,): the child of each cell that is divided, -1 for the others
@@ -485,7 +534,7 @@ def divide_cells(
 
 
 def draw_means(
-    const float[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
     const int64_t[::1] drawn,       # IN (n,): points, in the order in which they were drawn
     const double[::1] weights,      # IN (n,): of each of them, >= 0
     double[:, ::1] means,           # INOUT (D, K)
@@ -520,11 +569,64 @@ def draw_means(
             counts[nearest] = total
 
 
+cdef inline double rest_of_sum(double first, double second, double total) noexcept nogil:
+    """Return what rounding took from the sum of two numbers (D. Knuth)."""
+    cdef double part = total - first
+    return (first - (total - part)) + (second - part)
+
+
+cdef inline double rest_of_product(double first, double second, double product) noexcept nogil:
+    """Return what rounding took from a product: T. Dekker, Numer. Math. 18 (1971), doi 10.1007/BF01397083."""
+    cdef double high = 134217729.0 * first, other = 134217729.0 * second, low, rest
+    high = high - (high - first)
+    low = first - high
+    other = other - (other - second)
+    rest = second - other
+    return ((high * other - product) + high * rest + low * other) + low * rest
+
+
+def sum_levels(
+    const double[::1] values,   # IN (M,)
+    const double[::1] density,  # IN (M,)
+    double[:, ::1] moments,     # OUT (M + 1, 6): sums of density times (1, y, y^2) before each, then what rounding took
+):
+    cdef Py_ssize_t i, power
+    cdef double term[3]
+    cdef double rest[3]
+    with nogil:
+        moments[0, :] = 0
+        for i in range(values.shape[0]):
+            term[0], rest[0] = density[i], 0
+            for power in range(1, 3):
+                term[power] = term[power - 1] * values[i]
+                rest[power] = rest[power - 1] * values[i] + rest_of_product(term[power - 1], values[i], term[power])
+            for power in range(3):
+                moments[i + 1, power] = moments[i, power] + term[power]
+                rest[power] = rest[power] + rest_of_sum(moments[i, power], term[power], moments[i + 1, power])
+                moments[i + 1, 3 + power] = moments[i, 3 + power] + rest[power]
+
+
 cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, Py_ssize_t end) noexcept nogil:
-    """Energy about their mean of levels first..end-1, from the sums over those before each."""
-    cdef double mass = moments[end, 0] - moments[first, 0]
-    cdef double sum_ = moments[end, 1] - moments[first, 1]
-    return max(moments[end, 2] - moments[first, 2] - sum_ * sum_ / mass, 0)
+    """Energy about their mean of levels first..end-1, from the sums over those before each, in twice the digits."""
+    cdef double sums[3]
+    cdef double rests[3]
+    cdef double square, product, share, energy
+    cdef Py_ssize_t power
+    for power in range(3):
+        sums[power] = moments[end, power] - moments[first, power]
+    share = sums[1] * sums[1] / sums[0]
+    if sums[2] - share > 1e-6 * moments[end, 2]:  # nine digits are left
+        return sums[2] - share
+    for power in range(3):
+        rests[power] = rest_of_sum(moments[end, power], -moments[first, power], sums[power])
+        rests[power] = rests[power] + (moments[end, 3 + power] - moments[first, 3 + power])
+    # sum^2 / mass is `share`, and what is left of the square divided by the mass.
+    square = sums[1] * sums[1]
+    product = share * sums[0]
+    square = (square - product) - rest_of_product(share, sums[0], product) - share * rests[0] \
+        + (rest_of_product(sums[1], sums[1], square) + 2 * sums[1] * rests[1])
+    energy = sums[2] - share
+    return max(energy + (rest_of_sum(sums[2], -share, energy) + rests[2] - square / sums[0]), 0)
 
 
 cdef inline double through(
@@ -556,7 +658,7 @@ cdef inline Py_ssize_t takes_over(
 
 
 def cut_levels(
-    const double[:, ::1] moments,   # IN (M + 1, 3): sums of density > 0 times (1, y, y^2) over the levels before each
+    const double[:, ::1] moments,   # IN (M + 1, 6): of `sum_levels`, where all density is > 0
     double price,                   # IN: of a cell
     double[::1] costs,              # OUT (M + 1,): least sum of energies and prices for the levels before each
     int32_t[::1] firsts,            # OUT (M + 1,): where the last of their cells begins

@@ -101,7 +101,7 @@ def _alone(
 
 def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iteration:
     """Sum a small energy point by point, where the moments of the cells lose digits."""
-    if end.energies and end.energies[-1] > SMALL_ENERGY * points.energy_about_origin:
+    if end.energies and (points.exact or end.energies[-1] > SMALL_ENERGY * points.energy_about_origin):
         return end
     labels = end.labels_of(points)
     masses, _ = cell_moments(points, labels, len(end.generators))

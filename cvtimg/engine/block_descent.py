@@ -8,11 +8,10 @@ depends on nothing but the samples, their blocks and the seed: it has the same b
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +21,7 @@ from cvtimg._shared.iteration import iterate
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.engine.methods import Conditions, Iteration
-from cvtimg.engine.points import (
-    SMALL_ENERGY,
-    Frame,
-    Points,
-    assign,
-    cell_energies,
-    cell_moments,
-    energy,
-    pack,
-    scale_within,
-)
-from cvtimg.engine.samples import pack_in_order
+from cvtimg.engine.points import Frame, RowMoments, assign, assign_rows, pack, scale_within
 from cvtimg.engine.seeding import TooFewSamplesError, refill
 from cvtimg.files.arrays import UnfitArraysError, load_arrays, save_arrays
 from cvtimg.files.remote import exists
@@ -87,14 +75,6 @@ class Survey:
         )
 
 
-class BlockMoments(NamedTuple):
-    """Sums over the cells of some points: masses (K,), density times point (K, D), and the spread about the origin."""
-
-    masses: NDArray[np.float64]
-    sums: NDArray[np.float64]
-    about_origin: float
-
-
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
     """A file or URL with generators, and the energies that led to them."""
@@ -131,15 +111,15 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     return found
 
 
-def sample_points(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Points, NDArray[np.intp] | None]:
-    """Return the sample, with rows that it lacks if it has too few that differ."""
+def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Return the sample and its weights, with rows that it lacks if it has too few that differ."""
     rows, weights = found.rows, found.weights
     if len(_some_distinct([rows], n_generators)) < n_generators:
         rare = over_blocks(blocks, _distinct_block, partial(_some_distinct, most=n_generators), n_generators)
         if len(rare) < n_generators:
             raise TooFewSamplesError(n_generators, len(rare))
         rows, weights = np.concatenate([rows, rare]), np.append(weights, np.ones(len(rare)))
-    return pack_in_order(rows, weights, n_generators, found.frame)
+    return rows, weights
 
 
 def check_by_blocks(method: object, volume_power: float) -> None:
@@ -152,43 +132,49 @@ def check_by_blocks(method: object, volume_power: float) -> None:
 
 def descend(
     blocks: Blocks,
-    sample: Points,
+    frame: Frame,
+    sample: tuple[NDArray[Any], NDArray[np.float64]],
     generators: NDArray[np.float64],
     energies: Sequence[float],
     conditions: Conditions,
     checkpoint: Checkpoint,
-) -> tuple[Iteration, NDArray[np.float64], float]:
+) -> tuple[Iteration, RowMoments]:
     """Iterate Lloyd's method over all blocks, from some generators and the energies that led to them.
 
-    Also return the (K,) masses of the cells, and the energy to all its digits.
+    All is in the units of the samples. Also return the moments of the cells.
     """
-    # Empty cells, which are rare after a search, are refilled from the sample.
+    # Empty cells, which are rare after a search, are refilled from the sample, rows and weights.
     free = np.arange(len(generators)) >= conditions.n_locked
-    frame = sample.frame
     known = list(energies)
-    found: BlockMoments
+    found: RowMoments
 
     def measure() -> float:
         nonlocal found
         checkpoint.save(generators, known)
-        found = over_blocks(blocks, _moments_of_block, _total, generators, frame)
-        known.append(energy(found.about_origin, generators, found.masses, found.sums))
+        # Whole places give sums of integers that are exact, and so the same for any blocks.
+        whole = _whole(blocks, generators)
+        found = over_blocks(blocks, _moments_of_block, _total, generators, whole, frame)
+        found = found.about(generators, generators - whole)
+        known.append(float(found.energies.sum()))
         return known[-1]
 
     def step() -> float:
         nonlocal generators
         full = found.masses > 0
-        moved = np.divide(found.sums, found.masses[:, None], out=generators.copy(), where=(free & full)[:, None])
+        moves = np.divide(
+            found.steps, found.masses[:, None], out=np.zeros_like(generators), where=(free & full)[:, None]
+        )
+        generators = generators + moves
         if (free & ~full).any():
-            moved = refill(sample, moved, assign(sample, moved), free & full, free & ~full)
-        generators = moved
+            points = pack(*sample)
+            places = points.frame.inward(generators)
+            refilled = refill(points, places, assign(points, places), free & full, free & ~full)
+            moved = (refilled != places).any(axis=1)
+            generators[moved] = points.frame.outward(refilled[moved])
         return measure()
 
     history = iterate(measure(), step, conditions.stopping, conditions.watch, energies)
-    lowest = known[-1]
-    if lowest <= SMALL_ENERGY * found.about_origin:
-        lowest = over_blocks(blocks, _energy_of_block, math.fsum, generators, frame)
-    return Iteration(generators, *history), found.masses, lowest
+    return Iteration(generators, *history), found
 
 
 def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
@@ -201,10 +187,9 @@ def _length(block: Block) -> NDArray[np.int64]:
     return np.array([len(block.rows)])
 
 
-def _total(parts: Sequence[BlockMoments]) -> BlockMoments:
+def _total(parts: Sequence[RowMoments]) -> RowMoments:
     """Add moments in their order."""
-    masses, sums, spreads = zip(*parts, strict=True)
-    return BlockMoments(np.sum(masses, axis=0), np.sum(sums, axis=0), sum(spreads))
+    return RowMoments(*(np.sum(some, axis=0) for some in zip(*parts, strict=True)))
 
 
 def _survey_block(block: Block, seed: int, ends: NDArray[np.int64], most: int) -> Survey:
@@ -239,26 +224,24 @@ def drawn_rows(n_rows: int, most: int, start: int, stop: int, seed: int) -> NDAr
     return rows[(rows >= start) & (rows < stop)]
 
 
-def _moments_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> BlockMoments:
-    found = [BlockMoments(np.zeros(len(generators)), np.zeros_like(generators), 0.0)]
-    for points in _pieces(block, frame):
-        moments = cell_moments(points, assign(points, generators), len(generators))
-        found.append(BlockMoments(*moments, points.energy_about_origin))
+def _whole(blocks: Blocks, generators: NDArray[np.float64]) -> NDArray[np.float64]:
+    return generators if blocks.rows.dtype.kind == "f" else np.rint(generators)
+
+
+def _moments_of_block(
+    block: Block, generators: NDArray[np.float64], places: NDArray[np.float64], frame: Frame
+) -> RowMoments:
+    """Sum about the places, by the nearest generators."""
+    none = np.zeros(len(generators))
+    found = [RowMoments(none, np.zeros_like(generators), none)]
+    for rows, weights in block.pieces():
+        labels = _label_rows(rows, generators=generators, frame=frame)
+        found.append(RowMoments.of(rows, weights, places, labels))
     return _total(found)
 
 
-def _energy_of_block(block: Block, generators: NDArray[np.float64], frame: Frame) -> float:
-    pieces = _pieces(block, frame)
-    return sum(float(cell_energies(points, generators, assign(points, generators)).sum()) for points in pieces)
-
-
-def _pieces(block: Block, frame: Frame) -> Iterator[Points]:
-    for rows, weights in block.pieces():
-        yield pack(rows, weights, frame=frame)
-
-
 def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
-    return assign(pack(rows, np.ones(len(rows)), frame=frame), generators)[: len(rows)]
+    return assign_rows(rows, generators, pack(rows, np.ones(len(rows)), frame=frame))
 
 
 def _distinct_block(block: Block, most: int) -> NDArray[Any]:

@@ -89,7 +89,7 @@ def _children(points: Points, elders: Ends, n_children: int, conditions: Conditi
 
     def cross(start: int, stop: int) -> None:
         drawn = (values[start:stop] for values in (pairs, inherited, replaced, heights))
-        single = np.empty((n_generators, n_dims), np.float32), np.empty(n_generators, np.float32)
+        single = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
         scratch = *single, np.empty(n_generators, np.uint8), np.empty(len(points.density))
         _kernels.cross_sets(
             points.tiles, points.density, elders.generators, *drawn, n_locked, children[start:stop], *scratch

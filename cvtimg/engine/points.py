@@ -25,8 +25,15 @@ _MIN_TILES = 256
 GROUPED_FROM = 40
 #: Any center near the points will do: the mean of at most this many rows.
 _CENTER_ROWS = 1 << 20
-#: Energies below this fraction of the energy about the origin are rounding errors in float64.
+#: Energies below this fraction of the energy about the origin are rounding errors of means of float32 samples.
 _ROUNDING = 1e-24
+#: Largest rounding errors, by the number that is rounded.
+_UNIT, _EXACT_UNIT = 2.0**-24, 2.0**-53
+#: float32 gives labels whose energy is at most this fraction, squared, above that of the true ones: see
+#: `float32_suffices`.
+_LOSS = 1e-3
+#: Squared distances of float32 differ from the true ones by less than so many roundings for each dimension and 4 more.
+_ROUNDINGS = 8
 #: Energies, sums of squares, of values this far from their mean are out of the range of float64.
 _TOO_LARGE = 1e140
 #: Energies below this fraction of the energy about the origin are summed point by point: half the digits of their
@@ -59,8 +66,8 @@ class Points:
 
     # Only this module and the kernels know the layout of the tiles; others use the methods here.
 
-    tiles: NDArray[np.float32]  # (n_tiles, D, TILE): the points; the last one is repeated to fill the last tile
-    boxes: NDArray[np.float32]  # (n_tiles, 2, D): smallest and largest coordinates in each tile
+    tiles: NDArray[Any]  # (n_tiles, D, TILE), float32, or float64 of exact ones; the last one fills the last tile
+    boxes: NDArray[Any]  # (n_tiles, 2, D): smallest and largest coordinates in each tile
     density: NDArray[np.float64]  # (n_tiles * TILE,): weight of each point, 0 in the padding
     frame: Frame  # Where the origin of the tiles is
     n_points: int  # Number of points, padding not included
@@ -72,12 +79,17 @@ class Points:
         """Number of coordinates, D."""
         return int(self.tiles.shape[1])
 
+    @property
+    def exact(self) -> bool:
+        """Whether the points are in float64, where distances are sums of squared differences."""
+        return bool(self.tiles.dtype == np.float64)
+
     def rows(self, members: NDArray[np.intp] | list[int] | slice = slice(None)) -> NDArray[np.float64]:
         """Return the (m, D) places of some points in the frame, all by default."""
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
 
-    def coordinate(self, dim: int) -> NDArray[np.float32]:
+    def coordinate(self, dim: int) -> NDArray[Any]:
         """Return one coordinate of all points, padding included, in the order of `density`."""
         return self.tiles[:, dim].reshape(-1)
 
@@ -98,19 +110,22 @@ def pack(
     frame: Frame | None = None,
     in_order: bool = False,
     order: NDArray[np.intp] | None = None,
+    exact: bool = False,
 ) -> Points:
     """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one."""
-    # With an order, in which near ones follow each other, they are packed in that.
+    # With an order, in which near ones follow each other, they are packed in that. Exact points are in float64.
     # Rows are copied only here.
-    middle = _mean(rows, density) if center is None and frame is None else center
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
-    if middle is not None:
-        frame = Frame(middle, scale_within(*limits(rows), middle) if rows.dtype.kind == "f" else 1.0)
-    assert frame is not None
+    if frame is None:
+        low, high = limits(rows) if exact or rows.dtype.kind == "f" else (np.zeros(1), np.zeros(1))
+        if center is None:
+            # Differences to the place nearest to 0 of the box of the rows lose none of their digits.
+            center = np.clip(0.0, low, high).astype(np.float64) if exact else _mean(rows, density)
+        frame = Frame(center, scale_within(low, high, center) if rows.dtype.kind == "f" else 1.0)
     n_points, n_dims = rows.shape
     n_tiles = -(-n_points // _kernels.TILE)
-    tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float32)
+    tiles = np.empty((n_tiles, n_dims, _kernels.TILE), np.float64 if exact else np.float32)
     padded = np.zeros(n_tiles * _kernels.TILE)
 
     def pack_part(start: int, stop: int) -> None:
@@ -162,11 +177,9 @@ def scale_for_float32(size: float) -> float:
     return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
 
 
-def _points(
-    tiles: NDArray[np.float32], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool
-) -> Points:
-    boxes = np.empty((len(tiles), 2, tiles.shape[1]), np.float32)
-    parts = _fixed_parts(tiles)
+def _points(tiles: NDArray[Any], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:
+    boxes = np.empty((len(tiles), 2, tiles.shape[1]), tiles.dtype)
+    parts = _fixed_parts(len(tiles))
     energies = np.empty(len(parts))
 
     def finish(start: int, stop: int) -> None:
@@ -185,7 +198,7 @@ def coarsen(points: Points, factor: int) -> Points:
     # Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
     n_tiles, n_dims, width = points.tiles.shape
     n_merged = -(-n_tiles // factor)
-    merged, masses = np.empty((n_merged, n_dims, width), np.float32), np.empty((n_merged, width))
+    merged, masses = np.empty((n_merged, n_dims, width), points.tiles.dtype), np.empty((n_merged, width))
 
     def merge(start: int, stop: int) -> None:
         # Every `factor` tiles become one tile; the last one may lack some.
@@ -229,7 +242,7 @@ def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.fl
         for tile, along in zip(points.tiles, weighted, strict=True):
             sums += along @ tile.T
         axes = np.ascontiguousarray(np.linalg.qr(sums.T)[0].T, np.float32)
-        tiles = np.matmul(axes, points.tiles)
+        tiles = np.matmul(axes.astype(points.tiles.dtype), points.tiles)
     frame = Frame(np.zeros(n_dims), points.frame.scale)
     return _points(tiles, points.density, frame, points.n_points, points.in_order), axes
 
@@ -242,40 +255,121 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def assign(points: Points, generators: NDArray[np.float64]) -> NDArray[np.int32]:
+def assign(points: Points, generators: NDArray[np.float64], gaps: NDArray[Any] | None = None) -> NDArray[np.int32]:
     """Label each point, padding included, with its nearest generator; the first one on a tie."""
+    # Into gaps goes how much farther the second nearest is, in squared distance.
     # The nearest generator z of a point y has the least ``|z|^2 / 2 - y . z``.
-    single, half_norms = _for_kernels(generators)
+    places, half_norms = _for_kernels(points, generators)
     labels = np.empty(len(points.density), np.int32)
-    columns = np.full((points.n_dims, -(-len(single) // _kernels.TILE) * _kernels.TILE), 1e18, np.float32)
-    columns[:, : len(single)] = single.T
-    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(single) >= GROUPED_FROM
+    grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(places) >= GROUPED_FROM
+    if grouped:
+        columns = np.full((points.n_dims, -(-len(places) // _kernels.TILE) * _kernels.TILE), 1e18, places.dtype)
+        columns[:, : len(places)] = places.T
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
+        own = places, half_norms, labels[ends], None if gaps is None else gaps[ends]
         if grouped:
-            _kernels.assign_grouped(points.tiles[part], points.boxes[part], columns, single, half_norms, labels[ends])
+            _kernels.assign_grouped(points.tiles[part], points.boxes[part], columns, *own)
         else:
-            _kernels.assign(points.tiles[part], single, half_norms, labels[ends])
+            _kernels.assign(points.tiles[part], *own)
 
     # With many generators only some dozens are compared with each point, after a look at all for each few tiles.
-    n_compared = GROUPED_FROM + len(single) // 16 if grouped else len(single)
+    n_compared = GROUPED_FROM + len(places) // 16 if grouped else len(places)
     in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * n_compared)
     return labels
 
 
+def assign_rows(
+    rows: NDArray[Any], places: NDArray[Any], points: Points, order: NDArray[np.intp] | None = None
+) -> NDArray[np.int32]:
+    """Label (N, D) rows with their nearest places, in their own units, once packed as points; perhaps in an order."""
+    # Where the two nearest are nearer to each other than rounding is, float64 decides. So a label depends on no other
+    # row: J. Shewchuk, Discrete & Computational Geometry 18 (1997) 305-363, doi 10.1007/PL00009321.
+    generators = points.frame.inward(places)
+    gaps = np.full(len(points.density), np.inf, points.tiles.dtype)
+    labels = assign(points, generators, None if points.exact else gaps)
+    if not points.exact and len(places) > 1:
+        norms = np.einsum("kd,kd->k", generators, generators)
+        farthest = np.einsum("td->t", np.square(np.abs(points.boxes).max(axis=1), dtype=np.float64))
+        bound = _ROUNDINGS * (points.n_dims + 4) * _UNIT
+        some = gaps <= bound * np.maximum(np.repeat(farthest, _kernels.TILE), norms.max())
+        doubt = np.flatnonzero(some[: points.n_points])
+        squares = np.square(points.rows(doubt)).sum(axis=1)
+        doubt = doubt[gaps[doubt] <= bound * np.maximum(squares, norms[labels[doubt]])]
+        if doubt.size:
+            own = rows[doubt if order is None else order[doubt]]
+            frame = Frame(np.zeros(points.n_dims), points.frame.scale)
+            exact = pack(own, np.ones(len(own)), frame=frame, exact=True)
+            labels[doubt] = assign(exact, frame.inward(places))[: len(doubt)]
+    if order is None:
+        return labels[: points.n_points]
+    given = np.empty(points.n_points, np.int32)
+    given[order] = labels[: points.n_points]
+    return given
+
+
+class RowMoments(NamedTuple):
+    """Sums over the rows of each cell, in their own units, about a place for each."""
+
+    masses: NDArray[np.float64]  # (K,) of the weights
+    steps: NDArray[np.float64]  # (K, D) of weight times row - place
+    energies: NDArray[np.float64]  # (K,) of weight times squared distance to the place
+
+    @classmethod
+    def of(
+        cls, rows: NDArray[Any], weights: NDArray[np.float64], places: NDArray[np.float64], labels: NDArray[np.int32]
+    ) -> RowMoments:
+        """Sum over (N, D) rows by their labels."""
+        slices = _fixed_parts(-(-len(rows) // _kernels.TILE))
+        parts = np.zeros((len(slices), len(places), places.shape[1] + 2))
+
+        def measure(start: int, stop: int) -> None:
+            for (_, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
+                _kernels.measure_rows(rows[ends], weights[ends], places, labels[ends], part)
+
+        in_parts(measure, len(parts), work=3 * rows.size)
+        total = parts.sum(axis=0)
+        return cls(total[:, -2].copy(), total[:, :-2].copy(), total[:, -1].copy())
+
+    def about(self, places: NDArray[np.float64], moves: NDArray[np.float64]) -> RowMoments:
+        """Return the moments about other places, which are short moves from those of these moments."""
+        cross = np.einsum("kd,kd->k", moves, self.masses[:, None] * moves - 2 * self.steps)
+        energies = self.energies + cross
+        # Distinct rows are farther apart than this: the rest is the rounding of means.
+        least = (8 * _EXACT_UNIT) ** 2 * self.masses * np.einsum("kd,kd->k", places, places)
+        steps = self.steps - self.masses[:, None] * moves
+        return RowMoments(self.masses, steps, np.where(energies > least, energies, 0.0))
+
+    def to_means(self, places: NDArray[np.float64], frame: Frame, *, exact: bool) -> NDArray[np.float64]:
+        """Return the (K, D) steps of places to the means of their cells, 0 where more than rounding is in between."""
+        masses = np.where(self.masses > 0, self.masses, 1.0)
+        steps, off = self.steps / masses[:, None], places - frame.center
+        size = np.einsum("kd,kd->k", off, off) + self.energies / masses
+        rounding = 4 * (_EXACT_UNIT if exact else _UNIT)
+        return np.where((np.einsum("kd,kd->k", steps, steps) <= rounding**2 * size)[:, None], steps, 0.0)
+
+
+def float32_suffices(points: Points, energy: float) -> bool:
+    """Whether rows that float32 cannot tell apart may raise this energy by no more than a millionth of it."""
+    # A label is wrong only where two squared distances are equal but for rounding, u sqrt(D) A / N, with A the energy
+    # about the origin and u the unit. So are u sqrt(D) A / E of all, and none costs more than rounding: the loss is of
+    # second order, D (u A / E)^2 of the energy.
+    return _UNIT * np.sqrt(points.n_dims) * points.energy_about_origin <= _LOSS * energy
+
+
 def assign_next(
     points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.int32], NDArray[Any]]:
     """Return the nearest generator of each point but for its own, and how much farther that is, in squared distance."""
-    seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), np.float32)
-    single, half_norms = _for_kernels(generators)
+    seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), points.tiles.dtype)
+    places, half_norms = _for_kernels(points, generators)
 
     def assign_part(start: int, stop: int) -> None:
         ends = slice(start * _kernels.TILE, stop * _kernels.TILE)
-        _kernels.assign_next(points.tiles[start:stop], single, half_norms, labels[ends], seconds[ends], gaps[ends])
+        _kernels.assign_next(points.tiles[start:stop], places, half_norms, labels[ends], seconds[ends], gaps[ends])
 
-    in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * len(single))
+    in_parts(assign_part, len(points.tiles), work=points.tiles.size / 8 * len(places))
     return seconds, gaps
 
 
@@ -283,7 +377,7 @@ def cell_moments(
     points: Points, labels: NDArray[np.int32], n_cells: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
-    slices = _fixed_parts(points.tiles)
+    slices = _fixed_parts(len(points.tiles))
     parts = np.zeros((len(slices), n_cells, points.n_dims + 1))
 
     def accumulate(start: int, stop: int) -> None:
@@ -296,18 +390,24 @@ def cell_moments(
 
 
 def energy(
-    about_origin: float, generators: NDArray[np.float64], masses: NDArray[np.float64], sums: NDArray[np.float64]
+    points: Points,
+    generators: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    masses: NDArray[np.float64],
+    sums: NDArray[np.float64],
 ) -> float:
     """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
-    # `about_origin` is that to the origin. Below the fraction `SMALL_ENERGY` of it the moments cancel.
+    # Below the fraction `SMALL_ENERGY` of that about the origin the moments cancel.
+    if points.exact:
+        return float(cell_energies(points, generators, labels).sum())
     cross = np.einsum("kd,kd->", generators, sums)
     norms = np.einsum("k,kd,kd->", masses, generators, generators)
-    return float(max(about_origin - 2 * cross + norms, 0.0))
+    return float(max(points.energy_about_origin - 2 * cross + norms, 0.0))
 
 
 def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
-    parts = _fixed_parts(points.tiles)
+    parts = _fixed_parts(len(points.tiles))
     sums = np.empty((len(parts), len(generators)))
 
     def add(start: int, stop: int) -> None:
@@ -319,17 +419,23 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
     in_parts(add, len(parts), work=3 * points.tiles.size)
     energies = sums.sum(axis=0)
     # Distinct points are farther apart than this: the rest is the rounding of means.
-    return np.where(energies > _ROUNDING * points.energy_about_origin, energies, 0.0)
+    least = _ROUNDING * points.energy_about_origin
+    if points.exact:
+        sizes = np.einsum("kd,kd->k", generators, generators)
+        least = (8 * _EXACT_UNIT) ** 2 * sizes * np.bincount(labels, points.density, len(generators))
+    return np.where(energies > least, energies, 0.0)
 
 
-def _for_kernels(generators: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Convert generators to float32, and compute half their squared norms."""
+def _for_kernels(points: Points, generators: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Convert generators to the type of the points, and compute half their squared norms, 0 for exact points."""
+    if points.exact:
+        return np.ascontiguousarray(generators), np.zeros(len(generators))
     single = np.ascontiguousarray(generators, dtype=np.float32)
     return single, (0.5 * np.einsum("kd,kd->k", single, single, dtype=np.float64)).astype(np.float32)
 
 
-def _fixed_parts(tiles: NDArray[np.float32]) -> list[tuple[slice, slice]]:
+def _fixed_parts(n_tiles: int) -> list[tuple[slice, slice]]:
     """Return the tiles, and the points, of each part that is summed by itself."""
-    n_parts = min(max(len(tiles) // _MIN_TILES, 1), _MAX_PARTS)
-    bounds = [len(tiles) * part // n_parts for part in range(n_parts + 1)]
+    n_parts = min(max(n_tiles // _MIN_TILES, 1), _MAX_PARTS)
+    bounds = [n_tiles * part // n_parts for part in range(n_parts + 1)]
     return [(slice(*ends), slice(ends[0] * _kernels.TILE, ends[1] * _kernels.TILE)) for ends in pairwise(bounds)]

@@ -51,14 +51,20 @@ class WeightedSamples(ReadOnly):
 
 
 def pack_in_order(
-    rows: NDArray[Any], weights: NDArray[np.float64], n_generators: int, frame: Frame | None = None
+    rows: NDArray[Any],
+    weights: NDArray[np.float64],
+    n_generators: int,
+    frame: Frame | None = None,
+    *,
+    in_order: bool = False,
+    exact: bool = False,
 ) -> tuple[Points, NDArray[np.intp] | None]:
     """Pack the (N, D) rows of a table; also return their order, if it is not the given one."""
     sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
-    if not sortable or n_generators < GROUPED_FROM:
-        return pack(rows, weights, frame=frame), None
+    if in_order or not sortable or n_generators < GROUPED_FROM:
+        return pack(rows, weights, frame=frame, in_order=in_order, exact=exact), None
     order = along_curve(rows)
-    return pack(rows, weights, frame=frame, order=order), order
+    return pack(rows, weights, frame=frame, order=order, exact=exact), order
 
 
 def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:

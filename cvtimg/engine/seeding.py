@@ -7,7 +7,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +61,11 @@ class _Cells(NamedTuple):
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Divide the cells of highest energy at their mean, across their main axis, until there are enough."""
-    # Nothing is drawn from `rng`. The planes are those of M. Orchard and C. Bouman, IEEE Trans. Signal Processing 39
-    # (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the highest energy.
+    # Nothing is drawn from `rng`, but for exact points. The planes are those of M. Orchard and C. Bouman, IEEE
+    # Trans. Signal Processing 39 (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the
+    # highest energy.
+    if points.exact:  # in a wide range covariances, which are differences of large sums, lose their digits
+        return kmeans_plus_plus(points, n_generators, rng)
     if points.n_dims <= _MOST_DIMS:
         return _divided(points, n_generators)[0].means
     labels = _divided(in_main_subspace(points, _MOST_DIMS)[0], n_generators)[1]
@@ -150,7 +153,7 @@ def kmeans_plus_plus(
     # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
     n_draws = n_draws or 2 + int(np.log(n_generators))
     chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
-    nearest = _distances(points, points.rows(chosen)[0], np.full(len(points.density), np.inf, np.float32))
+    nearest = _distances(points, points.rows(chosen)[0], np.full(len(points.density), np.inf, points.tiles.dtype))
     while len(chosen) < n_generators:
         cumulative = np.cumsum(points.density * nearest)
         if cumulative[-1] == 0:
@@ -207,8 +210,8 @@ def _divide(
     cells.moments[chosen] -= cells.moments[children]
 
 
-def _distances(points: Points, place: NDArray[np.float64], bound: NDArray[np.float32]) -> NDArray[np.float32]:
+def _distances(points: Points, place: NDArray[np.float64], bound: NDArray[Any]) -> NDArray[Any]:
     """Return squared distances to a place, or `bound` where that is smaller."""
     distances = np.empty_like(bound)
-    _kernels.squared_distances(points.tiles, place.astype(np.float32), bound, distances)
+    _kernels.squared_distances(points.tiles, place.astype(points.tiles.dtype), bound, distances)
     return distances

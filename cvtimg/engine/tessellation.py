@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,10 +31,19 @@ from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
-from cvtimg.engine.points import Frame, Points, cell_energies, cell_moments, pack
+from cvtimg.engine.points import (
+    Frame,
+    Points,
+    RowMoments,
+    assign_rows,
+    cell_energies,
+    cell_moments,
+    float32_suffices,
+    pack,
+)
 from cvtimg.engine.samples import WeightedSamples, pack_in_order
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
-from cvtimg.engine.seeding import SEEDINGS
+from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 from cvtimg.files.whole import StrPath
 
 
@@ -174,26 +183,87 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
-    if isinstance(samples, WeightedSamples):
-        settings = replace(settings, evolution=None)
     power = check_non_negative("volume_power", volume_power)
-    asked = _Asked(n_generators, method, init, settings, power, locked, random_numbers(rng), callback)
+    watch = Watch(callback)
+    asked = _Asked(n_generators, method, init, settings, power, locked, random_numbers(rng), watch)
     if is_blocked(samples):
         return _tessellate_blocks(as_blocks(samples, density), asked, effort, checkpoint)
     check_needs("checkpoint", checkpoint is not None, "samples in blocks", False)
-    points, order = _points(samples, density, n_generators)
+    if isinstance(samples, WeightedSamples):
+        check_that("density", density is None, "not be given with weighted samples")
+        check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
+        if type(samples) is not WeightedSamples:
+            return _tessellate_colors(samples, asked)
+        return _tessellate_rows(samples.rows, samples.density, asked, in_order=samples.in_order)
+    rows = check_rows("samples", cast("ArrayLike", samples))
+    weights = check_density(density, len(rows))
+    check_count("n_generators", n_generators, len(rows), "the number of samples")
+    return _tessellate_rows(rows, weights, asked)
+
+
+def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
+    """Tessellate colors, whose range float32 always suffices for."""
+    points = pack(samples.rows, samples.density, in_order=samples.in_order)
+    _, end = _searched(points, asked._replace(effort=replace(asked.effort, evolution=None)))
+    labels = end.labels_of(points)
+    masses, sums = cell_moments(points, labels, asked.n_generators)
+    parts = cell_energies(points, end.generators, labels)
+    moments = RowMoments(masses, sums, parts / points.frame.scale**2)
+    places = points.frame.outward(end.generators)
+    return _result(end, places, labels[: points.n_points], moments, asked.volume_power, points.frame)
+
+
+def _tessellate_rows(
+    rows: NDArray[Any], weights: NDArray[np.float64], asked: _Asked, *, in_order: bool = False
+) -> Tessellation:
+    """Tessellate (N, D) rows: in float32, and again in float64 where that was too coarse; one column always in that."""
+    exact = rows.shape[1] == 1
+    while True:
+        points, order = pack_in_order(rows, weights, asked.n_generators, in_order=in_order, exact=exact)
+        try:
+            descent, end = _searched(points, asked)
+        except TooFewSamplesError:  # that differ in float32
+            if exact:
+                raise
+            exact = True
+            continue
+        found = _measured(rows, weights, points, order, descent, end)
+        if exact or asked.watch.stopped or float32_suffices(points, found.energy * points.frame.scale**2):
+            return found
+        exact = True
+
+
+def _searched(points: Points, asked: _Asked) -> tuple[_Descent, Iteration]:
     descent = _Descent(points, asked)
     with part(0, SEARCHED):
-        start = descent.search(settings)
+        start = descent.search(asked.effort)
     with part(SEARCHED, 1):
-        end = descent.method.iterate(points, start, descent.conditions)
-    labels = end.labels_of(points)
-    masses, _ = cell_moments(points, labels, n_generators)
-    parts = cell_energies(points, end.generators, labels)
-    weighted = weighted_energy(masses, parts, power)
-    own = np.empty(points.n_points, np.int32)
-    own[slice(None) if order is None else order] = labels[: points.n_points]
-    return _of_frame(points.frame, end, own, masses, float(parts.sum()), weighted)
+        return descent, descent.method.iterate(points, start, descent.conditions)
+
+
+def _measured(
+    rows: NDArray[Any],
+    weights: NDArray[np.float64],
+    points: Points,
+    order: NDArray[np.intp] | None,
+    descent: _Descent,
+    end: Iteration,
+) -> Tessellation:
+    """Measure the end of a descent of packed rows on the rows themselves, in float64."""
+    frame, power, n_locked = points.frame, descent.conditions.volume_power, len(descent.locked)
+    places = frame.outward(end.generators)
+    places[:n_locked] = descent.locked
+    if power or descent.method.exact_in_one_dimension:
+        labels = np.empty(points.n_points, np.int32)
+        labels[slice(None) if order is None else order] = end.labels_of(points)[: points.n_points]
+    else:
+        labels = assign_rows(rows, places, points, order)
+    moments = RowMoments.of(rows, weights, places, labels)
+    # A generator that is the mean of its cell but for rounding is made the mean.
+    moves = moments.to_means(places, frame, exact=points.exact)
+    moves[:n_locked] = 0
+    places += moves
+    return _result(end, places, labels, moments.about(places, moves), power, frame)
 
 
 class _Asked(NamedTuple):
@@ -206,7 +276,7 @@ class _Asked(NamedTuple):
     volume_power: float
     locked: ArrayLike | None
     rng: np.random.Generator
-    callback: Callback | None
+    watch: Watch
 
 
 class _Descent:
@@ -214,7 +284,8 @@ class _Descent:
 
     def __init__(self, points: Points, asked: _Asked) -> None:
         self.has_start = not isinstance(asked.init, str)
-        self.fixed = points.frame.inward(check_locked(asked.locked, asked.n_generators, points.n_dims))
+        self.locked = check_locked(asked.locked, asked.n_generators, points.n_dims)
+        self.fixed = points.frame.inward(self.locked)
         self.method = choose_method(
             asked.method,
             n_dims=points.n_dims,
@@ -222,8 +293,8 @@ class _Descent:
             n_locked=len(self.fixed),
             has_start=self.has_start,
         )
-        watch = Watch(asked.callback, points.frame.energy)
-        self.conditions = Conditions(asked.effort.stopping, asked.rng, len(self.fixed), asked.volume_power, watch)
+        asked.watch.outward = points.frame.energy
+        self.conditions = Conditions(asked.effort.stopping, asked.rng, len(self.fixed), asked.volume_power, asked.watch)
         #: Returns where the generators start: the end of a search, unless a start is given.
         self.search: Callable[[SearchEffort], NDArray[np.float64]]
         if not isinstance(asked.init, str):
@@ -238,48 +309,41 @@ class _Descent:
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
-    from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_points, survey
+    from cvtimg.engine.block_descent import Checkpoint, check_by_blocks, descend, label_blocks, sample_rows, survey
 
     check_by_blocks(asked.method, asked.volume_power)
+    locked = check_locked(asked.locked, asked.n_generators, blocks.n_dims)
     found = survey(blocks, asked.n_generators, asked.rng)
-    points, _ = sample_points(blocks, found, asked.n_generators)
-    of_sample = _Descent(points, asked)
-    init, fixed = np.asarray(asked.init).tolist(), of_sample.fixed.tolist()
-    options = asked.n_generators, effort, init, fixed, asked.rng.bit_generator.state
-    kept = Checkpoint(checkpoint, found.fingerprint(*options))
+    rows, weights = sample_rows(blocks, found, asked.n_generators)
+    options = asked.n_generators, effort, np.asarray(asked.init).tolist(), locked.tolist()
+    kept = Checkpoint(checkpoint, found.fingerprint(*options, asked.rng.bit_generator.state))
     state = kept.load()
-    if state is None:
-        start = of_sample.search(effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
-        if not of_sample.has_start:  # from given generators the descent starts at once
-            start = of_sample.method.iterate(points, start, of_sample.conditions).generators
-        state = start, []
-    end, masses, energy = descend(blocks, points, *state, of_sample.conditions, kept)
-    labels = label_blocks(blocks, found.lengths, end.generators, points.frame)
-    return _of_frame(points.frame, end, labels, masses, energy, energy)
+    if state is None and isinstance(asked.init, str):
+        beyond = asked._replace(effort=effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
+        state = _tessellate_rows(rows, weights, beyond).generators, []
+    elif state is None:  # from given generators the descent starts at once
+        free = check_generators("init", asked.init, asked.n_generators - len(locked), blocks.n_dims)
+        state = np.concatenate([locked, free]), []
+    asked.watch.outward = float
+    conditions = Conditions(asked.effort.stopping, asked.rng, len(locked), watch=asked.watch)
+    end, moments = descend(blocks, found.frame, (rows, weights), *state, conditions, kept)
+    labels = label_blocks(blocks, found.lengths, end.generators, found.frame)
+    return _result(end, end.generators, labels, moments, 0.0, Frame(locked, 1.0))
 
 
-def _of_frame(
-    frame: Frame, end: Iteration, labels: Any, masses: NDArray[np.float64], energy: float, weighted: float
+def _result(
+    end: Iteration, places: NDArray[np.float64], labels: Any, moments: RowMoments, volume_power: float, frame: Frame
 ) -> Tessellation:
+    """Return the end of an iteration in a frame, with what was measured at the end."""
+    weighted = weighted_energy(moments.masses, moments.energies, volume_power)
     return Tessellation(
-        generators=frame.outward(end.generators),
+        generators=places,
         labels=labels,
-        masses=masses,
-        energy=frame.energy(energy),
-        weighted_energy=frame.energy(weighted),
-        energies=tuple(frame.energy(before) for before in end.energies),
+        masses=moments.masses,
+        energy=float(moments.energies.sum()),
+        weighted_energy=weighted,
+        # Those before may be of rounded samples.
+        energies=(*(max(frame.energy(before), weighted) for before in end.energies[:-1]), weighted),
         n_iter=len(end.energies) - 1,
         converged=end.converged,
     )
-
-
-def _points(samples: Any, density: ArrayLike | None, n_generators: int) -> tuple[Points, NDArray[np.intp] | None]:
-    """Pack samples, at least as many as generators; also return their order, if it is not the given one."""
-    if not isinstance(samples, WeightedSamples):
-        rows = check_rows("samples", samples)
-        weights = check_density(density, len(rows))
-        check_count("n_generators", n_generators, len(rows), "the number of samples")
-        return pack_in_order(rows, weights, n_generators)
-    check_that("density", density is None, "not be given with weighted samples")
-    check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
-    return pack(samples.rows, samples.density, in_order=samples.in_order), None

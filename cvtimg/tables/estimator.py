@@ -17,7 +17,7 @@ from cvtimg._shared.extras import needs
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
-from cvtimg.engine.points import assign, cell_energies, pack
+from cvtimg.engine.points import RowMoments, assign_rows, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.files.whole import StrPath
@@ -88,7 +88,8 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
     Samples in blocks are Dask and zarr arrays, and files from `cvtimg.blocks.open_blocks`. They are never loaded as a
     whole: `fit` and `score` pass over the blocks, and `predict` and `transform` return Dask arrays in the same blocks.
 
-    Samples are compared in float32, relative to the center of the generators. Centers are float32 if the samples are.
+    Samples are compared in float32, and in float64 where two generators are equally far but for rounding: labels and
+    energies are those of the centers, whatever the range of the samples. Centers are float32 if the samples are.
 
     References
     ----------
@@ -177,7 +178,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         rows = self._rows(X)
         weights = _weights(sample_weight, len(rows))
         centers = self.cluster_centers_
-        points = pack(rows, weights, center=np.mean(centers, axis=0, dtype=np.float64))
+        points = pack(rows, weights, exact=True)
         moving, masses = points.frame.inward(centers), self.masses_.copy()
         meet(points, np.arange(len(rows)), weights, moving, masses)
         self.cluster_centers_ = points.frame.outward(moving).astype(centers.dtype)
@@ -252,8 +253,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
     def _tessellate_distinct(self, rows: NDArray[Any], weights: NDArray[np.float64]) -> Tessellation:
         """Tessellate the distinct samples, of which the engine found too few."""
         weighted = np.flatnonzero(weights > 0)
-        # Distinct as the engine sees them, in float32.
-        places = pack(rows, weights).rows(weighted).astype(np.float32)
+        places = pack(rows, weights, exact=True).rows(weighted)  # as the engine sees them
         _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
         distinct = rows[weighted[first]]
         # NumPy 2.0 gives the inverse a second axis.
@@ -274,18 +274,16 @@ def _measure(
     centers: NDArray[Any], rows: NDArray[Any], weights: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.int32], float]:
     """Return the index of the nearest generator of each sample, and the energy."""
-    # The middle depends only on the generators, so that a label does not depend on the other samples.
-    middle: NDArray[np.float64] = np.mean(centers, axis=0, dtype=np.float64)
     density = np.ones(len(rows)) if weights is None else weights
-    points = pack(rows, density, center=middle)
-    # Rounded as the samples are, so that a sample that is a generator has no energy.
-    generators = points.frame.inward(centers).astype(np.float32).astype(np.float64)
-    labels = assign(points, generators)
-    return labels[: len(rows)], points.frame.energy(float(cell_energies(points, generators, labels).sum()))
+    labels = _nearest(centers, rows)
+    moments = RowMoments.of(rows, density, centers.astype(np.float64), labels)
+    return labels, float(moments.energies.sum())
 
 
 def _nearest(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[np.int32]:
-    return _measure(centers, rows, None)[0]
+    # The middle depends only on the generators, so that a label does not depend on the other samples.
+    middle: NDArray[np.float64] = np.mean(centers, axis=0, dtype=np.float64)
+    return assign_rows(rows, centers.astype(np.float64), pack(rows, np.ones(len(rows)), center=middle))
 
 
 def _distances(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:

@@ -44,11 +44,6 @@ class Conditions:
         """Return the same conditions with another stopping rule."""
         return replace(self, stopping=stopping)
 
-    def ended(self, energies: list[float]) -> bool:
-        """Whether to stop before the next step, given the energies so far."""
-        asked = self.watch(energies[-1])
-        return asked or self.stopping.converged(energies) or len(energies) > self.stopping.max_iterations
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:

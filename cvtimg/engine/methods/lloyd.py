@@ -29,7 +29,7 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
         nonlocal labels, masses, sums
         labels = assign(points, generators)
         masses, sums = cell_moments(points, labels, len(generators))
-        return energy(points.energy_about_origin, generators, masses, sums)
+        return energy(points, generators, labels, masses, sums)
 
     def step() -> float:
         nonlocal generators
@@ -68,7 +68,7 @@ class Cells(NamedTuple):
 
         def descend(start: int, stop: int) -> None:
             own = slice(start, stop)
-            scratch = np.empty((n_generators, n_dims), np.float32), np.empty(n_generators, np.float32)
+            scratch = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
             moments = ends.generators[own], cells.sums[own], cells.labels[own]
             _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, ends.energies[own])
 

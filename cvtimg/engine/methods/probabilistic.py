@@ -100,7 +100,7 @@ def follow_draws(
         nonlocal labels, masses, best, lowest
         labels = assign(points, moving)
         masses, sums = cell_moments(points, labels, len(moving))
-        now = energy(points.energy_about_origin, moving, masses, sums)
+        now = energy(points, moving, labels, masses, sums)
         if now < lowest:
             best, lowest = moving.copy(), now
         return lowest

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.methods.lloyd import Cells
@@ -27,17 +27,24 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
     """Sweep over the points until transfers lower the energy by next to nothing. No cell loses its last point."""
     locked = np.arange(len(generators)) < conditions.n_locked
     labels = _labels_of_full_cells(points, generators, locked)
-    energies: list[float] = []
-    n_moved = -1
-    while True:
+    masses: NDArray[np.float64]
+    means: NDArray[np.float64]
+    parts: NDArray[np.float64]
+
+    def measure() -> float:
+        nonlocal masses, means, parts
         masses, sums = cell_moments(points, labels, len(generators))
         free = ~locked & (masses > 0)
         means = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
         parts = cell_energies(points, means, labels)
-        energies.append(weighted_energy(masses, parts, conditions.volume_power))
-        if conditions.ended(energies) or n_moved == 0:
-            return Iteration(means, energies, n_moved == 0 or conditions.stopping.converged(energies), labels)
+        return weighted_energy(masses, parts, conditions.volume_power)
+
+    def step() -> float | None:
         n_moved = _sweep(points, labels[None], masses[None], means[None], parts[None], conditions.until(_ONCE))
+        return measure() if n_moved else None
+
+    history = iterate(measure(), step, conditions.stopping, conditions.watch)
+    return Iteration(means, *history, labels)
 
 
 def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
@@ -48,7 +55,7 @@ def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Cond
     masses = cells.sums[:, :, -1].copy()
     free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
     means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=cells.ends.generators, where=free[:, :, None])
-    if power:
+    if power or points.exact:
         parts = np.stack([cell_energies(points, *own) for own in zip(means, cells.labels, strict=True)])
     else:  # transfers change the sum alone, and go by nothing else
         parts = np.zeros(masses.shape)
@@ -68,7 +75,7 @@ def _sweep(
 ) -> int:
     """Transfer points between the cells of n sets, in place; return how many moved last."""
     (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
-    scratch = np.empty((n_cells, n_dims), np.float32), np.empty((2, n_cells), np.float32)
+    scratch = np.empty((n_cells, n_dims), points.tiles.dtype), np.empty((2, n_cells), points.tiles.dtype)
     rule = conditions.n_locked, conditions.volume_power, masses[0].sum(), stopping.tolerance, stopping.max_iterations
     state = labels, masses, means, parts, *scratch
     n_moved: int = _kernels.transfer(points.tiles, points.density, *state, *rule)
