@@ -9,6 +9,7 @@ longer counts as found. Mutations of lines that no test reaches in its own proce
     python .ci/mutations.py --before OLD/tests  # and the same with another suite, to see that none is weaker
     python .ci/mutations.py --count 100 --jobs 2            # a quarter of an hour on two cores
     python .ci/mutations.py --only cvtimg/files --suite tests/files tests/batch  # of one package, by these tests alone
+    python .ci/mutations.py --numbers --count 60            # of numbers alone: each is halved or doubled
 
 The package must be installed; copies of the checkout are made below ``build/mutations``, which keeps what is known from
 coverage between runs (``--again`` forgets it).
@@ -149,6 +150,24 @@ def mutations(path: str, source: bytes) -> Iterator[Mutation]:
             node, ast.AugAssign | ast.Raise
         ):
             yield made(node, *span(node), "pass")
+
+
+def halved_or_doubled(path: str, source: bytes) -> Iterator[Mutation]:
+    """Yield a mutation of each number of a module: of its constants, and of records of settings and their defaults."""
+    module = ast.parse(source)
+    bodies = [module.body, *(node.body for node in module.body if isinstance(node, ast.ClassDef))]
+    values = [node.value for body in bodies for node in body if isinstance(node, ast.Assign | ast.AnnAssign)]
+    starts = [0]
+    for text in source.splitlines(keepends=True):
+        starts.append(starts[-1] + len(text))
+    for value in filter(None, values):
+        for node in ast.walk(value):
+            if not isinstance(node, ast.Constant) or type(node.value) not in (int, float) or not node.value:
+                continue
+            start, stop = starts[node.lineno - 1] + node.col_offset, starts[node.lineno - 1] + node.end_col_offset
+            halve = node.value != 1 and random.Random(f"{path}:{start}").random() < 0.5
+            half = node.value // 2 if isinstance(node.value, int) else node.value / 2
+            yield Mutation(path, node.lineno, node.lineno, start, stop, repr(half if halve else 2 * node.value))
 
 
 def copy(tests: Path, package: Path, root: Path) -> None:
@@ -411,6 +430,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes that work side by side")
     parser.add_argument("--suite", nargs="+", default=["tests"], help="folders of the tests")
     parser.add_argument("--only", nargs="+", default=[""], help="mutate files whose path contains one of these")
+    parser.add_argument("--numbers", action="store_true", help="halve or double numbers, and change nothing else")
     given = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
     folder = given.folder.resolve()
@@ -423,7 +443,7 @@ def main() -> None:
         mutation
         for path, source in sources.items()
         if any(one in path for one in given.only)
-        for mutation in mutations(path, source)
+        for mutation in (halved_or_doubled if given.numbers else mutations)(path, source)
     ]
     chosen = random.Random(given.seed).sample(sites, min(given.count, len(sites)))
     for module in HEAVY:
