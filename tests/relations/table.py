@@ -1,0 +1,38 @@
+"""The table of all relations, as docs/reliability.md shows it; run by itself, this writes it there."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import defaultdict
+from importlib import import_module
+from pathlib import Path
+
+HERE = Path(__file__).parent
+PAGE = HERE.parents[1] / "docs" / "reliability.md"
+#: What stands around the table in the page.
+BEGIN, END = "<!-- relations -->\n", "<!-- end of relations -->\n"
+
+
+def table() -> str:
+    """Return all relations in Markdown: a row for each verb, with how its input is changed and since when."""
+    rows: dict[str, dict[str, str]] = defaultdict(dict)
+    for path in sorted(HERE.glob("test_*.py")):
+        for relation in getattr(import_module(f"relations.{path.stem}"), "RELATIONS", ()):
+            change = re.sub(r", \w+_picture$", "", relation.change)  # whatever the picture
+            rows[relation.verb].setdefault(change, relation.since)
+    lines = ["| verb | what is changed in its input | since |", "|---|---|---|"]
+    for verb, changes in sorted(rows.items()):
+        lines.append(f"| `{verb}` | {'; '.join(sorted(changes))} | {min(changes.values())} |")
+    return "\n".join(lines) + "\n"
+
+
+def written() -> str:
+    """Return the table as it stands in the page."""
+    return PAGE.read_text(encoding="utf-8").partition(BEGIN)[2].partition(END)[0]
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(HERE.parent))
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(page.replace(BEGIN + written(), BEGIN + table()), encoding="utf-8")
