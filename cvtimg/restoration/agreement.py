@@ -109,6 +109,14 @@ class _Part:
         return (self.values[version] - reference) / np.sqrt(self.versions.noisiness(reference))[:, :, None]
 
     @property
+    def is_cut_off(self) -> Bools:
+        """(h, W) where a version is clipped, so that it differs by less than noise, or in some bands alone."""
+        if self.versions.white is None:
+            return np.zeros(self.known.shape[1:], np.bool_)
+        ends = ((self.values <= 0) | (self.values >= self.versions.white)).any(axis=3)
+        return np.asarray((ends & self.known).any(axis=0))
+
+    @property
     def median(self) -> Floats:
         """(h, W, C) median of what is known of each pixel; NaN where nothing is."""
         ordered = np.sort(np.where(self.known[..., None], self.values, np.float32(np.nan)), axis=0)
@@ -134,7 +142,7 @@ class _Part:
         from scipy.stats import chi2, norm
 
         known = self.known[version] & np.isfinite(residual[..., 0])
-        residual = np.where(known[..., None], residual, np.float32(0))
+        residual = self.versions.even(np.where(known[..., None], residual, np.float32(0)), self.is_cut_off)
         rare = chi2.isf(norm.sf(_RARE), residual.shape[2])
         alone = np.square(residual / scales[0]).sum(axis=2)
         found = alone > rare
@@ -179,9 +187,12 @@ def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Fl
     # median of three or more versions, .88 of the noise is left.
     from scipy.ndimage import uniform_filter
 
+    is_cut_off = part.is_cut_off
+
     def scale(version: int) -> Floats:
-        seen = judged & part.known[version]
-        residual = np.where(seen[..., None], part.apart(version, reference), np.float32(0))
+        seen = judged & part.known[version] & ~is_cut_off
+        residual = np.where(part.known[version][..., None], part.apart(version, reference), np.float32(0))
+        residual = part.versions.even(np.nan_to_num(residual), is_cut_off)
         means = [uniform_filter(residual, (side, side, 0))[seen] for side in _SIDES]
         usual = [np.median(np.abs(one), axis=0) / (0.6745 * 0.88) if len(one) else one.sum(axis=0) for one in means]
         return np.maximum((noise[version] / _SIDES)[:, None], usual).astype(np.float32)
@@ -227,14 +238,16 @@ class Suspicion:
         n_bands = estimate.shape[2]
         for version in np.flatnonzero(self.shares):
             values, own = versions.bands(int(version)), versions.known[:, :, version]
+            is_cut_off = np.asarray(versions.cut_off(int(version)).any(axis=2))
             confirmed = np.zeros_like(own)
             for other in (number for number in range(versions.n_versions) if number != version):
-                apart = np.square(values - versions.bands(other)).sum(axis=2) / versions.noisiness(values)
+                apart = np.square(versions.even(values - versions.bands(other), is_cut_off)).sum(axis=2)
+                apart /= versions.noisiness(values)
                 variance = self.noise[version] ** 2 + self.noise[other] ** 2
                 confirmed |= versions.known[:, :, other] & (apart <= (_RARE**2 + 2 * n_bands) * variance)
             # Of versions that disagree here, one holds an addition.
             share = np.where(versions.coverage == 1, self.shares[version], 0.5)
-            squares = np.square(values - estimate).sum(axis=2) / versions.noisiness(estimate)
+            squares = np.square(versions.even(values - estimate, is_cut_off)).sum(axis=2) / versions.noisiness(estimate)
             variance = self._variance(int(version), squares, own, n_bands)
             room = np.log(np.maximum(span**2 / (2 * np.pi * variance), 1))
             likelier = np.log((1 - share) / share) + n_bands / 2 * room

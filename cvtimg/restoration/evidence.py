@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
@@ -73,8 +74,9 @@ def prepare(
         tones = exposures(placed)
         given, placed = (equalized(one, tones) for one in (given, placed))
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
-        noise = Noise.of(given, level=level, white=white, in_place=model is None)
-    given, placed = (replace(one, lines=noise.lines) for one in (given, placed))
+        noise = Noise.of(given, level=level, white=white, in_place=model is None and not channels)
+    whitening = noise.whitening(given.rounding)
+    given, placed = (replace(one, lines=noise.lines, whitening=whitening) for one in (given, placed))
     versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)
@@ -85,14 +87,29 @@ def prepare(
     return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model))
 
 
-def without_copies(versions: Versions) -> Versions:
-    """Warn of versions that are copies of one before, and leave them out: their noise is not independent."""
-    copies, known, seen = [], versions.known.copy(), dict[int, int]()
-    for number in range(versions.n_versions):
-        told = hash((versions.bands(number).tobytes(), known[:, :, number].tobytes()))
-        if known[:, :, number].any() and (one := seen.setdefault(told, number)) != number:
-            copies.append(f"images[{number}] is a copy of images[{one}]")
-            known[:, :, number] = False
-    if copies:
-        warnings.warn(f"{', '.join(copies)} and counts once", UserWarning, stacklevel=3)
-    return replace(versions, known=known) if copies else versions
+def that_tell(versions: Versions) -> Versions:
+    """Warn of versions that are copies of one before, or of one color where others are not, and leave them out."""
+    # The noise of copies is not independent; what is of one color, as through a covered lens, seems to have none.
+    reasons, known, seen = [], versions.known.copy(), dict[int, int]()
+    for number, values in enumerate(versions.stack):
+        inside = versions.known[:, :, number]
+        if not inside.any():
+            continue
+        told = hash((versions.bands(number).tobytes(), inside.tobytes()))
+        if (first := seen.setdefault(told, number)) != number:
+            reasons.append(f"images[{number}] is a copy of images[{first}] and counts once")
+        elif _is_flat(values[inside]) and not all(
+            _is_flat(other[inside & versions.known[:, :, s]]) for s, other in enumerate(versions.stack)
+        ):
+            reasons.append(f"images[{number}] is of one color where others are not and is left out")
+        else:
+            continue
+        known[:, :, number] = False
+    if reasons:
+        warnings.warn("; ".join(reasons), UserWarning, stacklevel=3)
+    return replace(versions, known=known) if reasons else versions
+
+
+def _is_flat(rows: NDArray[Any]) -> bool:
+    """Whether (N, C) values are those of one pixel, or none."""
+    return not len(rows) or bool((rows == rows[0]).all())

@@ -47,7 +47,7 @@ def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = Non
     n = versions.n_versions
     structure = [*side_by_side(partial(_structure, versions), range(n))]
     powers = [_means(np.square(values), known) for values, known in structure]
-    noisy = noise**2 * _left_of_noise(shared or SharedNoise.white(1.0, versions.stack[0].shape[2]))
+    noisy = noise**2 * _left_of_noise(shared or SharedNoise.white(np.eye(versions.stack[0].shape[2])))
     found = np.zeros((n, n))
     for one, other in combinations(range(n), 2):
         both = structure[one][1] & structure[other][1]

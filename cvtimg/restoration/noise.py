@@ -5,8 +5,10 @@ noise, which is alike all over, know nothing of each other. So patches with a qu
 parts, and the other way round: to choose by one and to measure in the other takes no noise away, and is our own. In
 doubt there is less noise. The level is that of the least eigenvalues of the covariance of patches: G. Chen, F. Zhu, P.
 A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62.
+That is noise in every direction of bands. White noise that bands share has more along some axes, and the same power in
+all waves, where texture has less the finer they are; so what texture adds is told apart, and that is our own, too.
 Where pixels are missing one by one, only patches of few pixels are whole. What versions in place differ by has no
-texture in it; it tells how noise follows the level of the picture, and what near pixels share.
+texture in it; it tells how noise follows the level of the picture, and what bands and near pixels share.
 """
 
 from __future__ import annotations
@@ -27,8 +29,12 @@ _SIDES, _PER_VALUE, _MOST = (8, 4, 3, 2), 10, 1 << 20
 #: Shares of patches that are quiet, of many and of few: of so many for each band; fewer tell nothing. Along an axis,
 #: others have so many times their power at most: the rest is texture.
 _QUIET, _OF_FEW, _FEWEST, _AGAIN = 0.1, 0.25, 80, 3.0
+#: Shares of patches, from quiet to loud, between which those lie that tell how texture grows.
+_GROWING = (0.2, 0.5)
 #: Share of values at an end of the levels from which on a patch is cut off; and a block.
 _CUT_OFF = (0.02, 0.1)
+#: Rounds in which the noise of each version is found from what two and two differ by.
+_ROUNDS = 32
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
 _CLASSES, _CHANCE = 8, 1e-3
 #: Blocks whose spectra tell what near pixels share: their side, which has room for a window and the lags, up to the
@@ -57,11 +63,11 @@ class SharedNoise:
         return cls(_near(powers, noise.shape[:2]))
 
     @classmethod
-    def white(cls, variance: float, n_bands: int) -> SharedNoise:
-        """Noise of which pixels share nothing."""
-        found = np.zeros((2 * _LAGS + 1, 2 * _LAGS + 1, n_bands, n_bands))
-        found[_LAGS, _LAGS] = variance * np.eye(n_bands)
-        return cls(found)
+    def white(cls, covariance: Doubles) -> SharedNoise:
+        """Noise of which pixels share nothing, and the bands of a pixel what their covariance, (C, C), tells."""
+        autocovariance = np.zeros((2 * _LAGS + 1, 2 * _LAGS + 1, *covariance.shape))
+        autocovariance[_LAGS, _LAGS] = covariance
+        return cls(autocovariance)
 
     @property
     def bands(self) -> Doubles:
@@ -98,29 +104,56 @@ class Noise:
         """(S,) standard deviations in each version, root mean square over bands."""
         return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in self.bands])
 
+    def whitening(self, least: float) -> Doubles | None:
+        """(C, C) matrix after which bands share no noise of a pixel, with as much in all; None if they share none."""
+        # `least` is a standard deviation that noise is not taken to be below, in any direction.
+        if self.shared is None or not _is_shared(self.shared.bands):
+            return None
+        squares, axes = np.linalg.eigh(self.shared.bands)
+        squares = np.maximum(squares, least**2)
+        return np.asarray((axes * np.sqrt(squares.mean() / squares)) @ axes.T)
+
     @classmethod
     def of(cls, versions: Versions, *, level: float | None = None, white: bool = True, in_place: bool = True) -> Noise:
         """Measure the noise of versions, where it is not given; `white`: even and not shared."""
         # Versions are as they came: interpolation would smooth their noise.
-        numbers, shared = range(versions.n_versions), None
-        measured = side_by_side(lambda number: _levels_of(_Look.of(versions, number)), numbers)
-        bands = [found for _, found in zip(each(numbers), measured, strict=True)]
+        versions, _ = versions.distinct()
+        squares, shared = _covariances(versions, in_place=in_place), None
+        bands = [np.sqrt(np.diag(own)) for own in squares]
         levels = cls(bands).levels
         is_seen, told = levels > versions.unseen, levels[levels > 0]
         variance = float(np.mean(told**2)) if len(told) else 0.0
         ratios = levels / np.sqrt(variance) if variance else np.ones_like(levels)
+        across = _mean_of(squares, ratios)
         if not white:
-            if is_seen.all() and (found := lines_of(versions, in_place=in_place)):
-                versions = replace(versions, lines=found[0])
-                bands = [np.sqrt(found[1]) * ratio for ratio in ratios]
+            if is_seen.all() and (line := lines_of(versions, in_place=in_place, across=across)):
+                versions = replace(versions, lines=line[0])
+                bands = [np.sqrt(line[1]) * ratio for ratio in ratios]
+                if _is_shared(across):
+                    across = _mean_of(_covariances(versions, in_place=in_place), ratios)
             shared = shared_noise(versions, in_place=in_place)
             if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
                 shared = _with_rounding(shared, versions, variance)
-        if shared:  # the level of white noise tells little of its bands, and of versions whose difference has it
+        if _is_shared(across) and (shared is None or np.trace(shared.bands) < np.trace(across)):
+            shared = SharedNoise.white(across)  # else texture would give it neighbors
+            bands = [np.sqrt(np.diag(across)) * ratio for ratio in ratios]
+        elif shared:  # the level of white noise tells little of its bands, and of versions whose difference has it
             bands = [np.sqrt(np.diag(shared.bands)) * (1 if in_place else ratio) for ratio in ratios]
         if level is not None:
             bands = [np.full(len(own), level) for own in bands]
         return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
+
+
+def _mean_of(squares: list[Doubles], ratios: Doubles) -> Doubles:
+    """(C, C) mean covariance of versions, (C, C) each, whose noise has ratios, (S,)."""
+    told = [own / ratio**2 for own, ratio in zip(squares, ratios, strict=True) if ratio > 0]
+    are_alike = len({own.shape for own in squares}) == 1  # channels may have other bands
+    return np.asarray(np.mean(told, axis=0) if told and are_alike else np.zeros_like(squares[0]))
+
+
+def _is_shared(covariance: Doubles) -> bool:
+    """Tell whether bands share noise of a covariance, (C, C)."""
+    return bool(np.tril(covariance, -1).any())
 
 
 def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float) -> SharedNoise | None:
@@ -129,7 +162,7 @@ def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float)
     found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
     if not found:
         return shared
-    own = (shared or SharedNoise.white(white, found[0].shape[2])).autocovariance
+    own = (shared or SharedNoise.white(white * np.eye(found[0].shape[2]))).autocovariance
     return SharedNoise(own + sum(SharedNoise.of(lost).autocovariance for lost in found) / versions.n_versions)
 
 
@@ -203,7 +236,91 @@ def _order_of(halves: Doubles) -> NDArray[np.intp]:
     return np.argsort((squares / np.maximum(usual, 1e-9 * usual.max() + 1e-30)).sum(axis=1), kind="stable")
 
 
-# --- the level
+# --- the level, and what bands share
+
+
+def _covariances(versions: Versions, *, in_place: bool) -> list[Doubles]:
+    """(C, C) covariance of the noise of the bands of each version; NaN where too little is known."""
+    numbers = range(versions.n_versions)
+    measured = side_by_side(lambda number: _covariance_of(versions, number), numbers)
+    alone = [covariance for _, covariance in zip(each(numbers), measured, strict=True)]
+    seen = [s for s in np.flatnonzero(versions.known.any(axis=(0, 1))).tolist() if np.isfinite(alone[s]).all()]
+    if len(alone[0]) == 1 or len(seen) < 2 or not in_place:
+        return alone
+    # What versions in place differ by has no texture, and tells more if bands share noise.
+    pairs = [*pairwise(seen), *([(seen[0], seen[-1])] if len(seen) > 2 else [])]
+    apart = [*side_by_side(lambda pair: _covariance_of(versions, *pair), pairs)]
+    told = [(pair, own) for pair, own in zip(pairs, apart, strict=True) if np.isfinite(own).all() and own.any()]
+    mean = np.mean([own for _, own in told], axis=0) if told else np.eye(1)
+    if not _is_shared(mean):
+        return [np.diag(np.diag(own)) for own in alone]
+    # The traces of versions, > 0, from means of two: each round brings them nearer, from those of versions alone.
+    members = np.array([[(s in pair) / 2 for s in range(len(alone))] for pair, _ in told])
+    traces, wanted = np.maximum([np.trace(own) for own in alone], 1e-9), [np.trace(own) for _, own in told]
+    for _ in range(_ROUNDS):
+        traces *= (members.T @ (wanted / (members @ traces))) / np.maximum(members.sum(axis=0), 1e-9)
+    return [mean * (trace / np.trace(mean)) if s in seen else alone[s] for s, trace in enumerate(traces)]
+
+
+def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
+    """(C, C) covariance of the noise of bands, of a version or of half of what two differ by; NaN where unknown."""
+    look = _Look.of(versions, *numbers)
+    large, squares = look.patches(_SIDES[0], per_value=1), np.diag(np.square(_levels_of(look)))
+    if large is not None and _QUIET * len(large[0]) >= _FEWEST and np.isfinite(squares).all():
+        axes, powers = _flat(large[0], squares)
+    elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):
+        return squares
+    else:  # few patches are whole, but there is no texture
+        axes, powers = _by_medians(look.values[look.lost == 0].astype(np.float64))
+        squares = np.where(np.isfinite(squares), squares, np.median(powers) * np.eye(len(squares)))
+    if len(squares) == 1:
+        return np.minimum(squares, np.maximum(powers, 0)) if look.has_texture else squares
+    least = np.einsum("ij,ik,kj->j", axes, squares, axes)
+    grain = _GRAIN * 256 * versions.rounding if look.has_texture else 0.0
+    excess = np.maximum(powers - least, 0)
+    excess[(excess < (_POWER - 1) * least) | (excess < len(squares) * grain**2)] = 0
+    return np.asarray(squares + (axes * excess) @ axes.T)
+
+
+def _by_medians(rows: Doubles) -> tuple[Doubles, Doubles]:
+    """(C, C) axes of bands and (C,) the variance along each of (N, C) rows, some of which have more than noise."""
+    # R. Gnanadesikan, J. R. Kettenring, Biometrics 28 (1972) 81-124, doi 10.2307/2528963.
+    sums, apart = (np.median(np.abs(rows[:, :, None] + sign * rows[:, None]), axis=0) for sign in (1, -1))
+    powers, axes = np.linalg.eigh((sums**2 - apart**2) / (2 * 0.6745) ** 2)
+    return axes, np.maximum(powers, 0)
+
+
+def _flat(patches: Doubles, least: Doubles) -> tuple[Doubles, Doubles]:
+    """(C, C) axes of bands and (C,) the power along each that all waves of patches, (N, side, side, C), have."""
+    # Middle waves have power n + m t and high ones n + h t, n of white noise and t of the texture of a patch. What both
+    # grow by, from quiet patches to louder ones, tells the slope h / m; n is where the line of the one against the
+    # other meets equal power. The slope is at most that of texture whose power falls as the square of frequency: D. J.
+    # Field, J. Opt. Soc. Am. A 4 (1987) 2379-2394, doi 10.1364/JOSAA.4.002379. `least`, (C, C), is noise that is known.
+    from scipy.fft import dct
+
+    n, side, _, n_bands = patches.shape
+    rings = np.add.outer(np.arange(side), np.arange(side)).ravel()
+    squares = np.add.outer(np.square(np.arange(side)), np.square(np.arange(side))).ravel()
+    groups = (rings >= side // 2) & (rings < side - 1), rings > side
+    basis = dct(np.eye(side), axis=0, norm="ortho")
+    waves = np.kron(basis, basis) @ patches.reshape(n, side**2, n_bands)
+    # Patches are ordered by waves that are even about their centers and measured in those that are odd, and vice versa.
+    halves = [[waves[:, group & (rings % 2 == parity)] for group in groups] for parity in (0, 1)]
+    high = waves[:, groups[1]].reshape(-1, n_bands)
+    axis = np.linalg.eigh(high.T @ high / len(high) - least)[1][:, -1]
+    powers = np.zeros((2, 2, n_bands, n_bands))  # of quiet and of louder patches, in middle and in high waves
+    for own, other in zip(halves, halves[::-1], strict=True):
+        order = np.argsort(sum(np.square(wave @ axis).sum(axis=1) for wave in other), kind="stable")
+        for place, (start, end) in enumerate(((0, _QUIET), _GROWING)):
+            for number, wave in enumerate(own):
+                rows = wave[order[int(start * n) : int(end * n)]].reshape(-1, n_bands)
+                share = wave.shape[1] / np.count_nonzero(groups[number])
+                powers[place, number] += share * (rows.T @ rows) / len(rows)
+    axes = np.linalg.eigh(powers[0, 1] - least)[1]
+    (middle, high), growth = (quiet := np.einsum("ik,gwij,jk->gwk", axes, powers, axes))[0], np.diff(quiet, axis=0)[0]
+    falls = (1 / squares[groups[1]]).mean() / (1 / squares[groups[0]]).mean()
+    slope = np.clip(growth[1] / np.maximum(growth[0], 1e-30), 0, falls)
+    return axes, high - slope / (1 - slope) * np.maximum(middle - high, 0)
 
 
 def _levels_of(look: _Look) -> Doubles:
@@ -254,16 +371,18 @@ def _powers(halves: Doubles) -> Doubles:
 # A. Foi et al., IEEE Trans. Image Processing 17 (2008) 1737-1754, doi 10.1109/TIP.2008.2001399, for the model.
 
 
-def lines_of(versions: Versions, *, in_place: bool) -> tuple[Doubles, Doubles] | None:
+def lines_of(versions: Versions, *, in_place: bool, across: Doubles | None = None) -> tuple[Doubles, Doubles] | None:
     """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
-    from scipy.stats import f as distribution
-
+    # What bands share, as far as `across`, (C, C), has any, is measured along its main axis.
+    axes = np.linalg.eigh(across)[1][:, -1:] if across is not None and _is_shared(across) else None
     levels, variances, usual = [], [], []
     for numbers in _looks(versions, in_place=in_place):
         if found := _Look.of(versions, *numbers).patches(*_SIDES[:2], per_value=3 * _CLASSES):
             patches, means = found
             parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
+            patches = patches if axes is None else patches @ axes
             squares = np.square([*side_by_side(_levels_in, [patches[part] for part in parts])])
+            squares = np.broadcast_to(squares, (len(parts), means.shape[1]))
             levels += [means[part].mean(axis=0) for part in parts]
             usual.append(squares.mean(axis=0))
             # Versions may be more or less noisy; what matters is how noise changes with the level.
@@ -271,11 +390,21 @@ def lines_of(versions: Versions, *, in_place: bool) -> tuple[Doubles, Doubles] |
     if not usual or np.min(usual) <= 0 or np.min(np.ptp(levels, axis=0)) <= 0:
         return None
     seen, told = np.array(levels), np.array(variances)
-    lines = np.array([np.polynomial.polynomial.polyfit(*pair, 1) for pair in zip(seen.T, told.T, strict=True)])
-    fitted, freedom = lines[:, 0] + lines[:, 1] * seen, len(lines) * (len(seen) - 2)
+    # Small lights make the one class that has them seem noisy: a line shows without any of the classes.
+    classes = np.arange(len(seen)) % _CLASSES
+    chances = [_line(seen[classes != one], told[classes != one])[1] for one in range(_CLASSES)]
+    line, chance = _line(seen, told)
+    return (line, np.mean(usual, axis=0)) if max(chance, *chances) < _CHANCE else None
+
+
+def _line(levels: Doubles, told: Doubles) -> tuple[Doubles, float]:
+    """(C, 2) constants and slopes of what is told at levels, (N, C), and the chance that explains as much."""
+    from scipy.stats import f as distribution
+
+    lines = np.array([np.polynomial.polynomial.polyfit(*pair, 1) for pair in zip(levels.T, told.T, strict=True)])
+    fitted, freedom = lines[:, 0] + lines[:, 1] * levels, len(lines) * (len(levels) - 2)
     explained, left = (np.square(fitted - other).sum() for other in (told.mean(axis=0), told))
-    chance = distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom)
-    return (lines, np.mean(usual, axis=0)) if chance < _CHANCE else None
+    return lines, float(distribution.sf(explained / len(lines) / max(left / freedom, 1e-30), len(lines), freedom))
 
 
 # --- noise that neighboring pixels and bands share, as demosaicing, scaling and compression leave it

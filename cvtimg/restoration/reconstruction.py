@@ -16,7 +16,7 @@ from cvtimg._shared.threads import one_blas_thread
 from cvtimg.engine.search import EFFORTS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.detail import denoised
-from cvtimg.restoration.evidence import prepare, without_copies
+from cvtimg.restoration.evidence import prepare, that_tell
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.result import Denoised, Restoration
@@ -212,7 +212,8 @@ def denoise(
     Warns
     -----
     UserWarning
-        If versions cannot be laid over the others, or are copies, which count once.
+        If versions cannot be laid over the others, are copies, which count once, or are of one color where others are
+        not.
 
     References
     ----------
@@ -228,13 +229,14 @@ def denoise(
     """
     check_choice("effort", effort, ("auto", *EFFORTS))
     check_choice("noise_like", noise_like, get_args(NoiseName))
-    given = without_copies(stack_versions(images, masks, nodata, space, alpha=alpha, any_size=bool(align)))
+    stacked = that_tell(stack_versions(images, masks, nodata, space, alpha=alpha, any_size=bool(align)))
+    given, bands = stacked.distinct()
     white = noise_like == "white"
     with part(0, _PREPARING):
         evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
-    return Denoised.of(image, used, evidence, space)
+    return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
 
 
 # --- what versions are: drawings, whose few colors explain what they show, or photographs; and how noisy
@@ -333,7 +335,7 @@ def measure_noise(
     >>> 4 < found.levels[0] < 6, found.slope, found.neighbors
     (True, 0.0, 0.0)
     """
-    given = stack_versions(images, masks, nodata, alpha=alpha)
+    given, _ = stack_versions(images, masks, nodata, alpha=alpha).distinct()
     evidence = prepare(given, None, white=False)
     noise, lines, unit = evidence.noise, evidence.noise_lines, given.level("rgb")
     slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)

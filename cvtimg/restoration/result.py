@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.records import Claims, ReadOnly
@@ -35,8 +35,8 @@ class Denoised(ReadOnly):
         Standard deviation of the noise of each version, given or estimated, in the units of its color space; NaN where
         too little is known to estimate it.
     noise_shared : (2 L + 1, 2 L + 1, C, C) float64 array or None
-        Autocovariance of the noise over rows, columns and bands, if pixels next to each other share noise; in its
-        middle, the covariance of the bands of a pixel. None where noise is white or was taken to be.
+        Autocovariance of the noise over rows, columns and bands, if pixels next to each other or the bands of a pixel
+        share noise; in its middle, the covariance of these bands. None where all noise is independent.
     noise_lines : (C, 2) float64 array or None
         Variance of the noise of weight 1 in each band, as a constant and a slope: constant + slope x level. None where
         noise is even or was taken to be.
@@ -77,22 +77,41 @@ class Denoised(ReadOnly):
         yield "what is known is finite", np.isfinite(self.image[self.coverage > 0])
 
     @classmethod
-    def of(cls, places: NDArray[Any], used: Versions, evidence: Evidence, space: SpaceName, **more: Any) -> Self:
+    def of(
+        cls,
+        places: NDArray[Any],
+        used: Versions,
+        evidence: Evidence,
+        space: SpaceName,
+        *,
+        bands: NDArray[np.intp] | None = None,
+        **more: Any,
+    ) -> Self:
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
+        # `bands` tells which band of the versions used each of the image is; -1: none, and it has no noise.
         versions, noise = evidence.placed, evidence.noise
+        bands = np.arange(places.shape[2]) if bands is None else bands
+
+        def of_all(values: NDArray[Any] | None, *axes: int, other: ArrayLike = 0.0) -> NDArray[np.float64] | None:
+            if values is None:
+                return None
+            for axis in axes:
+                values = np.where((bands < 0).reshape(-1, *[1] * (-axis - 1)), other, np.take(values, bands, axis))
+            return values
+
         rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtypes[0])
         return cls(
             image=rows.reshape(places.shape[:2] if versions.grey else places.shape),
             coverage=versions.coverage,
             left_out=versions.coverage - used.coverage,
             noise=noise.levels,
-            noise_shared=noise.shared.autocovariance if noise.shared else None,
-            noise_lines=evidence.noise_lines,
+            noise_shared=of_all(noise.shared.autocovariance if noise.shared else None, -2, -1),
+            noise_lines=of_all(evidence.noise_lines, -2),
             noisy=noise.is_seen,
             weights=evidence.trust,
             shifts=evidence.alignment.shifts(places.shape),
             transforms=evidence.alignment.transforms,
-            exposures=versions.tones,
+            exposures=of_all(versions.tones, -2, other=(1.0, 0.0)),
             models=evidence.alignment.models,
             misfits=evidence.misfits,
             **more,

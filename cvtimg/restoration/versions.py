@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from os import PathLike
 from typing import Any
@@ -54,14 +54,16 @@ class Rounding:
 
     def lost(self, values: NDArray[Any]) -> Doubles | None:
         """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
-        n_bands = 1 if len(self.tables) == 1 else 3
-        if values.dtype != np.uint8 or values.shape[2] != n_bands or min(values.shape[:2]) < 2 * _SIDE:
+        n_bands = values.shape[2]  # one, of gray, has the table of luma
+        fits = n_bands == 1 or (n_bands == 3 and len(self.tables) == 2)
+        if values.dtype != np.uint8 or not fits or min(values.shape[:2]) < 2 * _SIDE:
             return None
         # Its blocks begin in the middle of those of the file.
         firsts = [max(side - _LARGEST, _SIDE) // (2 * _SIDE) * _SIDE + _SIDE // 2 for side in values.shape[:2]]
         part = values[tuple(slice(first, first + _LARGEST) for first in firsts)]
         file = BytesIO()
-        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=self.tables, subsampling=self.subsampling)
+        tables = self.tables[: 1 if n_bands == 1 else 2]
+        Image.fromarray(part.squeeze()).save(file, "JPEG", qtables=tables, subsampling=self.subsampling)
         with Image.open(file) as again:
             return np.asarray(np.sqrt(_FIRST_TIME) * (np.asarray(again, np.float64).reshape(part.shape) - part))
 
@@ -107,6 +109,7 @@ class Versions:
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
     tones: Doubles | None = None  # (S, C, 2): gain and offset to the exposure of the first
     lines: Doubles | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
+    whitening: Doubles | None = None  # (C, C): gives bands noise that they do not share; None if they share none
 
     @property
     def n_versions(self) -> int:
@@ -138,6 +141,38 @@ class Versions:
         in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
+    def distinct(self) -> tuple[Versions, NDArray[np.intp]]:
+        """Versions of the bands that differ from each other and show anything; and (C,) which of them each band is.
+
+        It is -1 of bands that have one value in each version. If all have, they are returned as they are, and so are
+        versions of different bands, as channels may be.
+        """
+        n_bands = self.stack[0].shape[2]
+        if any(values.shape[2] != n_bands for values in self.stack):
+            return self, np.arange(n_bands)
+        chosen, places = list[int](), np.full(n_bands, -1)
+        for band in range(n_bands):
+            inside = [values[:, :, band][self.known[:, :, s]] for s, values in enumerate(self.stack)]
+            if any(np.ptp(values) > 0 for values in inside if len(values)):
+                equal = (k for k, other in enumerate(chosen) if self._are_equal(band, other))
+                places[band] = next(equal, len(chosen))
+                chosen += [band] if places[band] == len(chosen) else []
+        if len(chosen) in (0, n_bands):
+            return self, np.arange(n_bands)
+        stack, tones = tuple(values[:, :, chosen] for values in self.stack), self.tones
+        version_of = np.repeat(np.arange(self.n_versions), len(chosen))
+        tones, lines = (None if one is None else one[..., chosen, :] for one in (tones, self.lines))
+        return replace(self, stack=stack, version_of=version_of, tones=tones, lines=lines), places
+
+    def with_all(self, image: Floats, places: NDArray[np.intp]) -> Floats:
+        """(H, W, C) image of all bands from one of those that are `distinct`; others have the value that they have."""
+        first = next(s for s in range(self.n_versions) if self.known[:, :, s].any())
+        of_one_value = self.stack[first][self.known[:, :, first]][0]
+        return np.where(places >= 0, image[:, :, places], of_one_value).astype(np.float32)
+
+    def _are_equal(self, band: int, other: int) -> bool:
+        return all(np.array_equal(values[:, :, band], values[:, :, other]) for values in self.stack)
+
     def cut_off(self, version: int) -> Bools:
         """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
         values, white = self.stack[version], self.white
@@ -151,6 +186,13 @@ class Versions:
             return np.ones(levels.shape[:2], np.float32)
         constant, slope = self.lines.T.astype(np.float32)
         return np.maximum((constant + slope * levels).mean(axis=2), np.float32(0.1))
+
+    def even(self, apart: Floats, is_cut_off: Bools) -> Floats:
+        """(H, W, C) departures in bands that share no noise; where values are cut off, as noise at most."""
+        if self.whitening is None:
+            return apart
+        least = np.float32(np.linalg.svd(self.whitening)[1].min())
+        return np.where(is_cut_off[:, :, None], least * apart, apart @ self.whitening.astype(np.float32))
 
     @property
     def rounding(self) -> float:

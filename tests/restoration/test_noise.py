@@ -197,11 +197,11 @@ def test_images_without_noise_and_small_ones_have_no_shared_noise() -> None:
 
 
 def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: NDArray[Any], monkeypatch: Any) -> None:
-    np.testing.assert_allclose(covariance_of(SharedNoise.white(9, 2)), np.eye(50), atol=1e-12)
+    np.testing.assert_allclose(covariance_of(SharedNoise.white(9 * np.eye(2))), np.eye(50), atol=1e-12)
     image = part[:40, :40] / 255 + np.random.default_rng(0).normal(0, 0.1, (40, 40, 3))
     white = denoise([image], effort="fast", noise=25.5)
     assert white.noise_shared is None
-    monkeypatch.setattr("cvtimg.restoration.noise.shared_noise", lambda *_, **__: SharedNoise.white(1, 3))
+    monkeypatch.setattr("cvtimg.restoration.noise.shared_noise", lambda *_, **__: SharedNoise.white(np.eye(3)))
     shared = denoise([image], effort="fast", noise=25.5)
     assert shared.noise_shared is not None
     np.testing.assert_allclose(shared.image, white.image, atol=0.002)  # but for rounding

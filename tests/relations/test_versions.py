@@ -1,0 +1,101 @@
+"""Relations of restoration: bands repeated, permuted and empty, frames of one color, types; and trivial rivals."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from conftest import SAMPLES
+from numpy.typing import NDArray
+from relations.relation import Relation, close, equal, not_above, quick_and_wide
+
+from cvtimg import denoise, read_image
+
+Case = tuple[NDArray[np.uint8], list[NDArray[np.uint8]]]
+SIDE = 72
+
+
+def spoiled(n_versions: int, gray: bool = False) -> Any:
+    """Return what makes a photograph and versions of it, whose bands share noise more or less."""
+
+    def inputs(rng: np.random.Generator) -> Case:
+        photograph = read_image(SAMPLES / "chelsea.png")
+        y, x = (int(rng.integers(0, side - SIDE)) for side in photograph.shape[:2])
+        clean = photograph[y : y + SIDE, x : x + SIDE, 1 if gray else slice(None)]
+        sigma, share = rng.uniform(4, 25), rng.random()
+        noises = [
+            np.sqrt(share) * rng.standard_normal((SIDE, SIDE, 1))
+            + np.sqrt(1 - share) * rng.standard_normal((SIDE, SIDE, 3))
+            for _ in range(n_versions)
+        ]
+        noisy = [clean + sigma * (noise[:, :, 0] if gray else noise) for noise in noises]
+        return clean, [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in noisy]
+
+    return inputs
+
+
+def restored(case: Case) -> NDArray[Any]:
+    """(H, W, ...) image of the versions."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # frames of one color are told
+        return denoise(case[1], effort="fast", alpha=False).image
+
+
+def error(case: Case) -> float:
+    """Mean squared error of what is restored, in squared levels."""
+    return error_of(restored(case), case)
+
+
+def error_of(image: NDArray[Any], case: Case) -> float:
+    """Mean squared error of an image, in squared levels."""
+    return float(np.mean(np.square(image.astype(float) - case[0])))
+
+
+def each(change: Any) -> Any:
+    """Return what changes all versions."""
+    return lambda case: (case[0], [change(version) for version in case[1]])
+
+
+def as_it_is(case: Case) -> Case:
+    """Change nothing."""
+    return case
+
+
+def reversed_bands(case: Case) -> Case:
+    """Return the bands in the other order."""
+    return case[0][..., ::-1], [version[..., ::-1] for version in case[1]]
+
+
+def error_of_mean(case: Case) -> float:
+    """Mean squared error of the mean of versions, in squared levels."""
+    return error_of(np.mean(case[1], axis=0), case)
+
+
+def first_band(case: Case) -> NDArray[Any]:
+    """(H, W) first band of what is restored; the only one of a gray picture."""
+    return restored(case).reshape(SIDE, SIDE, -1)[:, :, 0]
+
+
+def with_flat(case: Case) -> Case:
+    """Add a frame of one color."""
+    return case[0], [*case[1], np.full_like(case[1][0], 37)]
+
+
+def as_shorts(case: Case) -> NDArray[Any]:
+    """(H, W, C) what is restored of values of 16 bits, in levels of 8 bits."""
+    return restored((case[0], [version * np.uint16(257) for version in case[1]])) / 257
+
+
+SINCE = "2026-11-27"
+ONE, GRAY, THREE = spoiled(1), spoiled(1, gray=True), spoiled(3)
+RELATIONS = [
+    Relation("denoise", "bands repeated", GRAY, first_band, each(lambda v: np.dstack([v] * 3)), equal, SINCE),
+    Relation("denoise", "an empty band", ONE, first_band, each(lambda v: np.dstack([v, 0 * v[..., 0]])), equal, SINCE),
+    Relation("denoise", "bands permuted", ONE, error, reversed_bands, close(0.03), SINCE, "other patches are alike"),
+    Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
+    Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
+    Relation("denoise", "one version: itself", ONE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
+    Relation("denoise", "three versions: their mean", THREE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
+]
+test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)
