@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ _ROWS, _PARTS = 1 << 15, 64
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
 #: are enough generators for a gain and not so many rows that sorting costs more.
 _FEW_ENOUGH_TO_SORT = 1 << 23
+#: Rows that are tried first for a line through all.
+_FEW = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +50,32 @@ class WeightedSamples(ReadOnly):
     def n_samples(self) -> int:
         """Number of samples, M."""
         return len(self.rows)
+
+
+class Line(NamedTuple):
+    """Rows on a line: each is ``origin + direction * place``, whose place is its value in the widest column."""
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    places: NDArray[Any]
+
+
+def line_through(rows: NDArray[Any]) -> Line | None:
+    """Return the line that (N, D > 1) rows lie on but for rounding, as gray pixels in three equal bands do, if any."""
+    if rows.shape[1] < 2 or (len(rows) > _FEW and line_through(rows[:: -(-len(rows) // _FEW)]) is None):
+        return None
+    wide = rows.astype(np.float64)
+    first = wide[0].copy()
+    wide -= first
+    farthest = wide[np.abs(wide).max(axis=1).argmax()]
+    widest = int(np.abs(farthest).argmax())
+    if not farthest[widest]:
+        return None
+    direction = farthest / farthest[widest]
+    rounding = 4 * np.finfo(np.float64).eps * max(np.abs(first).max(), np.abs(farthest).max())
+    if (np.abs(wide - wide[:, [widest]] * direction) > rounding).any():
+        return None
+    return Line(first - direction * first[widest], direction, np.ascontiguousarray(rows[:, widest]))
 
 
 def pack_in_order(

@@ -41,7 +41,7 @@ from cvtimg.engine.points import (
     float32_suffices,
     pack,
 )
-from cvtimg.engine.samples import WeightedSamples, pack_in_order
+from cvtimg.engine.samples import Line, WeightedSamples, line_through, pack_in_order
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 from cvtimg.files.whole import StrPath
@@ -128,7 +128,7 @@ def tessellate(
         Weights >= 0 of the rows of a table, 1 by default. Weighted samples carry their own.
     method : {"lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"} or Method, optional
         How generators move. By default "transfer" if `volume_power` is not 0; otherwise "optimal1d", the global
-        optimum, for samples of one dimension if neither `locked` nor initial generators are given; otherwise "lloyd".
+        optimum, for samples of one dimension, or on a line, if neither `locked` nor initial generators are given; otherwise "lloyd".
     init : {"split", "k-means++", "random"} or (K, D) array
         Initial generators. "split" is deterministic. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
@@ -192,13 +192,30 @@ def tessellate(
     if isinstance(samples, WeightedSamples):
         check_that("density", density is None, "not be given with weighted samples")
         check_count("n_generators", n_generators, samples.n_samples, "the number of distinct samples")
+        if asked.is_free and (line := line_through(samples.rows)) is not None:
+            return _tessellate_line(line, samples.density, asked)
         if type(samples) is not WeightedSamples:
             return _tessellate_colors(samples, asked)
         return _tessellate_rows(samples.rows, samples.density, asked, in_order=samples.in_order)
     rows = check_rows("samples", cast("ArrayLike", samples))
     weights = check_density(density, len(rows))
     check_count("n_generators", n_generators, len(rows), "the number of samples")
+    if asked.is_free and (line := line_through(rows)) is not None:
+        return _tessellate_line(line, weights, asked)
     return _tessellate_rows(rows, weights, asked)
+
+
+def _tessellate_line(line: Line, weights: NDArray[np.float64], asked: _Asked) -> Tessellation:
+    """Tessellate rows on a line by their places along it: as exactly as one column."""
+    found = _tessellate_rows(line.places[:, None], weights, asked._replace(locked=None))
+    scale = float((line.direction**2).sum())
+    return replace(
+        found,
+        generators=line.origin + line.direction * found.generators,
+        energy=scale * found.energy,
+        weighted_energy=scale * found.weighted_energy,
+        energies=tuple(scale * energy for energy in found.energies),
+    )
 
 
 def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
@@ -277,6 +294,12 @@ class _Asked(NamedTuple):
     locked: ArrayLike | None
     rng: np.random.Generator
     watch: Watch
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing but the number of generators was asked for."""
+        locked = self.locked is not None and np.size(self.locked)
+        return self.method is None and isinstance(self.init, str) and not (locked or self.volume_power)
 
 
 class _Descent:

@@ -18,6 +18,7 @@ from cvtimg import tessellate
 from cvtimg.colors import color_samples
 from cvtimg.engine import EFFORTS, SEEDINGS
 from cvtimg.engine.methods import Stopping
+from cvtimg.engine.samples import line_through
 from cvtimg.engine.search import SearchEffort
 
 #: Methods for any dimension that draw nothing; tests/test_methods.py has the others.
@@ -361,3 +362,21 @@ def test_any_range_of_values_is_tessellated(size: float) -> None:
 def test_values_whose_squares_are_out_of_range_are_refused() -> None:
     with pytest.raises(ValueError, match=r"values up to .*e\+\d+ from their mean must be within 1e\+140 of it"):
         tessellate(np.array([[0.0, 1.0], [1e300, 2.0], [3.0, 4.0]]), 2)
+
+
+@pytest.mark.parametrize("direction", [[1.0, 1.0, 1.0], [1.0, 2.0, -3.0], [0.0, 4.0, 0.0]])
+def test_rows_on_a_line_have_the_optimum_of_one_column(direction: list[float]) -> None:
+    places = np.random.default_rng(3).normal(size=(300, 1))
+    rows = places * direction + [5, 6, 7]
+    found, best = tessellate(rows, 5), tessellate(places, 5)
+    assert found.energy == pytest.approx(best.energy * np.square(direction).sum())
+    assert found.energy == pytest.approx(reference.energy(rows, np.ones(300), found.generators))
+    np.testing.assert_array_equal(found.labels, reference.squared_distances(rows, found.generators).argmin(axis=1))
+
+
+def test_rows_of_which_one_is_beside_the_line_are_on_none() -> None:
+    rows = np.repeat(np.arange(200.0)[:, None], 2, axis=1)
+    assert line_through(rows) is not None
+    rows[77, 1] += 1e-6
+    assert line_through(rows) is None
+    assert line_through(np.ones((5, 2))) is None

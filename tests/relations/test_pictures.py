@@ -62,6 +62,9 @@ FORMS: dict[str, Callable[[Image], Any]] = {
     "an alpha that is opaque": lambda image: with_alpha(image, np.full(image.shape[:2], 255, np.uint8)),
 }
 
+#: Changes of gray pictures.
+OF_GRAY: dict[str, Callable[[Image], Any]] = {"three equal bands": lambda image: np.dstack([image] * 3)}
+
 #: What cannot be so: an array (H, W) of floats is a table to `energy_curve`.
 EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
 #: What is not so yet.
@@ -75,7 +78,7 @@ RELATIONS = [
     Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
     for verb, (result, follows) in VERBS.items()
     for inputs in (gray_picture, color_picture)
-    for change, form in FORMS.items()
+    for change, form in {**FORMS, **(OF_GRAY if inputs is gray_picture else {})}.items()
     if (verb, change, inputs) not in EXCEPT
 ]
 test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)
