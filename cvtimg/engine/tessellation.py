@@ -128,7 +128,8 @@ def tessellate(
         Weights >= 0 of the rows of a table, 1 by default. Weighted samples carry their own.
     method : {"lloyd", "transfer", "macqueen", "probabilistic", "optimal1d"} or Method, optional
         How generators move. By default "transfer" if `volume_power` is not 0; otherwise "optimal1d", the global
-        optimum, for samples of one dimension, or on a line, if neither `locked` nor initial generators are given; otherwise "lloyd".
+        optimum, for samples of one dimension, or on a line, if neither `locked` nor initial generators are given;
+        otherwise "lloyd".
     init : {"split", "k-means++", "random"} or (K, D) array
         Initial generators. "split" is deterministic. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
