@@ -89,6 +89,8 @@ def deliver(task: Task) -> None:
     """Copy the outputs meant for standard output to it."""
     for path in task.outputs.values():
         if task.shown.get(path) == STANDARD and path.exists():
+            if not hasattr(sys.stdout, "buffer"):
+                raise OSError("standard output is closed")
             sys.stdout.flush()
             with path.open("rb") as file:
                 shutil.copyfileobj(file, sys.stdout.buffer)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
@@ -13,14 +14,12 @@ from unicodedata import east_asian_width
 
 from cvtimg._shared.progress import watched
 from cvtimg.batch.tasks import Row, Task, WrongUsageError
-from cvtimg.files.remote import exists, local_copy, url_of
+from cvtimg.files.remote import url_of
 
 #: Left-aligned columns.
 TEXT_COLUMNS = ("input", "output", "mode", "bands", "icc", "elbow")
 #: Headings that differ from the names in JSON.
 _HEADS = {"distinct_colors": "colors", "input_bytes": "before", "output_bytes": "after"}
-#: Suffixes of report files.
-FILE_SUFFIXES = (".csv", ".jsonl")
 #: Seconds after which a run shows how far it is.
 _LONG = 2.0
 
@@ -36,7 +35,11 @@ class Report:
             raise WrongUsageError("--json and --quiet exclude each other")
         self.as_json, self.quiet = as_json, quiet
         self._columns, self._note = columns, note
-        self._rows: list[Row] = []
+        self.writes_files, self._is_heard = (
+            False,
+            True,
+        )  # whether the run does, and whether someone reads what it prints
+        self.rows: list[Row] = []
         self._counts = {"done": 0, "skipped": 0, "failed": 0}
 
     def done(self, row: Row) -> None:
@@ -54,12 +57,11 @@ class Report:
         """Print the inputs of a task and its outputs, one a line."""
         if self.as_json:
             outputs = {option: task.shown_name(path) for option, path in task.outputs.items()}
-            print(json.dumps({**task.facts, "outputs": outputs}))
+            self.say(json.dumps({**task.facts, "outputs": outputs}))
             return
         others = f" and {len(task.sources) - 1} more" if len(task.sources) > 1 else ""
         start = f"{task.name}{others} -> " if task.sources else "-> "
-        for path in task.outputs.values():
-            print(start + task.shown_name(path))
+        self.say(*(start + task.shown_name(path) for path in task.outputs.values()))
 
     def skipped(self, row: Row) -> None:
         """Record a skipped input."""
@@ -71,51 +73,41 @@ class Report:
         self._hear("failed", {"input": str(path), "error": why})
 
     def _hear(self, status: str, row: Row) -> None:
+        row = {name: value for name, value in row.items() if not name.startswith("_")}
         self._counts[status] += 1
-        self._rows.append({"status": status, **row})
+        self.rows.append({"status": status, **row})
         if self.as_json:
-            print(json.dumps(row, allow_nan=False), flush=True)
+            self.say(json.dumps(row, allow_nan=False))
+
+    def say(self, *lines: str) -> None:
+        """Print lines to stdout; if nobody reads them any more, end the run unless it has files to write."""
+        if self._is_heard:
+            try:
+                print(*lines, sep="\n", flush=True)
+            except BrokenPipeError:
+                if not self.writes_files:
+                    raise
+                self._is_heard = False
+                with open(os.devnull, "w") as nowhere:  # noqa: PTH123
+                    os.dup2(nowhere.fileno(), sys.stdout.fileno())  # what is left in its buffer has a place to go
 
     def close(self) -> int:
         """Print the table and the summary; return the exit status, 1 if an input failed."""
         if not (self.as_json or self.quiet):
             if self._counts["done"] and self._columns:
-                self._print_table([row for row in self._rows if row["status"] == "done"])
+                self._print_table([row for row in self.rows if row["status"] == "done"])
                 if self._note:
                     print(self._note, file=sys.stderr, flush=True)
-            if len(self._rows) > 1 or self._counts["skipped"]:
+            if len(self.rows) > 1 or self._counts["skipped"]:
                 print(self._summary(), file=sys.stderr, flush=True)
         return 1 if self._counts["failed"] else 0
 
     def interrupted(self, n_inputs: int) -> None:
         """Print what was completed before the run was interrupted."""
-        complain(f"interrupted: {self._summary()}, {n_inputs - len(self._rows)} of {n_inputs} inputs left")
+        complain(f"interrupted: {self._summary()}, {n_inputs - len(self.rows)} of {n_inputs} inputs left")
 
     def _summary(self) -> str:
         return ", ".join(f"{n} {status}" for status, n in self._counts.items())
-
-    def write(self, path: Path, *, overwrite: bool, append: bool = False) -> None:
-        """Write a row for each input so far, whether done, skipped or failed, as .csv or .jsonl."""
-        # With `append`, the rows of the existing file come first. Inputs that were tried again get new rows; skipped
-        # inputs keep their old ones.
-        from cvtimg.files.text_tables import csv_text
-        from cvtimg.files.whole import write_whole
-
-        is_json = path.suffix.lower() == ".jsonl"
-        rows = self._rows if is_json else [_flat(row) for row in self._rows]
-        if append and exists(path):
-            known = {row.get("input"): row for row in _read_rows(path)}
-            known |= {
-                row.get("input"): row for row in rows if row["status"] != "skipped" or row.get("input") not in known
-            }
-            rows = list(known.values())
-        if is_json:
-            text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-        else:
-            columns = dict.fromkeys(["status", "input", "output", *(column for row in rows for column in row), "error"])
-            columns["error"] = columns.pop("error")
-            text = csv_text(columns, [[row.get(column) for column in columns] for row in rows])
-        write_whole(path, text.encode(errors="surrogateescape"), overwrite=overwrite)  # file names need not be valid
 
     def _print_table(self, rows: Sequence[Row]) -> None:
         # On a terminal without the folders of inputs; in a pipe whole.
@@ -124,38 +116,19 @@ class Report:
         lines = [[_HEADS.get(column, column) for column in self._columns]]
         lines += [[_cell(column, row.get(column)) for column in self._columns] for row in rows]
         widths = [max(map(_width, texts)) for texts in zip(*lines, strict=True)]
+        table = []
         for line in lines:
             shown = []
             for column, text, width in zip(self._columns, line, widths, strict=True):
                 space = " " * (width - _width(text))
                 shown.append(text + space if column in TEXT_COLUMNS else space + text)
-            print("  ".join(shown).rstrip())
-        sys.stdout.flush()
+            table.append("  ".join(shown).rstrip())
+        self.say(*table)
 
 
 def _width(text: str) -> int:
     """Count the columns of a terminal that a text takes."""
     return len(text) + sum(east_asian_width(letter) in "WF" for letter in text)
-
-
-def _read_rows(path: Path) -> list[Row]:
-    import csv
-
-    with local_copy(path) as copy, copy.open(newline="", errors="surrogateescape") as file:
-        if path.suffix.lower() == ".jsonl":
-            return [json.loads(line) for line in file]
-        return list(csv.DictReader(file))
-
-
-def _flat(row: Row) -> Row:
-    """Give each part of a dict its own column, and join lists with spaces."""
-    flat: Row = {}
-    for column, value in row.items():
-        if isinstance(value, dict):
-            flat.update({f"{column}_{name}": part for name, part in value.items()})
-        else:
-            flat[column] = " ".join(map(str, value)) if isinstance(value, (list, tuple)) else value
-    return flat
 
 
 def _cell(column: str, value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import signal
+import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -15,13 +16,14 @@ from typing import Any, NamedTuple
 from cvtimg._shared.threads import n_threads, pairwise_sum
 from cvtimg.batch.pipes import as_files, deliver
 from cvtimg.batch.plans import Plan, check_no_clash, check_suffix
-from cvtimg.batch.report import FILE_SUFFIXES, Report, progress, reason
+from cvtimg.batch.report import Report, progress, reason
+from cvtimg.batch.row_file import FILE_SUFFIXES, RowFile
 from cvtimg.batch.tasks import Attempt, InputsFailedError, Outcome, Row, Stopwatch, Task, Work
 from cvtimg.files.remote import exists, is_remote, local_copy, url_of
 from cvtimg.files.whole import check_can_be_written, local_path, remove_leftovers, scratch_folder, whole_file
 
-#: Exit status of an interrupted run.
-INTERRUPTED = 128 + signal.SIGINT
+#: Exit status of an interrupted run, plus the number of the signal.
+INTERRUPTED = 128
 
 
 class Running(NamedTuple):
@@ -48,19 +50,23 @@ class Running(NamedTuple):
 
 
 def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
-    """Run all tasks of a plan, report each in its order, and return the exit status: 0, 1 if some failed, or 130."""
+    """Run all tasks of a plan, report each in its order, and return the exit status: 0, 1 if some failed, or 130.
+
+    The signals TERM and HUP end a run as INT does, with status 143 and 129.
+    """
     check_plan(plan, running)
+    report.writes_files = bool(plan.joint or running.report_file or any(task.outputs for task in plan.tasks))
     skips = [
         running.skip_existing and bool(task.outputs) and all(map(exists, task.outputs.values())) for task in plan.tasks
     ]
     if running.dry_run:
         return _rehearse(plan, skips, report, running)
     todo = [task for task, skip in zip(plan.tasks, skips, strict=True) if not skip]
-    with _folders(todo, plan.out_dir), _rows_written(report, running), as_files(todo) as todo:
+    with _folders(todo, plan.out_dir), _rows_written(report, running) as rows, as_files(todo) as todo:
         for text, error in plan.missing:
             report.failed(text, reason(text, error))
         places = [place for place, skip in enumerate(skips) if not skip]
-        told = _InOrder(report, [*plan.tasks])
+        told = _InOrder(report, [*plan.tasks], rows)
         for place, task in zip(places, todo, strict=True):
             told.tasks[place] = task
         for place, skip in enumerate(skips):
@@ -69,15 +75,59 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
         started = time() - 0.05  # seconds by which times of files may lag behind the clock
         try:
             attempt = partial(_attempt, work=work, running=running)
-            with progress(len(todo), report) as step, _performed(attempt, todo, running) as results:
+            with (
+                _Ending() as ending,
+                progress(len(todo), report) as step,
+                _performed(attempt, todo, running) as results,
+            ):
                 for number, outcome in results:
-                    step()
-                    told.add(places[number], outcome)
-        except KeyboardInterrupt:
+                    with ending.held():
+                        step()
+                        told.add(places[number], outcome)
+        except KeyboardInterrupt as interrupt:
             told.end(started)
             report.interrupted(len(plan.tasks) + len(plan.missing))
-            return INTERRUPTED
+            return INTERRUPTED + (interrupt.args[0] if interrupt.args else signal.SIGINT)
     return report.close()
+
+
+class _Ending:
+    """Lets the signals INT, TERM and HUP end a block by a KeyboardInterrupt with their number, but not while `held`."""
+
+    def __init__(self) -> None:
+        self._number, self._is_held = 0, False
+        numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        is_main = threading.current_thread() is threading.main_thread()  # which alone has handlers
+        handlers = {number: signal.getsignal(number) for number in numbers if is_main}
+        usual = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores HUP, and so do we
+        self._before = {number: handler for number, handler in handlers.items() if handler in usual}
+
+    def __enter__(self) -> _Ending:
+        for number in self._before:
+            signal.signal(number, self._end)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _end(self, number: int, _: object) -> None:
+        for other in self._before:  # a second one would end how the first is dealt with
+            signal.signal(other, signal.SIG_IGN)
+        self._number = number
+        if not self._is_held:
+            raise KeyboardInterrupt(number)
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Do the block to its end."""
+        self._is_held = True
+        try:
+            yield
+        finally:
+            self._is_held = False
+        if self._number:
+            raise KeyboardInterrupt(self._number)
 
 
 def _rehearse(plan: Plan, skips: Sequence[bool], report: Report, running: Running) -> int:
@@ -103,16 +153,19 @@ def _rehearse(plan: Plan, skips: Sequence[bool], report: Report, running: Runnin
 
 
 class _InOrder:
-    """Reports outcomes in the order of the tasks, in whatever order they become known."""
+    """Reports outcomes in the order of the tasks, in whatever order they come; adds rows to a file at once."""
 
-    def __init__(self, report: Report, tasks: list[Task]) -> None:
-        self._report, self.tasks = report, tasks
+    def __init__(self, report: Report, tasks: list[Task], rows: RowFile | None) -> None:
+        self._report, self.tasks, self._rows = report, tasks, rows
         self._known: dict[int, Outcome] = {}
         self._next = 0
 
     def add(self, place: int, outcome: Outcome) -> None:
         """Take the outcome of a task, and report all before which none is missing."""
         self._known[place] = outcome
+        if self._rows:
+            for row in outcome.rows:
+                self._rows.add(row)
         while self._next in self._known:
             self._tell(self.tasks[self._next], self._known[self._next])
             self._next += 1
@@ -301,14 +354,14 @@ def _folders(tasks: Sequence[Task], out_dir: Path | None) -> Iterator[None]:
 
 
 @contextmanager
-def _rows_written(report: Report, running: Running) -> Iterator[None]:
-    """Write the report file at the end of the run, however it ends."""
+def _rows_written(report: Report, running: Running) -> Iterator[RowFile | None]:
+    """Give the report file, and put its rows in order at the end of the run, however it ends."""
     if running.report_file is None:
-        yield
+        yield None
         return
-    replaces = running.overwrite or running.skip_existing
-    check_can_be_written(running.report_file, overwrite=replaces)
+    append = running.skip_existing and not running.overwrite
+    rows = RowFile(running.report_file, overwrite=running.overwrite, append=append)
     try:
-        yield
+        yield rows
     finally:
-        report.write(running.report_file, overwrite=replaces, append=running.skip_existing and not running.overwrite)
+        rows.end(report.rows)

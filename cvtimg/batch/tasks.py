@@ -102,6 +102,14 @@ class Outcome:
         return cls(None, ((task.name, why),))
 
     @property
+    def rows(self) -> list[Row]:
+        """Its rows in the report, with their status; columns whose names begin with "_" are not in it."""
+        if self.failures:
+            return [{"status": "failed", "input": name, "error": why} for name, why in self.failures]
+        row = {name: value for name, value in self.result.items() if not name.startswith("_")}
+        return [{"status": "skipped" if row.get("skipped") else "done", **row}]
+
+    @property
     def why(self) -> str:
         """The reason for the first failure, or an empty string."""
         return self.failures[0][1] if self.failures else ""

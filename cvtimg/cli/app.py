@@ -22,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
         _silence_libraries()
+        with suppress(AttributeError):  # names that a terminal cannot show have escapes
+            sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
         # Nothing that modules hold is garbage: not while they are imported, and not at the end.
         gc.disable()
         atexit.register(gc.freeze)

@@ -38,8 +38,17 @@ def design(given: Given) -> Todo:
         raise WrongUsageError("give one of -d, --bounds and --axis")
     plan = plan_of(given, together=True)
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
-    given.prints = given.output is None and not given.as_json
-    return planned(plan, _design, Report(columns, as_json=given.as_json, quiet=given.quiet or given.prints), given)
+    prints = given.output is None and not given.as_json
+    make = _Runs if prints else Report
+    return planned(plan, _design, make(columns, as_json=given.as_json, quiet=given.quiet or prints), given)
+
+
+class _Runs(Report):
+    """Prints the points in place of a table."""
+
+    def done(self, row: Row) -> None:
+        self.say(row["_text"])
+        super().done(row)
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -67,8 +76,6 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     header, table = found.table()
     if "-o" in task.outputs:
         found.save(task.outputs["-o"], overwrite=given.overwrite)
-    elif given.prints:
-        print(csv_text(header, table), end="")
     labels = [factor.header for factor in factors]
     if "--plot" in task.outputs:
         from cvtimg.plotting import draw_pairs, save_plot
@@ -86,6 +93,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": found.energy,
         **{name: value for name, value in figures.items() if name != "energy"},
         "points": None if "-o" in task.outputs else table,
+        "_text": csv_text(header, table).rstrip("\n"),
     }
 
 

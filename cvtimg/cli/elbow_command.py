@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -68,10 +68,10 @@ def _found(path: str) -> list[Path]:
 def _run(run: Todo, report: _Curves, given: Given) -> int:
     status = run()
     done = report.plotted
-    if len(done) == 1 and not (given.as_json or given.quiet):
-        _print_curve(done[0].curve, {**done[0].curve.elbows(), given.rule: done[0].k})
-    if done and status != INTERRUPTED:
+    if done and status < INTERRUPTED:
         _write(done, given)
+    if len(done) == 1 and not (given.as_json or given.quiet):
+        report.say(*_curve_lines(done[0].curve, {**done[0].curve.elbows(), given.rule: done[0].k}))
     return status
 
 
@@ -83,7 +83,7 @@ class _Curves(Report):
         self.plotted: list[Plotted] = []
 
     def done(self, row: Row) -> None:
-        self.plotted.append(row.pop("plotted"))
+        self.plotted.append(row["_plotted"])
         super().done(row)
 
 
@@ -115,7 +115,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "elbow": result.elbows(),
         "n_max": result.n_max,
         "energies": result.energies.tolist(),
-        "plotted": Plotted(task.source.stem, result, k, shown, given.space),
+        "_plotted": Plotted(task.source.stem, result, k, shown, given.space),
     }
 
 
@@ -136,14 +136,14 @@ def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None
     return rows, None, table.weights
 
 
-def _print_curve(curve: EnergyCurve, picks: Mapping[str, int]) -> None:
-    """Print a line for each k with the rules that pick it."""
+def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:
+    """Yield a line for each k with the rules that pick it."""
     psnr = curve.psnr
-    print(f"\n{'k':>5}  {'energy':>11}  {'explained':>9}  {'psnr':>6}  picked by")
+    yield (f"\n{'k':>5}  {'energy':>11}  {'explained':>9}  {'psnr':>6}  picked by")
     for k, (energy, share) in enumerate(zip(curve.energies, curve.explained, strict=True), 1):
         decibels = "" if psnr is None else f"{psnr[k - 1]:.2f}" if math.isfinite(psnr[k - 1]) else "exact"
         by = ", ".join(name for name, pick in picks.items() if pick == k)
-        print(f"{k:>5}  {energy:>11.5g}  {share:>9.2%}  {decibels:>6}  {by}".rstrip())
+        yield f"{k:>5}  {energy:>11.5g}  {share:>9.2%}  {decibels:>6}  {by}".rstrip()
 
 
 def _write(done: list[Plotted], given: Given) -> None:

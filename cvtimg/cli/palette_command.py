@@ -91,12 +91,11 @@ class _Palettes(Report):
     """Prints the colors of each image as it is done, as blocks of color on a terminal."""
 
     def show(self, row: Row) -> None:
-        print(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
+        self.say(f"{row['input']}: {row['k']} of {row['distinct_colors']} colors".encode(errors="replace").decode())
         if sys.stdout.isatty():
             _print_blocks(row["colors"])
         else:
-            for color in row["colors"]:
-                print(f"{color['hex']}\t{color['share']:.6f}\t{color['pixels']}")
+            self.say(*(f"{color['hex']}\t{color['share']:.6f}\t{color['pixels']}" for color in row["colors"]))
 
 
 def _print_blocks(colors: list[Row]) -> None:
