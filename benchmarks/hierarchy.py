@@ -5,12 +5,13 @@ Every program is scored at every threshold of its own. "One threshold" is the be
 Edges are compared within 0.75 % of the diagonal, without the one-to-one matching of the official benchmark, so they
 are comparable here and not with published figures.
 
-    python benchmarks/hierarchy.py [--quick] [--parts regions edges speed] [--set bsds bsds_train]
+    python benchmarks/hierarchy.py [--quick] [--parts regions edges chances speed] [--set bsds bsds_train]
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import resource
 import statistics
 import sys
@@ -18,18 +19,24 @@ import time
 from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb, run
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.ndimage import distance_transform_edt, maximum_filter
+from scipy.optimize import curve_fit
 from segmentation import Divided, berkeley, metrics_of
 from skimage import __version__ as skimage_version
 
-from cvtimg import segment_hierarchy
+from cvtimg import find_edges, segment_hierarchy
+from cvtimg.segmentation.hierarchy import building, evidence
+from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 SIZES = ((481, 321), (1224, 816), (4000, 3000))
 OURS = "cvtimg segment_hierarchy"
+LEVELS = np.linspace(0.1, 1.2, 56)  # of evidence
 
 Labels = NDArray[Any]
 
@@ -89,8 +96,7 @@ def summary(scores: NDArray[np.float64], thresholds: NDArray[np.float64]) -> dic
 
 def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]], Iterator[Labels] | list[Labels]]]]:
     """Name the programs: their thresholds, and what gives the labels at each."""
-    from skimage.graph import merge_hierarchical, rag_mean_color
-    from skimage.segmentation import felzenszwalb, slic
+    from skimage.segmentation import felzenszwalb
 
     levels = [float(level) for level in np.arange(2, 17) / 20]
 
@@ -103,39 +109,9 @@ def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]]
     def graph_based(image: NDArray[np.uint8]) -> list[Labels]:
         return [felzenszwalb(image, scale=scale, sigma=0.8, min_size=int(scale / 4)) + 1 for scale in scales]
 
-    distances = [15.0, 25, 35, 50, 70]
-
-    def merged(image: NDArray[np.uint8]) -> list[Labels]:
-        cells = slic(image, 400, compactness=10)
-
-        def mean_merge(graph: Any, one: int, other: int) -> None:
-            graph.nodes[other]["total color"] += graph.nodes[one]["total color"]
-            graph.nodes[other]["pixel count"] += graph.nodes[one]["pixel count"]
-            node = graph.nodes[other]
-            node["mean color"] = node["total color"] / node["pixel count"]
-
-        def weight(graph: Any, one: int, other: int, neighbor: int) -> dict[str, Any]:
-            difference = graph.nodes[other]["mean color"] - graph.nodes[neighbor]["mean color"]
-            return {"weight": np.linalg.norm(difference)}
-
-        return [
-            merge_hierarchical(
-                cells,
-                rag_mean_color(image, cells),
-                thresh=distance,
-                rag_copy=False,
-                in_place_merge=True,
-                merge_func=mean_merge,
-                weight_func=weight,
-            )
-            + 1
-            for distance in distances
-        ]
-
     rivals: dict[str, Any] = {
         OURS: ([np.nan, *levels], ours),
         f"scikit-image {skimage_version} felzenszwalb": (scales, graph_based),
-        f"scikit-image {skimage_version} slic and merge_hierarchical": (distances, merged),
     }
     try:
         import higra
@@ -185,8 +161,9 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
     """Name the programs, and what gives the edges at each of their thresholds."""
     from skimage.color import rgb2gray
     from skimage.feature import canny
-    from skimage.filters import gaussian, sobel
+    from skimage.filters import apply_hysteresis_threshold, gaussian, sobel
     from skimage.morphology import thin
+    from skimage.segmentation import felzenszwalb
 
     def ours(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         chances = segment_hierarchy(image).find_edges(strength=True)
@@ -198,13 +175,85 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
 
     def sobel_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         steps = sobel(gaussian(rgb2gray(image), 2))
-        return [thin(steps > level) for level in (0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1)]
+        levels = (0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.13)
+        return [thin(apply_hysteresis_threshold(steps, level / 2, level)) for level in levels]
+
+    def region_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
+        scales = (100, 200, 400, 600, 900, 1300, 2000)
+        return [find_edges(felzenszwalb(image, scale, 0.8, min_size=scale // 4) + 1) for scale in scales]
 
     return {
         f"{OURS}, find_edges": ours,
         f"scikit-image {skimage_version} canny, sigma 2": canny_edges,
-        f"scikit-image {skimage_version} sobel, sigma 2, thinned": sobel_edges,
+        f"scikit-image {skimage_version} sobel, sigma 2, hysteresis": sobel_edges,
+        f"scikit-image {skimage_version} borders of felzenszwalb": region_edges,
     }
+
+
+# What the chances of edges are: powers of evidence, and the curve
+
+#: Settings that are tried one at a time in place of the chosen ones.
+TRIED: dict[str, tuple[Any, ...]] = {
+    "view_powers": ((1, 0, 0), (0.5, 0.5, 0), (0.5, 0.5, 0.5), (0.3, 0.4, 0.3), (0.3, 0.3, 0.4), (0.5, 0.3, 0.2)),
+    "drawing_accuracy": (1e-9, 0.004, 0.015),
+    "surround": (1 / 32, 1 / 8),
+    "inhibition": (0.0, 0.1, 0.3),
+    "least_surround": (0.01, 0.1),
+}
+
+
+def chances(given: argparse.Namespace) -> Rows:
+    """Score settings of evidence by the F of leaf borders, and fit the curve of chances; for --set bsds_train."""
+    pictures, _ = divided(given)
+    asked: list[tuple[Any, ...]] = []
+    with patch.object(building, "evidence_of", lambda *about: asked.append(about) or evidence.evidence_of(*about)):
+        for number, picture in enumerate(pictures):
+            progress(f"chances: {number + 1} of {len(pictures)}")
+            segment_hierarchy(picture.pixels)
+    rows = []
+    for name, value in [("as chosen", None), *((name, value) for name, values in TRIED.items() for value in values)]:
+        progress(f"{name} {value}")
+        changed = evidence.SETTINGS if value is None else dataclasses.replace(evidence.SETTINGS, **{name: value})
+        with patch.object(evidence, "SETTINGS", changed):
+            levels = [evidence.evidence_of(*about) for about in asked]
+        counts = np.array([counted(*each) for each in zip(pictures, asked, levels, strict=True)])
+        best = f_of(counts.sum(axis=0)).max(), f_of(counts).max(axis=1).mean()
+        rows.append({"setting": f"{name} {value}", "f_ods": float(best[0]), "f_ois": float(best[1])})
+        if value is None:
+            known, share = np.concatenate([drawn(*each) for each in zip(pictures, asked, levels, strict=True)], axis=1)
+            curve, _ = curve_fit(lambda e, h, p: 1 / (1 + (h / e) ** p), known, share, (0.5, 2.0))
+            rows[-1] |= {"half_drawn": float(curve[0]), "drawn_power": float(curve[1])}
+    return rows
+
+
+def counted(picture: Divided, about: tuple[Any, ...], levels: NDArray[np.float64]) -> NDArray[Any]:
+    """(T, 4) cracks that are right, all cracks, pixels of people that are near one, all of these."""
+    borders, _, inside = about
+    off = SETTINGS.drawing_accuracy * np.hypot(*inside.shape)
+    near = distance_transform_edt(~picture.borders.any(axis=0))[tuple(borders.places.T)] <= off
+    disc = np.hypot(*np.mgrid[-int(off) : off, -int(off) : off]) <= off
+    most = maximum_filter(borders.on_pixels(levels, inside.shape), footprint=disc)
+    each = np.concatenate([most[drawn] for drawn in picture.borders])
+    cracks = np.repeat(levels, borders.lengths)
+    rows = [((cracks[near] >= t).sum(), (cracks >= t).sum(), (each >= t).sum(), len(each)) for t in LEVELS]
+    return np.array(rows)
+
+
+def drawn(picture: Divided, about: tuple[Any, ...], levels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, P) evidence of edges as `find_edges` draws them, and the share of people who drew them."""
+    from skimage.morphology import thin
+
+    seen = about[0].on_pixels(levels, about[2].shape)
+    off = SETTINGS.drawing_accuracy * np.hypot(*seen.shape)
+    share = np.mean([distance_transform_edt(~drawn) <= off for drawn in picture.borders], axis=0)
+    lines = thin(seen > 0)
+    return np.stack([maximum_filter(seen, 3)[lines], share[lines]])
+
+
+def f_of(counts: NDArray[Any]) -> NDArray[np.float64]:
+    """F of (..., 4) counts."""
+    precision, recall = (counts[..., n] / np.maximum(counts[..., n + 1], 1) for n in (0, 2))
+    return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
 
 
 # Speed
@@ -230,4 +279,4 @@ def speed(given: argparse.Namespace) -> Rows:
 if __name__ == "__main__":
     read = parser(__doc__)
     read.add_argument("--set", default="bsds", choices=("bsds", "bsds_train"), help="pictures (default: bsds)")
-    run(read, regions, edges, speed)
+    run(read, regions, edges, chances, speed)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, only, plan_of, planned
-from cvtimg.cli.segment_outputs import check_room, kind_of, outputs_of, write_outputs
+from cvtimg.cli.segment_outputs import OF_LINES, check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ EXAMPLES = """\
   cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
   cvtimg segment photo.jpg --hierarchy --overlay regions.png --strengths edges.png --tree photo.npz
+  cvtimg segment photo.jpg --hierarchy --strongest 60 --simplify 1 --contours lines.svg
   cvtimg segment slides/ -k 3 --out-dir out --write labels,overlay,table,contours.geojson
 """
 #: Arguments of `segment` that do not need the whole image at a time, and options that do.
@@ -87,7 +88,11 @@ def segment(given: Given) -> Todo:
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
     given.averaging = _averaging(given)
-    plan = plan_of(given, more=outputs_of(given))
+    outputs = outputs_of(given)
+    contours = [str(path) for option, path in outputs.items() if kind_of(option) == "contours"]
+    if (of_lines := given.chosen(*OF_LINES)) and not (contours and all(not path.endswith(".zip") for path in contours)):
+        raise WrongUsageError(f"{of_lines[0]} needs --contours as .svg or .geojson")
+    plan = plan_of(given, more=outputs)
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
     return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given, late=_LATE)

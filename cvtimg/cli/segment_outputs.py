@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from cvtimg.segmentation.files import DividedStack
 
 
+#: Options of --contours as lines, with the chance that a person draws each.
+OF_LINES = ("chance", "strongest")
 #: Kinds of output that are images, one of each page, and those that hold a single page.
 _IMAGES, _OF_ONE = ("labels", "mean", "edges", "overlay", "strengths", "masks"), ("tree", "strengths")
 
@@ -80,9 +82,13 @@ class Subject:
         from cvtimg import find_contours
         from cvtimg.plotting import contour_drawing
 
-        image = self.image if self.given.subpixel else None
-        contours = find_contours(self.labels, image, tolerance=self.given.simplify)
+        image, off = self.image if self.given.subpixel else None, self.given.simplify
+        contours = find_contours(self.labels, image, tolerance=off)
         drawing = contour_drawing(contours, self.labels, self.image)
+        if self.given.chosen(*OF_LINES):
+            least = {} if self.given.chance is None else {"chance": self.given.chance}
+            found = self.tree.find_lines(**least, n_lines=self.given.strongest, image=image, tolerance=off)
+            drawing = replace(drawing, lines=found.lines, chances=found.chances)
         drawing = replace(drawing, place=self.place, channels=self.header.channels)
         if place := self.header.geo_transform:
             return replace(drawing, transform=[place[:3], place[3:]], epsg=self.header.epsg)

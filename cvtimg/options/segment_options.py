@@ -189,6 +189,20 @@ SEGMENT = (
         HIERARCHY_KINDS["strengths"],
         needs=("hierarchy",),
     ),
+    Option(
+        "chance",
+        Real(0, 1),
+        "With --hierarchy: --contours are the lines that a person draws with at least this chance, which they tell.",
+        metavar="P",
+        needs=("hierarchy",),
+    ),
+    Option(
+        "strongest",
+        Whole(1, 2**31 - 1),
+        "With --hierarchy: --contours are the N lines, with their chances, that people draw most of.",
+        metavar="N",
+        needs=("hierarchy",),
+    ),
     switch(
         "superpixels",
         "Divide into about N connected superpixels of similar size.",

@@ -33,8 +33,8 @@ class PictureValues:
     inside: NDArray[np.bool_]  # (H, W): the n pixels that count
     #: Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces
     samples: ColorSamples
-    scale: float  # values are scale times the colors of `samples`. In "rgb", the offset is the sample at level 0.
-    offset: float
+    scale: float  # values are scale times the colors of `samples`
+    spacing: Spacing  # of the samples whose levels, in "rgb", those colors are
     space: SpaceName  # the color space
     dtype: np.dtype[Any]  # type of the image
 
@@ -74,7 +74,7 @@ class PictureValues:
 
     def in_even_light(self, field: NDArray[np.float32], n_segments: int) -> NDArray[np.float32]:
         """(H, W, D) values about their mean, where the light on so many segments is even; 0 outside the mask."""
-        black = self.center + (self.offset * self.unit if self.space == "rgb" else 0)
+        black = self.center + (self.spacing.first * self.unit if self.space == "rgb" else 0)
         light = (field + np.maximum(black, -field.min(axis=(0, 1)))).astype(np.float32)
         even = in_even_light(light, self.inside, n_segments, 0)
         even[self.inside] -= even[self.inside].mean(axis=0)
@@ -83,7 +83,7 @@ class PictureValues:
     def to_picture(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert (K, D) values to (K, C) colors in the units of the image."""
         if self.space == "rgb":
-            return values / self.unit + self.offset
+            return self.spacing.within(values / self.unit + self.spacing.first)
         colors: NDArray[np.float64] = from_space(values / self.unit, self.space, np.dtype(np.float64))
         return colors * peak(self.dtype)
 
@@ -113,9 +113,32 @@ def picture_values(image: Any, space: SpaceName, mask: ArrayLike | None) -> Pict
     """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
-    found = to_levels(rows)
-    samples = color_samples(found.levels[None])
-    return values_of(samples, inside, space, array.dtype, found.step, found.offset)
+    levels, spacing = to_levels(rows)
+    return values_of(color_samples(levels[None]), inside, space, array.dtype, spacing)
+
+
+@dataclass(frozen=True, slots=True)
+class Spacing:
+    """Samples are ``(offset + step * levels) / white``, and where rounding leads out of their limits, these."""
+
+    offset: float = 0.0
+    step: float = 1.0
+    white: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def first(self) -> float:
+        """The sample at level 0."""
+        return self.offset / self.white
+
+    def samples(self, levels: NDArray[Any]) -> NDArray[np.float64]:
+        """Scale levels back to samples."""
+        return self.within((self.offset + self.step * levels.astype(np.float64)) / self.white)
+
+    def within(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bring samples that rounding has led out of the limits back to them."""
+        return np.clip(samples, self.low, self.high)
 
 
 def values_of(
@@ -123,38 +146,31 @@ def values_of(
     inside: NDArray[np.bool_],
     space: SpaceName,
     dtype: np.dtype[Any],
-    step: float = 1.0,
-    offset: float = 0.0,
+    spacing: Spacing = Spacing(),
 ) -> PictureValues:
-    """Return the values of distinct colors, whole numbers of steps above the offset in the units of the image."""
+    """Return the values of distinct colors, which are levels of samples in the units of the image."""
     if space == "rgb":
-        return PictureValues(inside, samples, step * 255 / peak(dtype), offset, space, dtype)
-    colors = offset + step * samples.colors.astype(np.float64)
-    places = to_space(colors / peak(dtype), space) * unit_of(space, dtype)
-    return PictureValues(inside, replace(samples, rows=places), 1.0, offset, space, dtype)
+        return PictureValues(inside, samples, spacing.step * 255 / (spacing.white * peak(dtype)), spacing, space, dtype)
+    places = to_space(spacing.samples(samples.colors) / peak(dtype), space) * unit_of(space, dtype)
+    return PictureValues(inside, replace(samples, rows=places), 1.0, spacing, space, dtype)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class EvenLevels:
-    """Samples are ``offset + step * levels``."""
+def to_levels(samples: NDArray[Any]) -> tuple[NDArray[Any], Spacing]:
+    """Find the levels of finite samples: integers or floating point, of any shape, at least one.
 
-    levels: NDArray[Any]  # whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1
-    offset: float  # in the units of the samples
-    step: float
-
-
-def to_levels(samples: NDArray[Any]) -> EvenLevels:
-    """Find the levels of finite samples: integers or floating point, of any shape, at least one."""
+    Levels are whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1.
+    """
     low, high = samples.min().item(), samples.max().item()
+    limits = float(low), float(high)
     if low == high:
-        return EvenLevels(np.zeros(samples.shape, np.uint8), float(low), 1.0)
+        return np.zeros(samples.shape, np.uint8), Spacing(limits[0], 1.0, 1.0, *limits)
     if samples.dtype.kind in "iu" and high - low < 1 << 63:  # within int64
         steps = samples if low == 0 else (samples.astype(np.int64) if low < 0 else samples) - low
         some = steps[:: len(steps) // 256 + 1]  # from everywhere: a corner may be of one color
         step = 1 if np.gcd.reduce(some, axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
         if high - low <= _MOST_LEVELS * step:
             dtype = np.uint8 if high - low <= 255 * step else np.uint16
-            return EvenLevels((steps // step).astype(dtype, copy=False), float(low), float(step))
+            return (steps // step).astype(dtype, copy=False), Spacing(limits[0], float(step), 1.0, *limits)
     span = float(high) - float(low)
     shares = (samples.astype(np.float64) - low) / span
     for white in _WHITES if samples.dtype.kind == "f" else ():
@@ -162,9 +178,13 @@ def to_levels(samples: NDArray[Any]) -> EvenLevels:
         levels = np.rint(shares * n_steps)
         rounding = 4 * float(np.finfo(samples.dtype).eps) * max(abs(low), abs(high)) * white
         if levels.max() <= _MOST_LEVELS and np.abs(levels - shares * n_steps).max() <= rounding < 0.05:
-            whole = to_levels(levels.astype(np.uint16))
-            return EvenLevels(whole.levels, float(low), whole.step / white)
-    return EvenLevels(shares.astype(np.float32), float(low), span)
+            whole, spacing = to_levels(levels.astype(np.uint16))
+            offset = limits[0] * white
+            if abs(offset - round(offset)) <= rounding:  # these integers themselves
+                offset = float(round(offset))
+                limits = offset / white, (offset + levels.max().item()) / white
+            return whole, Spacing(offset, spacing.step, float(white), *limits)
+    return shares.astype(np.float32), Spacing(limits[0], span, 1.0, *limits)
 
 
 def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,3 +56,20 @@ def test_auto_cuts_at_the_threshold(small: NDArray[Any], row_of: RowOf) -> None:
         assert row_of(*number, "-o", "a.png", "--overwrite")["k"] == hierarchy.n_regions()
         row = row_of(*number, "--threshold", "0.6", "-o", "b.png", "--overwrite")
         assert row["k"] == hierarchy.n_regions(0.6)
+
+
+def test_contours_by_chance_are_lines_that_tell_it(small: NDArray[Any], row_of: RowOf) -> None:
+    row_of("--chance", "0.2", "--contours", "lines.geojson", "--write", "contours.svg")
+    found = segment_hierarchy(small).find_lines(0.2)
+    features = json.loads(Path("lines.geojson").read_text())["features"]
+    assert [feature["geometry"]["coordinates"] for feature in features] == [line.tolist() for line in found.lines]
+    np.testing.assert_allclose([feature["properties"]["chance"] for feature in features], found.chances, atol=1e-4)
+    assert Path("photo-contours.svg").read_text().count("data-chance=") == len(found.lines)
+    row_of("--strongest", "3", "--contours", "lines.svg", "--simplify", "1")
+    assert Path("lines.svg").read_text().count("data-chance=") == 3
+
+
+@pytest.mark.parametrize("output", [("--contours", "lines.zip"), ("--overlay", "lines.png")])
+def test_chances_need_contours_that_can_tell_them(small: NDArray[Any], row_of: RowOf, output: tuple[str, str]) -> None:
+    with pytest.raises(AssertionError, match=r"--strongest needs --contours as \.svg or \.geojson"):
+        row_of("--strongest", "3", *output)

@@ -70,7 +70,7 @@ EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
 #: What is not so yet.
 EXCEPT |= {
     (verb, "an alpha that is opaque", inputs)
-    for verb in ("segment", "segment_hierarchy", "mosaic")
+    for verb in ("segment", "mosaic")
     for inputs in (gray_picture, color_picture)
 }
 

@@ -50,6 +50,10 @@ class Drawing:
         Place of the page in its stack, from 1, such as ``{"t": 1, "z": 3}``; empty for an image.
     channels : sequence of str
         Names of the bands of a mean; 1, 2, ... by default.
+    lines : sequence of (N, 2) arrays
+        Lines to draw in place of the polygons, points (x, y) in pixels.
+    chances : (L,) array, optional
+        Chance that a person draws each line.
     """
 
     polygons: tuple[Polygon, ...]
@@ -61,6 +65,8 @@ class Drawing:
     unit: str = ""
     place: Mapping[str, int] = field(default_factory=dict)
     channels: Sequence[str] = ()
+    lines: Sequence[NDArray[np.float64]] = ()
+    chances: NDArray[np.float64] | None = None
 
 
 def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overwrite: bool = False) -> None:

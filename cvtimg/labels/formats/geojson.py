@@ -18,12 +18,17 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
-    """Write a FeatureCollection with one feature per label, in the coordinates of the drawings' map if they have one.
+    """Write a FeatureCollection with a feature for each label or line, in the coordinates of the map if there is one.
 
     Outer rings run counterclockwise in these coordinates, as RFC 7946 requires. That standard allows only longitude and
     latitude; other systems are named by the member "crs" of the older standard, which GDAL and QGIS read.
     """
-    features = (_features(one.polygons, one.properties, one.transform, one.place) for one in drawings)
+    features = (
+        _features(one.polygons, one.properties, one.transform, one.place)
+        if one.chances is None
+        else _lines(one, one.chances)
+        for one in drawings
+    )
     unit = {"unit": drawings[0].unit} if drawings[0].unit else {}
     content = collection(chain.from_iterable(features), drawings[0].epsg, unit)
     write_text(path, content, overwrite=overwrite)
@@ -43,14 +48,28 @@ def _features(
     place: Mapping[str, int] = MappingProxyType({}),
 ) -> Iterator[dict[str, Any]]:
     """Yield a feature for each label."""
-    matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
+    matrix, digits = _map_of(transform)
     for label, pieces in groupby(polygons, key=lambda polygon: polygon.label):
-        yield feature(_placed(pieces, matrix), {"label": label, **place, **properties[label]})
+        yield feature(_placed(pieces, matrix, digits), {"label": label, **place, **properties[label]})
 
 
-def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64]) -> list[list[list[list[float]]]]:
+def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[dict[str, Any]]:
+    """Yield a feature for each line."""
+    matrix, digits = _map_of(drawing.transform)
+    for line, chance in zip(drawing.lines, np.round(chances, 4).tolist(), strict=True):
+        places = (line @ matrix[:, :2].T + matrix[:, 2]).round(digits).tolist()
+        geometry = {"type": "LineString", "coordinates": places}
+        yield {"type": "Feature", "properties": {"chance": chance, **drawing.place}, "geometry": geometry}
+
+
+def _map_of(transform: ArrayLike | None) -> tuple[NDArray[np.float64], int]:
+    """Return the matrix (2, 3) from pixels to coordinates of the file, and how many decimals these have."""
+    matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
+    return matrix, max(PLACE_DIGITS - math.floor(math.log10(np.abs(matrix[:, :2]).max())), 0)
+
+
+def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64], digits: int) -> list[list[list[list[float]]]]:
     """Map rings to the coordinates of the file, and keep their sense there."""
     mirrored = np.linalg.det(matrix[:, :2]) < 0
-    digits = max(PLACE_DIGITS - math.floor(math.log10(np.abs(matrix[:, :2]).max())), 0)
     placed = [[(ring @ matrix[:, :2].T + matrix[:, 2]).round(digits) for ring in piece.rings] for piece in pieces]
     return [[ring[:: -1 if mirrored else 1].tolist() for ring in rings] for rings in placed]

@@ -17,11 +17,20 @@ from cvtimg.labels.formats import PLACE_DIGITS, Drawing
 
 
 def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
-    """Write the polygons of a drawing in its colors, with one path per label; holes are left open."""
+    """Write the polygons of a drawing in its colors, with one path per label, holes left open; or its lines."""
     check_that(f"{path}: {len(drawings)} pages", len(drawings) == 1, "be one, which .svg holds")
     (drawing,) = drawings
     height, width = drawing.size
-    write_text(path, svg_drawing(width, height, _body(drawing.polygons, drawing.colors)), overwrite=overwrite)
+    body = _body(drawing.polygons, drawing.colors) if drawing.chances is None else _lines(drawing, drawing.chances)
+    write_text(path, svg_drawing(width, height, body), overwrite=overwrite)
+
+
+def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[str]:
+    """Draw lines, as dark as people are likely to draw them, the darkest last."""
+    yield '<g fill="none" stroke="#000" stroke-linecap="round" stroke-linejoin="round">\n'
+    for line, chance in zip(drawing.lines[::-1], numbers(chances[::-1], 4), strict=True):
+        yield f'<path data-chance="{chance}" stroke-opacity="{chance}" d="M{_places(line)}"/>\n'
+    yield "</g>\n"
 
 
 def _body(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:

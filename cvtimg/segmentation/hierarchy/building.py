@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_partial_image, check_that, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import peak, says_alpha, white_of
 from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
+from cvtimg.segmentation.hierarchy.evidence import evidence_of
 from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduction
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
@@ -39,8 +40,9 @@ def segment_hierarchy(
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        Integers or floating point. Pixels that are NaN, infinite or masked are left out. Contrast is stretched and
-        strong noise is averaged away, so neither the exposure nor the type of the image matters.
+        Integers or floating point. Pixels that are NaN, infinite, masked or transparent are left out; a last band of 2
+        or 4 that is white everywhere is alpha. Contrast is stretched and strong noise is averaged away, so neither the
+        exposure nor the type of the image matters.
     n_leaves : int
         Approximate number of superpixels at the bottom of the tree, at most 65536.
     space : {"lab", "oklab", "rgb", "linear"}
@@ -77,7 +79,7 @@ def segment_hierarchy(
     """
     check_choice("space", space, SPACES)
     check_count("n_leaves", n_leaves, _MOST_LEAVES, "the most leaves")
-    array, inside = check_partial_image("image", image, mask)
+    array, inside = _without_alpha(image, *check_partial_image("image", image, mask))
     if array.shape[2] not in (1, 3):
         space = "rgb"
     factor = reduction(inside.size)
@@ -93,6 +95,17 @@ def segment_hierarchy(
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
     return _measured(leaves, values, peak(array.dtype) / peak(values.dtype))
+
+
+def _without_alpha(
+    image: Any, array: NDArray[Any], inside: NDArray[np.bool_]
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Leave out transparent pixels and the alpha of an image that says so, or where a last band is white throughout."""
+    if array.shape[2] in (2, 4) and (says_alpha(image) or (array[..., -1][inside] == white_of(array.dtype)).all()):
+        inside = inside & (array[..., -1] > 0)
+        check_that("image", inside.any(), "have a pixel in its mask that is not transparent")
+        array = np.ascontiguousarray(array[..., :-1])
+    return array, inside
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
@@ -112,7 +125,10 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
         return leaves
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
     weight, worth = SETTINGS.coarse_weight, SETTINGS.coarse_worth
-    return replace(leaves, strengths=(leaves.strengths + weight * means) / (1 + weight * worth))
+    strengths = (leaves.strengths + weight * means) / (1 + weight * worth)
+    own = leaves.merged()
+    near_altitudes = altitudes_between(borders.pairs, own.pairs, own.altitudes, len(leaves.sizes))
+    return replace(leaves, strengths=strengths, near_and_far=(near_altitudes, means))
 
 
 def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHierarchy:
@@ -131,6 +147,7 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
     borders = leaves.borders
     between = altitudes_between(borders.pairs, merges.pairs, merges.altitudes, n_leaves)
     explained = 1 - float(energies[:n_leaves].sum()) / total if total > 0 else 0.0
+    near, far = leaves.near_and_far or (between, between)
     return RegionHierarchy(
         leaves=leaves.labels,
         merges=merges.pairs,
@@ -139,6 +156,7 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
         colors=values.to_picture(means + values.center) * white,
         means=means,
         energies=energies,
+        evidence=evidence_of(borders, (near, leaves.strengths, far), leaves.labels > 0),
         default_threshold=default_threshold(borders.lengths, between, explained),
     )
 

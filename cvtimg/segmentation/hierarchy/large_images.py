@@ -69,7 +69,8 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
         moments=leaves.moments[parents] * shares,
         histograms=[histogram[parents] * shares for histogram in leaves.histograms],
         borders=borders,
-        strengths=_known_strengths(leaves, parents[borders.pairs]),
+        strengths=_known(leaves, leaves.strengths, parents[borders.pairs]),
+        near_and_far=tuple(_known(leaves, altitudes, parents[borders.pairs]) for altitudes in leaves.near_and_far),
     )
 
 
@@ -86,10 +87,10 @@ def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> ND
     ).labels
 
 
-def _known_strengths(leaves: Leaves, pairs: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(B,) strengths of borders between leaves; 0 within one, and the mean where two have met only now."""
-    found = EdgeTable(leaves.borders.pairs, len(leaves.sizes)).find(pairs)
-    strengths = np.full(len(pairs), leaves.strengths.mean() if len(leaves.strengths) else 0.0)
-    strengths[found >= 0] = leaves.strengths[found[found >= 0]]
-    strengths[pairs[:, 0] == pairs[:, 1]] = 0
-    return strengths
+def _known(leaves: Leaves, values: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(B,) values of borders between leaves; 0 within one, and the mean where two have met only now."""
+    known_at = EdgeTable(leaves.borders.pairs, len(leaves.sizes)).find(pairs)
+    known = np.full(len(pairs), values.mean() if len(values) else 0.0)
+    known[known_at >= 0] = values[known_at[known_at >= 0]]
+    known[pairs[:, 0] == pairs[:, 1]] = 0
+    return known

@@ -44,6 +44,8 @@ class Leaves:
     histograms: list[NDArray[np.float64]]  # (N, bins) each: of each channel, textons last
     borders: Borders  # between the leaves
     strengths: NDArray[np.float64]  # (B,): how strongly each border parts its sides
+    #: (B,) each: altitudes in the tree of the image alone, and in that of the image at half its size, if there is one
+    near_and_far: tuple[NDArray[np.float64], ...] = ()
 
     def merged(self) -> Merges:
         """Merge the leaves, those that differ least first."""

@@ -168,7 +168,8 @@ def test_the_slider_cuts_the_hierarchy(viewer: Any, film: Any) -> None:
     widget = segments.Hierarchy(viewer)
     choose(widget, image)
     widget.find()
-    wait_for(lambda: len(viewer.layers) == 2)
+    wait_for(lambda: len(viewer.layers) == 3)
+    assert np.array_equal(viewer.layers[1].data[1], cvtimg.segment_hierarchy(film[0, 1]).find_edges(strength=True))
     widget.n_regions.value = 2
     labels = viewer.layers[-1]
     assert [len(np.unique(plane)) for plane in labels.data] == [2, 2, 2]

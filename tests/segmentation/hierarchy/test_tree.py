@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from scipy import ndimage
 
 from cvtimg import find_edges, segment_hierarchy
 from cvtimg.labels import region_means
+from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
+from cvtimg.segmentation.hierarchy.evidence import chances_of, evidence_of
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
@@ -72,14 +75,64 @@ def test_edges_are_thin_and_lie_on_the_borders_of_a_cut(hierarchy: RegionHierarc
     assert (borders & ~ndimage.binary_dilation(edges, np.ones((3, 3)))).sum() < 0.03 * borders.sum()
 
 
-def test_chances_follow_the_strength_of_edges(hierarchy: RegionHierarchy) -> None:
-    chances, strengths = hierarchy.find_edges(strength=True), hierarchy.contour_map()
+def test_chances_follow_the_evidence_of_edges(hierarchy: RegionHierarchy) -> None:
+    chances = hierarchy.find_edges(strength=True)
+    evidence = find_borders(hierarchy.leaves).on_pixels(hierarchy.evidence, chances.shape)
+    greatest = ndimage.maximum_filter(evidence, 3)[chances > 0]
     assert 0 < chances.max() < 1
-    strongest = ndimage.maximum_filter(strengths, 3)[chances > 0]
-    assert (np.diff(chances[chances > 0][np.argsort(strongest)]) >= 0).all()
-    half = SETTINGS.half_drawn
-    np.testing.assert_array_equal(chances[chances > 0] > 0.5, strongest > half)
-    np.testing.assert_array_equal(hierarchy.find_edges(half, strength=True) > 0, hierarchy.find_edges(half))
+    assert (np.diff(chances[chances > 0][np.argsort(greatest)]) >= 0).all()
+    np.testing.assert_array_equal(chances[chances > 0] > 0.5, greatest > SETTINGS.half_drawn)
+    np.testing.assert_array_equal(hierarchy.find_edges(0.5, strength=True) > 0, hierarchy.find_edges(0.5))
+
+
+def chances_of_lines(image: NDArray[Any], columns: list[int], mask: Any = None) -> list[float]:
+    """Greatest chance of an edge within 3 pixels of each of some columns, in the middle row."""
+    chances = segment_hierarchy(image, n_leaves=200, mask=mask).find_edges(strength=True)
+    rows = slice(len(image) // 2 - 5, len(image) // 2 + 5)
+    return [float(chances[rows, column - 3 : column + 3].max()) for column in columns]
+
+
+def test_edges_at_the_margin_are_taken_for_a_frame() -> None:
+    image = np.full((180, 300), 150, np.uint8)
+    image[:, :2] = image[:, 100:] = 40
+    at_margin, inside = chances_of_lines(image, [3, 100])
+    assert at_margin < inside - 0.2
+    masked = np.zeros(image.shape, bool)
+    masked[:, 98:] = True
+    assert chances_of_lines(image, [100], masked)[0] < inside - 0.1
+    holes = np.ones(image.shape, bool)
+    holes[20:170:15, 95:105:4] = False  # pixels without data are no margin
+    assert chances_of_lines(image, [100], holes)[0] > inside - 0.1
+
+
+def test_edges_amid_others_are_taken_for_texture() -> None:
+    alone, amid = np.full((2, 120, 200), 90, np.uint8)
+    alone[:, 100:] = amid[:, 100:] = 170
+    amid[:, 40:160] = np.where(np.arange(120) // 10 % 2, 170, 90)
+    assert chances_of_lines(amid, [100])[0] < chances_of_lines(alone, [100])[0] - 0.05
+
+
+def test_little_around_a_faint_edge_does_not_make_it_stronger() -> None:
+    labels = np.repeat(np.int32([[1, 2]]), 20, axis=0).repeat(30, axis=1)
+    evidence = [evidence_of(find_borders(labels), [np.array([view])] * 3, labels > 0)[0] for view in (0.02, 0.04)]
+    assert evidence[1] == pytest.approx(2 * evidence[0])
+
+
+@pytest.mark.parametrize("chance", [0.0, 0.2, 0.5])
+def test_lines_are_the_borders_that_are_likely_enough_each_once(hierarchy: RegionHierarchy, chance: float) -> None:
+    found, borders = hierarchy.find_lines(chance), find_borders(hierarchy.leaves)
+    kept = chances_of(hierarchy.evidence) >= chance
+    lengths = [np.abs(np.diff(line, axis=0)).sum() for line in found.lines]
+    assert sum(lengths) == borders.lengths[kept].sum()
+    assert (found.chances >= chance).all()
+    assert (np.diff(found.chances) <= 0).all()
+    means = np.average(chances_of(hierarchy.evidence)[kept], weights=borders.lengths[kept])
+    assert np.average(found.chances, weights=lengths) == pytest.approx(means, rel=1e-5)
+    ends = [tuple(line[end]) for line in found.lines if (line[0] != line[-1]).any() for end in (0, -1)]
+    assert 2 not in Counter(ends).values()  # they would be one line
+    few, worth = hierarchy.find_lines(chance, n_lines=5, tolerance=1), np.sort(lengths * found.chances)
+    assert len(few.lines) == 5
+    assert min(few.chances) * max(lengths) >= worth[-5]
 
 
 def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_path: Path) -> None:
@@ -90,6 +143,12 @@ def test_a_saved_hierarchy_is_loaded_as_it_was(hierarchy: RegionHierarchy, tmp_p
     np.testing.assert_array_equal(loaded.altitudes, hierarchy.altitudes)
     np.testing.assert_array_equal(loaded.colors, hierarchy.colors)
     assert loaded.default_threshold == hierarchy.default_threshold
+    np.testing.assert_array_equal(loaded.evidence, hierarchy.evidence)
+    with np.load(path) as stored:  # as before there was evidence
+        np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored if name != "evidence"})
+    older = RegionHierarchy.load(tmp_path / "older.npz").find_edges(strength=True)
+    strengths = ndimage.maximum_filter(hierarchy.contour_map(), 3)[older > 0]
+    assert (np.diff(older[older > 0][np.argsort(strengths)]) >= 0).all()
     with pytest.raises(FileExistsError):
         hierarchy.save(path)
     with pytest.raises(ValueError, match="suffix"):

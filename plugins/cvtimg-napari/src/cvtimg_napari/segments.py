@@ -83,7 +83,7 @@ def superpixels(
 
 
 class Hierarchy(Container):
-    """Regions as people see them: computed once, then cut into as many as the slider says."""
+    """Regions as people see them: computed once, then cut into as many as the slider says; and edges."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
@@ -126,6 +126,8 @@ class Hierarchy(Container):
         self.n_regions.max = max(tree.n_leaves for tree in self._trees)
         self.n_regions.enabled = True
         data = self._planes.put_together(self._cuts())
+        chances = self._planes.put_together([tree.find_edges(strength=True) for tree in self._trees])
+        self._viewer.add_image(chances, visible=False, **placed(layer, "edges", "image"))
         self._labels = self._viewer.add_labels(data, **placed(layer, "regions", "labels"))
 
 
