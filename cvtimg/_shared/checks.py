@@ -120,8 +120,12 @@ def check_keywords(function: Callable[..., object], given: Collection[str], know
             from difflib import get_close_matches
             from inspect import signature
 
-            own = [one.name for one in signature(function).parameters.values() if one.kind is not one.VAR_KEYWORD]
-            options = [*own[1:], *sorted(known)]
+            names = [
+                parameter.name
+                for parameter in signature(function).parameters.values()
+                if parameter.kind is not parameter.VAR_KEYWORD
+            ]
+            options = [*names[1:], *sorted(known)]
             usual = [option for option in options if option.startswith(_MEANT.get(name, " "))]
             meant = next(iter(usual or get_close_matches(name, options, 1, 0.75)), None)
             hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(options)}"

@@ -31,13 +31,13 @@ def sum_by_label(
 
 def take_rows(rows: NDArray[Any], labels: NDArray[np.integer]) -> NDArray[Any]:
     """Return the row (M, ...) that each label has, of labels of any shape; threads share the work."""
-    found, flat = np.empty((labels.size, *rows.shape[1:]), rows.dtype), labels.reshape(-1)
+    taken, flat = np.empty((labels.size, *rows.shape[1:]), rows.dtype), labels.reshape(-1)
 
     def take(start: int, stop: int) -> None:
-        np.take(rows, flat[start:stop], axis=0, out=found[start:stop], mode="clip")
+        np.take(rows, flat[start:stop], axis=0, out=taken[start:stop], mode="clip")
 
-    in_parts(take, flat.size, work=found.size)
-    return found.reshape(*labels.shape, *rows.shape[1:])
+    in_parts(take, flat.size, work=taken.size)
+    return taken.reshape(*labels.shape, *rows.shape[1:])
 
 
 def per_mass(sums: NDArray[np.float64], masses: NDArray[Any]) -> NDArray[np.float64]:

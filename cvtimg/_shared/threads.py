@@ -144,9 +144,9 @@ def blur(image: _Floats, sigma: float, mode: str = "reflect") -> _Floats:
 
 def of_each(kernel: Callable[[int], T], n_items: int, work: float) -> list[T]:
     """Return what ``kernel(n)`` makes of each of `n_items`, in threads where `work`, in steps, is worth them."""
-    found: dict[int, T] = {}
-    in_parts(lambda start, stop: found.update((n, kernel(n)) for n in range(start, stop)), n_items, work)
-    return [found[n] for n in range(n_items)]
+    results: dict[int, T] = {}
+    in_parts(lambda start, stop: results.update((n, kernel(n)) for n in range(start, stop)), n_items, work)
+    return [results[n] for n in range(n_items)]
 
 
 def in_stripes(kernel: Callable[[slice], T], n_rows: int, work: float, n: int = 32) -> list[T]:

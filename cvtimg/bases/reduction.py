@@ -62,9 +62,9 @@ def _settled(rows: _Floats) -> _Floats:
 def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
     """(N, C) squared distances of rows to affine subspaces."""
     columns = []
-    for center, own in zip(centers, axes, strict=True):
+    for center, directions in zip(centers, axes, strict=True):
         apart = rows - center
-        along = apart @ own.T
+        along = apart @ directions.T
         columns.append(np.einsum("nr,nr->n", apart, apart) - np.einsum("na,na->n", along, along))
     return np.maximum(np.stack(columns, axis=1), 0.0)
 
@@ -212,8 +212,8 @@ class Basis(ReadOnly):
         """(m, ...) snapshots of which only the projections are known."""
         rows = np.empty((len(projection.cells), self.mean.size))
         for cell in np.unique(projection.cells):
-            own = projection.cells == cell
-            rows[own] = self.centers[cell] + projection.coordinates[own] @ self.modes[cell]
+            in_cell = projection.cells == cell
+            rows[in_cell] = self.centers[cell] + projection.coordinates[in_cell] @ self.modes[cell]
         return rows.reshape(-1, *self.shape)
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
@@ -307,20 +307,24 @@ def reduced_basis(
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
-    found = sketch(given, rank, passes, generator)
+    reduced_snapshots = sketch(given, rank, passes, generator)
     make = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind]
     if n_modes == "auto":
         try:
-            trial = make(found, asked, cells, generator)
+            trial = make(reduced_snapshots, asked, cells, generator)
         except TooFewSamplesError as error:
-            trial = make(found, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
-        asked = chord_linear(trial.energies[1:] + found.missed, Scale(1.0, None)) if trial.energies[0] > 0 else 1
+            trial = make(reduced_snapshots, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
+        asked = (
+            chord_linear(trial.energies[1:] + reduced_snapshots.missed, Scale(1.0, None))
+            if trial.energies[0] > 0
+            else 1
+        )
     try:
-        reduced = make(found, asked, cells, generator)
+        reduced = make(reduced_snapshots, asked, cells, generator)
     except TooFewSamplesError as error:
         wrong = f"n_modes={n_modes}" if kind == "cvt" else f"n_cells={n_cells}"
         raise ValueError(f"{wrong} must be in 1..{error.n_distinct}, the number of snapshots that differ") from error
-    return _in_space(given, found, kind, reduced)
+    return _in_space(given, reduced_snapshots, kind, reduced)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -334,14 +338,14 @@ class _Reduced:
     energies: _Floats
 
 
-def _pod(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = found.coordinates
+def _pod(snapshots: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = snapshots.coordinates
     labels, axes = np.zeros(len(rows), np.int64), np.eye(n_modes, rows.shape[1])[None]
     return _measured(rows, np.zeros((1, rows.shape[1])), axes, labels, np.zeros(0, np.int64))
 
 
-def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = found.coordinates
+def _cvt(snapshots: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
+    rows = snapshots.coordinates
     cells = tessellate(_settled(rows), n_modes, init="k-means++", effort="best", rng=rng)
     heaviest = np.argsort(-cells.masses, kind="stable")
     axes = np.zeros((1, n_modes, rows.shape[1]))
@@ -355,9 +359,9 @@ def _cvt(found: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) ->
 
 def _cvod(sketched: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
     rows = sketched.coordinates
-    found = find_subspaces(rows, n_cells, n_modes, rng)
+    cells = find_subspaces(rows, n_cells, n_modes, rng)
     # Axes are those of the final cells, so that their order is that of the variance in them.
-    fitted = [principal_axes(rows[found == cell], n_modes) for cell in np.unique(found)]
+    fitted = [principal_axes(rows[cells == cell], n_modes) for cell in np.unique(cells)]
     centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
     labels = distances(rows, centers, axes).argmin(axis=1)
     return _measured(rows, centers, axes, labels, _nearest_members(rows, labels, centers))
@@ -381,17 +385,17 @@ def _nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats)
     return order[np.unique(labels[order], return_index=True)[1]]
 
 
-def _in_space(given: Snapshots, found: Sketch, kind: str, reduced: _Reduced) -> Basis:
+def _in_space(given: Snapshots, snapshots: Sketch, kind: str, reduced: _Reduced) -> Basis:
     """Carry subspaces from the coordinates of a sketch to the space of snapshots."""
-    directions = found.directions
+    directions = snapshots.directions
     return Basis(
         kind,
         given.shape,
-        found.mean,
-        found.mean + reduced.centers @ directions,
+        snapshots.mean,
+        snapshots.mean + reduced.centers @ directions,
         (reduced.axes @ directions).astype(given.dtype),
         reduced.labels,
         reduced.medoids,
-        reduced.energies + found.missed,
-        found.variance,
+        reduced.energies + snapshots.missed,
+        snapshots.variance,
     )

@@ -69,10 +69,10 @@ def open_blocks(
         kind = ".parquet"
     check_choice(f"{place}: suffix", kind, BLOCK_SUFFIXES)
     if kind == ".parquet":
-        found = _of_parquet(place, columns, weight, missing)
+        blocks = _of_parquet(place, columns, weight, missing)
     else:
-        found = _of_array(place, _zarr_array(place) if kind == ".zarr" else _npy_array(place), columns, weight)
-    return _without_missing(found) if missing == "drop" and found.rows.dtype.kind == "f" else found
+        blocks = _of_array(place, _zarr_array(place) if kind == ".zarr" else _npy_array(place), columns, weight)
+    return _without_missing(blocks) if missing == "drop" and blocks.rows.dtype.kind == "f" else blocks
 
 
 def _without_missing(blocks: Blocks) -> Blocks:
@@ -147,13 +147,13 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
     lengths = [size for _, sizes in headers for size in sizes]
     check_that(place, sum(lengths) > 0, "have rows")
     rows = [partial(_read_group, file, group, names, dtype, missing) for file, group in groups]
-    found = as_blocks(_joined(rows, lengths, (len(names),), dtype))
+    blocks = as_blocks(_joined(rows, lengths, (len(names),), dtype))
     if weight is None:
-        return Blocks(found.rows, None, None, tuple(names))
+        return Blocks(blocks.rows, None, None, tuple(names))
     for file, (schema, _) in zip(files, headers, strict=True):
         _type_of(file, schema, weight)
     weights = [partial(_read_weights, file, group, weight, missing) for file, group in groups]
-    return Blocks(found.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names))
+    return Blocks(blocks.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names))
 
 
 def _parquet_header(place: str) -> tuple[Any, list[int]]:
@@ -184,8 +184,8 @@ def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
 def _parquet_files(place: str) -> list[str]:
     if is_remote(place):
         with elsewhere(place) as (files, name):
-            found = sorted(str(one) for one in (files.find(name) if files.isdir(name) else []))
-            return [str(files.unstrip_protocol(one)) for one in found if one.endswith(".parquet")] or [place]
+            names = sorted(str(one) for one in (files.find(name) if files.isdir(name) else []))
+            return [str(files.unstrip_protocol(one)) for one in names if one.endswith(".parquet")] or [place]
     path = Path(place)
     return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
 

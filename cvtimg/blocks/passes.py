@@ -74,8 +74,8 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
     token = f"{_KEY}-{name}-{next(_passes)}"
     promised = blocks.lengths or (None,) * len(parts)
     common = delayed((work, promised, blocks.n_dims, shared), name=f"{token}-shared", traverse=False)
-    one, total = delayed(_on_rows, pure=False), delayed(add, pure=False)
-    sums = [one(number, *arrays, common, dask_key_name=f"{token}-{number}") for number, arrays in enumerate(parts)]
+    on_rows, total = delayed(_on_rows, pure=False), delayed(add, pure=False)
+    sums = [on_rows(number, *arrays, common, dask_key_name=f"{token}-{number}") for number, arrays in enumerate(parts)]
     while len(sums) > 1:  # along a tree that depends only on their number
         sums = [total(sums[first : first + _WIDTH]) for first in range(0, len(sums), _WIDTH)]
     return _computed(sums, parts)[0]

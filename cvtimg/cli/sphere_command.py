@@ -115,37 +115,37 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         attributes["parent_id"] = read_lineage(given.parent)
     image = None if given.below is None else cvtimg.read_image(given.below)
     stopwatch.lap("read")
-    found: SphereGrid
+    grid: SphereGrid
     if land is not None:
-        found = coastal_grid(number, land, **making)
+        grid = coastal_grid(number, land, **making)
     elif old is not None and given.circle is not None:
-        found = nested_grid(old, given.number, within=Cap(*given.circle), **making)
+        grid = nested_grid(old, given.number, within=Cap(*given.circle), **making)
     else:
-        found = cvtimg.sphere_grid(number, **making)
-    part = cut_out(found, given)
-    whole = part or found
+        grid = cvtimg.sphere_grid(number, **making)
+    part = cut_out(grid, given)
+    whole = part or grid
     stopwatch.lap("place")
     whole.save(task.outputs["-o"], radius=given.radius, attributes=attributes, overwrite=given.overwrite)
-    kept = np.ones(len(found.points), bool) if part is None else part.kept
+    kept = np.ones(len(grid.points), bool) if part is None else part.kept
     if "--plot" in task.outputs:
-        _plot(found, kept, task.outputs["--plot"], given, image)
+        _plot(grid, kept, task.outputs["--plot"], given, image)
     if "--histograms" in task.outputs:
         from cvtimg.halfedges import measure_triangles
         from cvtimg.plotting import draw_histograms, save_plot
 
-        each = measure_triangles(found.points, found.triangles[kept[found.triangles].all(axis=1)])
-        values = {"cell width (km)": found.widths()[kept], "angle of triangles (degrees)": each.angles}
+        each = measure_triangles(grid.points, grid.triangles[kept[grid.triangles].all(axis=1)])
+        values = {"cell width (km)": grid.widths()[kept], "angle of triangles (degrees)": each.angles}
         save_plot(task.outputs["--histograms"], draw_histograms, values, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
-        "n": len(found.points),
+        "n": len(grid.points),
         "kept": len(whole.points),
-        "triangles": len(found.triangles),
-        "fixed": int(found.fixed.sum()),
-        "energy": found.energy,
-        "offset": found.offset,
-        **asdict(found.measures()),
-        **dict(zip(_WIDTHS, np.quantile(found.widths(), (0, 0.5, 1)).tolist(), strict=True)),
+        "triangles": len(grid.triangles),
+        "fixed": int(grid.fixed.sum()),
+        "energy": grid.energy,
+        "offset": grid.offset,
+        **asdict(grid.measures()),
+        **dict(zip(_WIDTHS, np.quantile(grid.widths(), (0, 0.5, 1)).tolist(), strict=True)),
     }
 
 

@@ -114,12 +114,12 @@ def add_samples(first: ColorSamples, second: ColorSamples) -> ColorSamples:
 def _alike(first: ColorSamples, second: ColorSamples) -> list[ColorSamples]:
     """Bring samples to one type and number of channels, if possible."""
     pair = [first, second]
-    dtypes, channels = {str(one.colors.dtype) for one in pair}, {one.colors.shape[1] for one in pair}
+    dtypes, channels = {str(samples.colors.dtype) for samples in pair}, {samples.colors.shape[1] for samples in pair}
     if dtypes == {"uint8", "uint16"}:
-        pair = [replace(one, rows=to_depth(one.colors, np.dtype(np.uint16))) for one in pair]
-    n_colors = [one.colors.shape[1] - one.alpha for one in pair]
+        pair = [replace(samples, rows=to_depth(samples.colors, np.dtype(np.uint16))) for samples in pair]
+    n_colors = [samples.colors.shape[1] - samples.alpha for samples in pair]
     if len(channels) > 1 and set(n_colors) <= {1, 3}:
-        pair = [widen_samples(one, max(n_colors), first.alpha or second.alpha) for one in pair]
+        pair = [widen_samples(samples, max(n_colors), first.alpha or second.alpha) for samples in pair]
     return pair
 
 

@@ -61,8 +61,8 @@ class CountTable:
         keys = np.empty(len(pixels), np.uint16)
 
         def count(n: int) -> None:
-            own = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
-            _counting.count_sorted(keys[ends[n] : ends[n + 1]], own, self._counts)
+            page = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
+            _counting.count_sorted(keys[ends[n] : ends[n + 1]], page, self._counts)
 
         work = 4 * len(pixels)
         of_each(lambda n: _counting.count_pages(bands[n], self._key_bits, in_pages[n]), len(bands), work)
@@ -80,8 +80,8 @@ class CountTable:
         firsts = range(0, len(self._pages), _OF_16_BITS)
         groups = [self._pages[first : first + firsts.step] for first in firsts]
         work = self._n_used * _counting.PAGE_SIZE
-        found = of_each(lambda n: np.count_nonzero(self._counts[groups[n][groups[n] > 0]]), len(groups), work)
-        before = np.cumsum([0, *found])
+        n_colors = of_each(lambda n: np.count_nonzero(self._counts[groups[n][groups[n] > 0]]), len(groups), work)
+        before = np.cumsum([0, *n_colors])
         keys, density = np.empty(before[-1], np.uint32), np.empty(before[-1])
 
         def number(n: int) -> None:
@@ -267,8 +267,8 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     """
     kinds = {f"{samples.colors.dtype} x {samples.colors.shape[1]}" for samples in several}
     if len(kinds) != 1:
-        found = ", ".join(sorted(kinds)) or "none"
-        raise ValueError(f"samples to merge must have one type and number of channels, not {found}")
+        kinds_given = ", ".join(sorted(kinds)) or "none"
+        raise ValueError(f"samples to merge must have one type and number of channels, not {kinds_given}")
     alpha = several[0].alpha
     merged = color_samples(np.concatenate([samples.colors for samples in several])[np.newaxis], alpha=alpha)
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])

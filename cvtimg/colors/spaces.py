@@ -170,7 +170,7 @@ def to_depth(colors: NDArray[Any], dtype: DTypeLike) -> NDArray[Any]:
     white = peak(colors.dtype)
     if colors.dtype.kind in "if":
         check_within("samples", colors, 0, white, f" to become {dtype}")
-    wide = max((one.itemsize for one in (colors.dtype, dtype) if one.kind in "iu"), default=0) > 2
+    wide = max((kind.itemsize for kind in (colors.dtype, dtype) if kind.kind in "iu"), default=0) > 2
     working = np.float64 if wide else colors.dtype if colors.dtype.kind == "f" else np.float32
     unit: NDArray[Any] = colors / np.asarray(white, working)
     if dtype.kind in "iu":

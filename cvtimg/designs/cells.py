@@ -77,8 +77,8 @@ def _cells(points: _Floats, periodic: bool, width: float) -> CellSums:
     centers = corners[:, 0] + to_center
     reaches = np.zeros(n_points)
     for corner in simplices.T:
-        own = corner < n_points
-        np.maximum.at(reaches, corner[own], np.linalg.norm(to_center[own], axis=1))
+        is_point = corner < n_points
+        np.maximum.at(reaches, corner[is_point], np.linalg.norm(to_center[is_point], axis=1))
     volumes, firsts, seconds = _sum_orthoschemes(simplices, corners, centers, n_points)
     return CellSums(volumes, firsts, seconds, reaches)
 
@@ -108,13 +108,13 @@ def _sum_orthoschemes(
     volumes, firsts = np.zeros(n_points), np.zeros((n_points, n_dims))
     seconds = np.zeros((n_points, n_dims, n_dims))
     for flag in itertools.permutations(range(n_dims + 1)):
-        own = simplices[:, flag[0]] < n_points
-        vertices = simplices[own, flag[0]]
-        steps = corners[own][:, list(flag[1:])] - corners[own, flag[0]][:, None]
+        is_point = simplices[:, flag[0]] < n_points
+        vertices = simplices[is_point, flag[0]]
+        steps = corners[is_point][:, list(flag[1:])] - corners[is_point, flag[0]][:, None]
         legs = [steps[:, 0] / 2]
         if n_dims == 3:
             legs.append(_face_center(steps[:, 0], steps[:, 1]))
-        scheme = np.stack([*legs, centers[own] - corners[own, flag[0]]], axis=1)
+        scheme = np.stack([*legs, centers[is_point] - corners[is_point, flag[0]]], axis=1)
         parts = np.sign(np.linalg.det(steps)) * np.linalg.det(scheme) / math.factorial(n_dims)
         sums = scheme.sum(axis=1)
         outer = np.einsum("tvi,tvj->tij", scheme, scheme) + sums[:, :, None] * sums[:, None]
@@ -125,11 +125,11 @@ def _sum_orthoschemes(
     return volumes, firsts, seconds
 
 
-def _face_center(one: _Floats, other: _Floats) -> _Floats:
+def _face_center(first: _Floats, second: _Floats) -> _Floats:
     """Circumcenters of triangles with a corner at the origin and two others given."""
-    normals = np.cross(one, other)
-    ones, others = (one**2).sum(axis=1, keepdims=True), (other**2).sum(axis=1, keepdims=True)
-    centers = np.cross(normals, one) * others + np.cross(other, normals) * ones
+    normals = np.cross(first, second)
+    ones, others = (first**2).sum(axis=1, keepdims=True), (second**2).sum(axis=1, keepdims=True)
+    centers = np.cross(normals, first) * others + np.cross(second, normals) * ones
     centers /= 2 * (normals**2).sum(axis=1, keepdims=True)
     return centers
 
@@ -189,9 +189,9 @@ class Cube(SampleMoments):
         places, frame = self._packed.frame.inward(generators), self._packed.frame
         labels = assign(self._packed, places)
         masses, firsts = cell_moments(self._packed, labels, len(places))
-        found = energy(self._packed, places, labels, masses, firsts)
+        total = energy(self._packed, places, labels, masses, firsts)
         moves = per_mass(firsts - masses[:, None] * places, masses)
-        return Moments(masses, frame.outward(places + moves), frame.energy(found))
+        return Moments(masses, frame.outward(places + moves), frame.energy(total))
 
     def labels(self, generators: _Floats) -> NDArray[Any]:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""

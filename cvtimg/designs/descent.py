@@ -65,8 +65,8 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
     )
     ends = [descend(cube, np.concatenate([existing, start]), terms) for start in starts]
     ends.sort(key=lambda end: end.energies[-1])
-    found = [end.generators[len(existing) :] for end in ends]
-    return [points % 1.0 for points in found] if cube.periodic else found
+    designs = [end.generators[len(existing) :] for end in ends]
+    return [points % 1.0 for points in designs] if cube.periodic else designs
 
 
 def place_latin(
@@ -132,10 +132,10 @@ def _alternate(
     best, least = points, (sys.maxsize, np.inf)
     for _ in range(EFFORTS[effort].latin_rounds):
         every = np.concatenate([existing, points])
-        found = cube(every)
-        if (reached := (fault(every), found.energy)) < least:
+        moments = cube(every)
+        if (reached := (fault(every), moments.energy)) < least:
             best, least = points, reached
-        moved = latin(found.centroids[len(existing) :])
+        moved = latin(moments.centroids[len(existing) :])
         if (moved == points).all():
             break
         points = moved
@@ -160,10 +160,10 @@ def _tessellated(
     if len(samples) >= _TWO_STAGES_FROM:  # the first of Sobol's points are as even as all of them
         few = slice(0, len(samples) // 4)
         some = None if weights is None else weights[few]
-        found = tessellate(samples[few], n_all, density=some, locked=locked, init=init, effort="balanced", rng=rng)
-        start, effort = found.generators[len(existing) :], "balanced"
-    found = tessellate(samples, n_all, density=weights, locked=locked, init=start, effort=effort, rng=rng)
-    return found.generators[len(existing) :]
+        result = tessellate(samples[few], n_all, density=some, locked=locked, init=init, effort="balanced", rng=rng)
+        start, effort = result.generators[len(existing) :], "balanced"
+    result = tessellate(samples, n_all, density=weights, locked=locked, init=start, effort=effort, rng=rng)
+    return result.generators[len(existing) :]
 
 
 def _latin(points: _Floats, existing: _Floats) -> _Floats:

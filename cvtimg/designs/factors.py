@@ -174,9 +174,9 @@ def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
     """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order."""
     rows = _read_rows(path)
     header = rows.pop(0) if rows and not all(map(_is_number, rows[0])) else []
-    found = [next((name for name in (factor.header, factor.name) if name in header), None) for factor in factors]
-    by_name = None not in found
-    columns = [header.index(str(name)) for name in found] if by_name else range(len(factors))
+    headers = [next((name for name in (factor.header, factor.name) if name in header), None) for factor in factors]
+    by_name = None not in headers
+    columns = [header.index(str(name)) for name in headers] if by_name else range(len(factors))
     if any(len(row) <= max(columns) if by_name else len(row) != len(columns) for row in rows):
         raise OSError(f"{path}: must have {len(factors)} columns, one for each factor, or their names")
     try:

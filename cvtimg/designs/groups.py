@@ -81,14 +81,14 @@ def _exchange(
     while is_better:
         is_better = False
         for i in rng.permutation(free).tolist():
-            own, terms = labels[i], terms_of(i)
-            change = sums[i, labels] - sums[i, own] + sums[:, own] - sums[every, labels] - 2 * terms
-            change[(labels == own) | (every < n_known)] = 0
+            group, terms = labels[i], terms_of(i)
+            change = sums[i, labels] - sums[i, group] + sums[:, group] - sums[every, labels] - 2 * terms
+            change[(labels == group) | (every < n_known)] = 0
             j = int(change.argmin())
             if change[j] < -_GAIN:
                 is_better = True
                 difference = terms_of(j) - terms
-                sums[:, own] += difference
+                sums[:, group] += difference
                 sums[:, labels[j]] -= difference
-                labels[i], labels[j] = labels[j], own
+                labels[i], labels[j] = labels[j], group
     return float(sums[every, labels].sum())

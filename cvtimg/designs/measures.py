@@ -67,7 +67,7 @@ def _exact(points: _Floats) -> float:
     if n_dims == 1:
         return float(kstest(points[:, 0], "uniform").statistic)
     sides = [np.unique(np.append(axis, 1.0)) for axis in points.T]
-    at = [np.searchsorted(own, axis) for own, axis in zip(sides, points.T, strict=True)]
+    at = [np.searchsorted(side, axis) for side, axis in zip(sides, points.T, strict=True)]
     # An open box has the points up to the corner before its own: the first row and column stay 0.
     counts = np.zeros((len(sides[0]) + 1, len(sides[1]) + 1), np.int32)
     closed_counts, open_counts = counts[1:, 1:], counts[:-1, :-1]

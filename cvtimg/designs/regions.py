@@ -76,16 +76,16 @@ def _feasible_samples(
     start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples
     while True:
         places = (start + tried * size).astype(np.float32)
-        found = places[is_feasible(places)]
-        if len(found) == 0 and len(tried) < _MANY_SAMPLES:
+        feasible = places[is_feasible(places)]
+        if len(feasible) == 0 and len(tried) < _MANY_SAMPLES:
             tried = sobol_samples(_MANY_SAMPLES, n_dims, rng)
             continue
-        if len(found) == 0 or len(found) > _ENOUGH * len(tried):
-            return found
+        if len(feasible) == 0 or len(feasible) > _ENOUGH * len(tried):
+            return feasible
         # There may be more beyond the outermost ones, by about the distance between samples.
-        margin = 3 * np.ptp(found, axis=0) / len(found) + size * len(tried) ** (-1 / n_dims)
-        corner = np.clip(found.min(axis=0) - margin, 0, 1)
-        smaller = np.clip(found.max(axis=0) + margin, 0, 1) - corner
+        margin = 3 * np.ptp(feasible, axis=0) / len(feasible) + size * len(tried) ** (-1 / n_dims)
+        corner = np.clip(feasible.min(axis=0) - margin, 0, 1)
+        smaller = np.clip(feasible.max(axis=0) + margin, 0, 1) - corner
         if smaller.prod() > size.prod() / 2:
-            return found
+            return feasible
         start, size, tried = corner, smaller, samples

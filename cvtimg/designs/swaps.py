@@ -132,7 +132,7 @@ def _free_places(points: _Floats, existing: _Floats) -> _Floats:
     """Return the centers (S, d) of slices that have no point; axes with fewer than S end in NaN."""
     every = np.concatenate([points, existing])
     free = [Slices.even(1, len(every)).free(0, axis[:, None]) for axis in every.T]
-    found = np.full((max(map(len, free)), len(free)), np.nan)
+    table = np.full((max(map(len, free)), len(free)), np.nan)
     for axis, places in enumerate(free):
-        found[: len(places), axis] = places
-    return found
+        table[: len(places), axis] = places
+    return table

@@ -46,9 +46,9 @@ def static_files() -> dict[str, Path]:
 class Server:
     """The ASGI application `app`, what is open, and when it was last used."""
 
-    def __init__(self, own: Credentials, paths: Sequence[Path] = (), keep: bool = True) -> None:
+    def __init__(self, credentials: Credentials, paths: Sequence[Path] = (), keep: bool = True) -> None:
         self.store = Store()
-        self._own, self._paths, self._keep = own, paths, keep
+        self._own, self._paths, self._keep = credentials, paths, keep
         self._n_pages, self._last_used = 0, time.monotonic()
         files = static_files()
         routes: list[Any] = [Route(address, self._static(path)) for address, path in files.items()]
@@ -65,7 +65,7 @@ class Server:
             Route("/file/{result}/{output}", self._file),
             WebSocketRoute("/live", self._live),
         ]
-        self.app = Guard(Starlette(routes=routes), own, files)
+        self.app = Guard(Starlette(routes=routes), credentials, files)
 
     @property
     def idle_seconds(self) -> float:

@@ -71,10 +71,10 @@ class Line(NamedTuple):
 
 def run(lines: Iterable[Line], values: Values | None = None) -> dict[str, Any]:
     """Run lines one after the other, and return the values of all names."""
-    found = dict(values or {})
+    named = dict(values or {})
     for name, value in lines:
-        found[name] = _value(value, found)
-    return found
+        named[name] = _value(value, named)
+    return named
 
 
 def as_python(lines: Sequence[Line], last: Call) -> str:

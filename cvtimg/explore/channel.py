@@ -239,7 +239,7 @@ def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:
     """Return what the page shows for each file of a result."""
     recipe, outputs = tab.recipe(request), tab.outputs(request)
     return [
-        {**recipe.shown(outputs[0] if one.read else one, request.stem), "key": one.key, "label": one.label}
-        | ({"file": one.pattern.format(request.stem)} if one.read else {})
-        for one in outputs
+        {**recipe.shown(outputs[0] if output.read else output, request.stem), "key": output.key, "label": output.label}
+        | ({"file": output.pattern.format(request.stem)} if output.read else {})
+        for output in outputs
     ]

@@ -68,14 +68,16 @@ class Control:
         if not self.flag or not self.says(value):
             return []
         return [
-            word for one in (value if isinstance(value, tuple) else [value]) for word in (self.flag, self.text(one))
+            word for item in (value if isinstance(value, tuple) else [value]) for word in (self.flag, self.text(item))
         ]
 
     def text(self, value: Any) -> str:
         return str(value)
 
     def described(self) -> dict[str, Any]:
-        told = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in _OWN}
+        told = {
+            attribute.name: getattr(self, attribute.name) for attribute in fields(self) if attribute.name not in _OWN
+        }
         return {"kind": self.kind or type(self).__name__.lower(), **told}
 
     def refuse(self, value: Any, allowed: str) -> UnfitRequestError:
@@ -200,12 +202,12 @@ class Table(Several):
     def parse_one(self, value: Any) -> tuple[Any, ...]:
         if not isinstance(value, list) or len(value) != len(self.columns):
             raise self.refuse("rows", f"lists of {len(self.columns)} values each")
-        return tuple(column.parse(one) for column, one in zip(self.columns, value, strict=True))
+        return tuple(column.parse(cell) for column, cell in zip(self.columns, value, strict=True))
 
     def text(self, value: Any) -> str:
         return ",".join(
-            column.text(one) if isinstance(column, Number) else re.sub(r"\s*([,|])\s*", r"\1", one)
-            for column, one in zip(self.columns, value, strict=True)
+            column.text(cell) if isinstance(column, Number) else re.sub(r"\s*([,|])\s*", r"\1", cell)
+            for column, cell in zip(self.columns, value, strict=True)
         )
 
     def described(self) -> dict[str, Any]:
@@ -284,11 +286,11 @@ def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) 
     """
     known = {option.name: option for option in options_of(verb)}
     made: list[Control] = []
-    for one in listed:
-        if isinstance(one, Control):
-            made.append(one)
+    for item in listed:
+        if isinstance(item, Control):
+            made.append(item)
             continue
-        name, changed = one if isinstance(one, tuple) else (one, {})
+        name, changed = item if isinstance(item, tuple) else (item, {})
         control = _control_of(known[name], changed)
         made.append(replace(control, when={**_when(known[name], made), **control.when}))
     return tuple(made)
@@ -322,11 +324,11 @@ def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]
             if isinstance(other, Switches) and name in other.choices:
                 when[other.name] = [name]
             elif isinstance(other, Choice) and other.name == name:
-                when[name] = [value] if value else [one for one in other.choices if one != other.default]
+                when[name] = [value] if value else [choice for choice in other.choices if choice != other.default]
     for name in option.excludes:
         for other in others:
             if isinstance(other, Switches) and name in other.choices:
-                when[other.name] = [one for one in when.get(other.name, list(other.choices)) if one != name]
+                when[other.name] = [choice for choice in when.get(other.name, list(other.choices)) if choice != name]
     return when
 
 

@@ -47,9 +47,9 @@ class Credentials:
 
     def admit(self, token: str) -> bool:
         """Whether a token lets in; one that does so once is used up."""
-        found = [one for one in (self._token, *self._once) if _same(one, token)]
-        self._once.difference_update(found)
-        return bool(found)
+        known = [expected for expected in (self._token, *self._once) if _same(expected, token)]
+        self._once.difference_update(known)
+        return bool(known)
 
     def knows(self, request: HTTPConnection) -> bool:
         """Whether a request has the session: in a header, or a socket as the second of its protocols."""
@@ -59,18 +59,18 @@ class Credentials:
         return _same(self.session, given)
 
 
-def _same(one: str, other: str) -> bool:
+def _same(expected: str, given: str) -> bool:
     """Whether two texts are equal, compared in constant time."""
-    return secrets.compare_digest(one.encode(), other.encode())
+    return secrets.compare_digest(expected.encode(), given.encode())
 
 
 class Guard:
     """Middleware that refuses what does not come from a page of the server, and says what its pages may do."""
 
-    def __init__(self, app: ASGIApp, own: Credentials, free: Collection[str]) -> None:
-        self._app, self._own = app, own
+    def __init__(self, app: ASGIApp, credentials: Credentials, free: Collection[str]) -> None:
+        self._app, self._own = app, credentials
         self._free = {ENTRANCE, *free}  # paths that need no session
-        sockets = " ".join(f"ws://{host}" for host in own.hosts)
+        sockets = " ".join(f"ws://{host}" for host in credentials.hosts)
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
             f"connect-src 'self' {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

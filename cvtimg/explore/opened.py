@@ -111,8 +111,10 @@ class Picture:
         if not 0 <= number < len(self.frames.images):
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
         key, page = f"{self.key}/{number}", number + 1
-        found: Picture = self.kept(("frame", number), lambda: Picture(key, self.name, self.path, whole=self, page=page))
-        return found
+        picture: Picture = self.kept(
+            ("frame", number), lambda: Picture(key, self.name, self.path, whole=self, page=page)
+        )
+        return picture
 
     @property
     def size(self) -> tuple[int, int]:
@@ -187,8 +189,8 @@ class Picture:
     def _measure(self, space: SpaceName) -> None:
         curve = self._curves[space]
         try:
-            found = energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
-            curve.set_result(found)
+            energies = energy_curve(self.samples, N_CURVE, space=space, callback=lambda step, energy: self._closed)
+            curve.set_result(energies)
         except Exception as error:
             curve.set_exception(error)
         for name in _IMPORTED:

@@ -88,7 +88,7 @@ class Outcome:
 
     def file(self, key: str) -> tuple[str, bytes] | None:
         """Return name and content of an output, or None if there is no such output; made once."""
-        output = next((one for one in self.outputs if one.key == key), None)
+        output = next((candidate for candidate in self.outputs if candidate.key == key), None)
         if output is None:
             return None
         name = output.pattern.format(self.stem)

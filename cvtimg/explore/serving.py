@@ -51,8 +51,8 @@ def serve(
     from cvtimg.explore.app import Server
 
     listener = _bound(port)
-    own = Credentials(listener.getsockname()[1], secrets.token_urlsafe(24))
-    server = Server(own, paths, keep)
+    credentials = Credentials(listener.getsockname()[1], secrets.token_urlsafe(24))
+    server = Server(credentials, paths, keep)
 
     async def end_when_idle(running: uvicorn.Server) -> None:
         while (left := 60 * idle_minutes - server.idle_seconds) > 0:
@@ -75,8 +75,8 @@ def serve(
         )
         running = uvicorn.Server(config)
         watch = asyncio.create_task(end_when_idle(running))
-        say(own.entrance())
-        with _door(own) if browser else nullcontext():
+        say(credentials.entrance())
+        with _door(credentials) if browser else nullcontext():
             await running.serve(sockets=[listener])
         watch.cancel()
 
@@ -89,7 +89,7 @@ def serve(
 
 
 @contextmanager
-def _door(own: Credentials) -> Iterator[None]:
+def _door(credentials: Credentials) -> Iterator[None]:
     """Open the browser through a file that only this user can read: all users see the arguments of programs.
 
     It lies in the home folder under a name without a dot, since confined browsers read no other files.
@@ -97,7 +97,7 @@ def _door(own: Credentials) -> Iterator[None]:
     home = Path.home()
     number, name = tempfile.mkstemp(".html", own_prefix(), home if os.access(home, os.W_OK) else None)
     os.close(number)
-    door, address = Path(name), own.entrance(once=True)
+    door, address = Path(name), credentials.entrance(once=True)
     try:
         door.write_text(
             f'<!doctype html><meta http-equiv="refresh" content="0;url={address}"><a href="{address}">Open</a>\n'

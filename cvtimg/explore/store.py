@@ -84,8 +84,8 @@ class Store:
         """Return the name and the colors of the palette that was chosen."""
         if not keys:
             raise UnfitRequestError("choose a palette, or open a file that has one")
-        if found := self._palettes.get(keys[0], KNOWN.get(keys[0])):
-            return found
+        if known := self._palettes.get(keys[0], KNOWN.get(keys[0])):
+            return known
         raise UnfitRequestError("this palette is no longer open; open it again")
 
     def open_file(self, path: Path) -> Picture:
@@ -124,7 +124,7 @@ class Store:
         return picture
 
     def _fits(self) -> bool:
-        total = sum(one.size[0] * one.size[1] for one in self._pictures.values())
+        total = sum(picture.size[0] * picture.size[1] for picture in self._pictures.values())
         return len(self._pictures) <= _MOST_PICTURES and total <= _MOST_PIXELS
 
     def open_palette(self, name: str, content: bytes) -> dict[str, Any]:
@@ -170,10 +170,10 @@ def _remove_left() -> None:
         return
     import psutil
 
-    found = [*Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*")]
+    places = [*Path(tempfile.gettempdir()).glob(f"{FOLDERS}*-*")]
     with suppress(RuntimeError):  # there is no home folder
-        found += Path.home().glob(f"{FOLDERS}*-*.html")
-    for left in found:
+        places += Path.home().glob(f"{FOLDERS}*-*.html")
+    for left in places:
         number = left.name.removeprefix(FOLDERS).partition("-")[0]
         with suppress(OSError):
             if number.isdigit() and left.lstat().st_uid == os.getuid() and not psutil.pid_exists(int(number)):

@@ -53,12 +53,12 @@ class HalfEdges:
 def half_edges_out(first: Triangles, twins: Triangles, degrees: Triangles) -> Triangles:
     """List the half-edges (N, M) out of each vertex of a closed surface, counterclockwise from the first; then -1."""
     current = first.copy()
-    found = np.full((len(degrees), int(degrees.max())), -1, np.int32)
-    for j in range(found.shape[1]):
+    ring = np.full((len(degrees), int(degrees.max())), -1, np.int32)
+    for j in range(ring.shape[1]):
         some = np.flatnonzero(degrees > j)
-        found[some, j] = current[some]
+        ring[some, j] = current[some]
         current[some] = turn_left(current[some], twins)
-    return found
+    return ring
 
 
 def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:

@@ -50,9 +50,9 @@ def find_borders(labels: NDArray[np.int32]) -> Borders:
         parts.append((low * n_regions + high, rows, columns, np.full(len(rows), axis == 0)))
     keys, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
     order = np.argsort(keys, kind="stable")
-    found, starts = np.unique(keys[order], return_index=True)
+    unique_keys, starts = np.unique(keys[order], return_index=True)
     return Borders(
-        np.stack(np.divmod(found, n_regions), axis=1).astype(np.int32),
+        np.stack(np.divmod(unique_keys, n_regions), axis=1).astype(np.int32),
         np.append(starts, len(keys)).astype(np.int32),
         np.stack([rows, columns], axis=1).astype(np.int32)[order],
         is_flat[order],
@@ -97,11 +97,11 @@ def absorb_small(
         Number in `pieces` of the piece that absorbed the piece of each pixel, or of that piece itself.
     """
     borders = find_borders(pieces)
-    own, n_pieces = pieces[pieces > 0] - 1, int(pieces.max())
-    sizes = np.bincount(own, minlength=n_pieces).astype(np.int64)
+    piece, n_pieces = pieces[pieces > 0] - 1, int(pieces.max())
+    sizes = np.bincount(piece, minlength=n_pieces).astype(np.int64)
     if not len(borders.pairs) or sizes.min() >= min_size:
         return pieces
-    sums = sum_by_label(own, values[pieces > 0], n_pieces)
+    sums = sum_by_label(piece, values[pieces > 0], n_pieces)
     means = sums / np.maximum(sizes, 1)[:, None]  # unused numbers are regions without pixels and borders
     lengths, most = borders.lengths.astype(np.float64), min(min_size, pieces.size + 1)
     parents = _labels.absorb(borders.pairs, lengths, sizes, means, most, length_price)

@@ -146,12 +146,12 @@ def _in_units(
     measured = ("equivalent_diameter_area", "axis_major_length", "axis_minor_length")
     spacing = {"spacing": (size.y, size.x), "properties": measured}
     diameters, longest, shortest = regionprops_table(segments, **spacing).values()  # type: ignore[no-untyped-call]
-    found = {f"area_{size.unit}2": table["area"] * size.x * size.y}
+    columns = {f"area_{size.unit}2": table["area"] * size.x * size.y}
     if size.x == size.y:
-        found[f"perimeter_{size.unit}"] = table["perimeter"] * size.x
+        columns[f"perimeter_{size.unit}"] = table["perimeter"] * size.x
     lengths = {"equivalent_diameter": diameters, "axis_major": longest, "axis_minor": shortest}
     lengths |= {"x": table["x"] * size.x, "y": table["y"] * size.y}
-    return found | {f"{name}_{size.unit}": values for name, values in lengths.items()}
+    return columns | {f"{name}_{size.unit}": values for name, values in lengths.items()}
 
 
 def volume_table(

@@ -169,7 +169,7 @@ def write_table(
     if Path(path).suffix.lower() == ".parquet":
         _write_parquet(path, table, overwrite)
         return
-    columns = (map(str if own.dtype.kind == "U" else shortest, own.tolist()) for own in table.values())
+    columns = (map(str if column.dtype.kind == "U" else shortest, column.tolist()) for column in table.values())
     write_csv(path, table, zip(*columns, strict=True), overwrite=overwrite)
 
 

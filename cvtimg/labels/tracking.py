@@ -37,20 +37,20 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> NDArray[np.i
     check_that(f"labels of shape {given.shape}", given.ndim in (3, 4), "be (T, H, W) or (T, Z, H, W)")
     check_that(f"labels of type {given.dtype}", given.dtype.kind in "iu", "be integers")
     check_that(f"min_overlap={min_overlap}", 0 <= min_overlap <= 1, "be in 0..1")
-    found = np.zeros(given.shape, np.int32)
+    tracks = np.zeros(given.shape, np.int32)
     last = 0
     for number, frame in enumerate(given):
-        present, own = np.unique(frame, return_inverse=True)
+        present, indices = np.unique(frame, return_inverse=True)
         new = np.zeros(len(present), np.int32)
         if number:
-            for at, kept in _pairs(own.ravel(), found[number - 1].ravel(), min_overlap):
+            for at, kept in _pairs(indices.ravel(), tracks[number - 1].ravel(), min_overlap):
                 if present[at] and not new[at] and kept not in new:
                     new[at] = kept
         fresh = (new == 0) & (present != 0)
         new[fresh] = np.arange(last + 1, last + 1 + fresh.sum())
         last = max(last, int(new.max(initial=0)))
-        found[number] = new[own].reshape(frame.shape)
-    return found
+        tracks[number] = new[indices].reshape(frame.shape)
+    return tracks
 
 
 def _pairs(now: NDArray[np.integer], before: NDArray[np.int32], least: float) -> list[tuple[int, int]]:

@@ -48,57 +48,57 @@ def draw_curves(plotted: Sequence[Plotted], suffix: str, rule: str = "chord") ->
     rule : str
         Name of the rule that picked k, for the legend.
     """
-    rows = [one for one in plotted if one.image is not None][:4]  # more would leave no room for the curves
-    n_max = max(one.curve.n_max for one in plotted)
+    rows = [item for item in plotted if item.image is not None][:4]  # more would leave no room for the curves
+    n_max = max(item.curve.n_max for item in plotted)
     n_columns = 2 + sum(k <= n_max for k in _POWERS)
-    heights = [*(_row_height(one, n_columns) for one in rows), 0.5 * _WIDTH]
+    heights = [*(_row_height(item, n_columns) for item in rows), 0.5 * _WIDTH]
     with figure_file(_WIDTH, sum(heights) + 0.3, suffix) as (figure, content):
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
-        for number, (part, one) in enumerate(zip(parts, rows, strict=False)):
-            _draw_thumbnails(part.subplots(1, n_columns, squeeze=False)[0], one, f"C{number}")
-        order = [*rows, *(one for one in plotted if one not in rows)]
+        for number, (part, item) in enumerate(zip(parts, rows, strict=False)):
+            _draw_thumbnails(part.subplots(1, n_columns, squeeze=False)[0], item, f"C{number}")
+        order = [*rows, *(item for item in plotted if item not in rows)]
         _draw_axes(parts[-1].subplots(), order, n_max, rule)
     return content.getvalue()
 
 
-def _row_height(one: Plotted, n_columns: int) -> float:
-    assert one.image is not None
-    height, width = one.image.shape[:2]
+def _row_height(item: Plotted, n_columns: int) -> float:
+    assert item.image is not None
+    height, width = item.image.shape[:2]
     return float(min(_WIDTH / n_columns * height / width, 2.0)) + 0.35
 
 
-def _draw_thumbnails(axes: Sequence[Axes], one: Plotted, color: str) -> None:
+def _draw_thumbnails(axes: Sequence[Axes], item: Plotted, color: str) -> None:
     """Show an image at the k that was picked, in a frame of the color of its curve, at other k, and as it is."""
-    assert one.image is not None
-    small = _reduced(one.image)
+    assert item.image is not None
+    small = _reduced(item.image)
     limits = natural_limits(_bands(small))
-    others = [k for k in _POWERS if k <= one.curve.n_max and k != one.k]
+    others = [k for k in _POWERS if k <= item.curve.n_max and k != item.k]
     for place in axes:
         place.set(xticks=[], yticks=[])
         place.axis("off")
-    for place, k in zip(axes, [one.k, *others, 0], strict=False):
+    for place, k in zip(axes, [item.k, *others, 0], strict=False):
         place.axis("on")
-        place.spines[:].set_visible(k == one.k)
+        place.spines[:].set_visible(k == item.k)
         place.spines[:].set(color=color, linewidth=2.5)
-        reduced = small if k == 0 else _in_generators(small, one.curve.generators[k - 1], one.space)
+        reduced = small if k == 0 else _in_generators(small, item.curve.generators[k - 1], item.space)
         place.imshow(shown(_bands(reduced), limits), interpolation="nearest")
         text = "original" if k == 0 else f"k = {k}"
-        place.set_title(text, fontsize=8, pad=3, color=color if k == one.k else "black")
+        place.set_title(text, fontsize=8, pad=3, color=color if k == item.k else "black")
 
 
 def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) -> None:
-    for number, one in enumerate(plotted):
-        first = one.curve.energies[0] or 1.0
-        shares = np.where(one.curve.energies > 0, one.curve.energies / first, np.nan)
+    for number, item in enumerate(plotted):
+        first = item.curve.energies[0] or 1.0
+        shares = np.where(item.curve.energies > 0, item.curve.energies / first, np.nan)
         color = f"C{number % 10}"
-        label = f"{one.name}: {one.k} by {rule}"
+        label = f"{item.name}: {item.k} by {rule}"
         axes.plot(np.arange(1, len(shares) + 1), shares, color=color, marker=".", markersize=4, label=label)
-        if np.isfinite(shares[one.k - 1]):
-            axes.plot(one.k, shares[one.k - 1], "o", color=color, markersize=11, markerfacecolor="none", mew=2)
+        if np.isfinite(shares[item.k - 1]):
+            axes.plot(item.k, shares[item.k - 1], "o", color=color, markersize=11, markerfacecolor="none", mew=2)
         else:
-            axes.axvline(one.k, color=color, linestyle=":")  # the energy is 0 there, which no logarithm shows
+            axes.axvline(item.k, color=color, linestyle=":")  # the energy is 0 there, which no logarithm shows
     axes.set_xscale("log", base=2)
-    if any(one.curve.energies[0] for one in plotted):
+    if any(item.curve.energies[0] for item in plotted):
         axes.set_yscale("log")
     ticks = [1 << power for power in range(n_max.bit_length())]
     axes.set_xticks(ticks, [str(tick) for tick in ticks])

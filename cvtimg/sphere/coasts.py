@@ -123,7 +123,7 @@ def coastal_grid(
         mesh.replace(there)
     on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh).areas))
     grid = as_grid(mesh, sums, ~on_coast)
-    values = {one.name: getattr(grid, one.name) for one in fields(grid)} | {"fixed": np.zeros(n, bool)}
+    values = {field.name: getattr(grid, field.name) for field in fields(grid)} | {"fixed": np.zeros(n, bool)}
     return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(mesh.points) & ~on_coast)
 
 
@@ -189,17 +189,17 @@ class Coast:
         if not len(points):
             return points
         arc = self.tree.query(points)[1]
-        one, other = self._on_arcs(points, arc), self._on_arcs(points, self.before[arc])
-        nearer = np.linalg.norm(one - points, axis=1) <= np.linalg.norm(other - points, axis=1)
-        return np.where(nearer[:, None], one, other)
+        after, before = self._on_arcs(points, arc), self._on_arcs(points, self.before[arc])
+        nearer = np.linalg.norm(after - points, axis=1) <= np.linalg.norm(before - points, axis=1)
+        return np.where(nearer[:, None], after, before)
 
     def crosses(self, mesh: SphereTriangulation, on_coast: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Tell which cells (N,) have corners, or a generator that is not on the coast, on both sides."""
         corners = np.repeat(self.is_land(mesh.circumcenters()), 3)
         vertices, n = mesh.triangles.ravel(), len(mesh.points)
         n_land, n_corners = np.bincount(vertices, corners, n), np.bincount(vertices, minlength=n)
-        own = self.is_land(mesh.points)
-        n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + own, n_corners + 1))
+        on_land = self.is_land(mesh.points)
+        n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + on_land, n_corners + 1))
         return (n_land > 0) & (n_land < n_corners)
 
     def claimed(self, points: Points, on_coast: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 @cache
 def _land() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((files("cvtimg.sphere") / "land.geojson").read_text())
-    return found
+    outlines: dict[str, Any] = json.loads((files("cvtimg.sphere") / "land.geojson").read_text())
+    return outlines
 
 
 def earth_land() -> dict[str, Any]:

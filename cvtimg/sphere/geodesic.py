@@ -24,8 +24,8 @@ def twist(n: int) -> tuple[int, int] | None:
         return None
     k = np.arange(int((t / 3) ** 0.5) + 1)
     h = np.rint((np.sqrt(4 * t - 3 * k * k) - k) / 2).astype(int)
-    found = np.flatnonzero(h * h + h * k + k * k == t)
-    return (int(h[found[0]]), int(k[found[0]])) if len(found) else None
+    solutions = np.flatnonzero(h * h + h * k + k * k == t)
+    return (int(h[solutions[0]]), int(k[solutions[0]])) if len(solutions) else None
 
 
 def nearest_twelve(n: int) -> int:
@@ -81,6 +81,6 @@ class Lattice:
         weights[~points_up] = 1 - weights[~points_up]
         corners = lower[:, None] + np.where(points_up[:, None, None], np.eye(3, dtype=int), 1 - np.eye(3, dtype=int))
         place = np.empty((n_steps + 1, n_steps + 1), np.intp)
-        own = self.shares // n_steps
-        place[own[:, 1], own[:, 2]] = np.arange(len(own))
+        face_shares = self.shares // n_steps
+        place[face_shares[:, 1], face_shares[:, 2]] = np.arange(len(face_shares))
         return place[corners[..., 1], corners[..., 2]], weights

@@ -17,9 +17,9 @@ def icosahedron() -> SphereTriangulation:
     golden = (1 + 5**0.5) / 2
     corners = [
         corner
-        for one in (-1.0, 1.0)
+        for side in (-1.0, 1.0)
         for long in (-golden, golden)
-        for corner in ((0.0, one, long), (one, long, 0.0), (long, 0.0, one))
+        for corner in ((0.0, side, long), (side, long, 0.0), (long, 0.0, side))
     ]
     return SphereTriangulation(unit(np.array(corners)))
 
@@ -28,11 +28,11 @@ def bisected(mesh: SphereTriangulation) -> SphereTriangulation:
     """Add the midpoints of all edges and divide triangles by four: n points become 4 n - 6."""
     n, edges, twins = len(mesh.points), mesh.triangles.ravel(), mesh.twins.ravel()
     number = np.arange(len(twins), dtype=np.int32)
-    own = np.flatnonzero(number < twins)
-    number[own] = n + np.arange(len(own), dtype=np.int32)
-    number[twins[own]] = number[own]
+    first = np.flatnonzero(number < twins)
+    number[first] = n + np.arange(len(first), dtype=np.int32)
+    number[twins[first]] = number[first]
     ends = np.roll(mesh.triangles, -1, axis=1).ravel()
-    middles = unit(mesh.points[edges[own]] + mesh.points[ends[own]])
+    middles = unit(mesh.points[edges[first]] + mesh.points[ends[first]])
     a, b, c = mesh.triangles.T
     ab, bc, ca = number.reshape(-1, 3).T
     triangles = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)

@@ -227,8 +227,10 @@ def _refuse_near(points: Points) -> NoReturn:
     from scipy.spatial import cKDTree
 
     gaps, near = cKDTree(points).query(points, 2)
-    one, other = sorted(near[gaps[:, 1].argmin()].tolist())
-    raise ValueError(f"points {one} and {other} must be at least {LEAST_DISTANCE:g} apart, not {gaps[:, 1].min():.2g}")
+    first, second = sorted(near[gaps[:, 1].argmin()].tolist())
+    raise ValueError(
+        f"points {first} and {second} must be at least {LEAST_DISTANCE:g} apart, not {gaps[:, 1].min():.2g}"
+    )
 
 
 def _four_apart(points: Points) -> NDArray[np.int32]:
@@ -295,16 +297,16 @@ def uniform_cells(mesh: SphereTriangulation) -> Cells:
 
 def _leveled(points: Points, moments: Points) -> NDArray[np.float64]:
     """Take the parts of moments along points out of them; return (2, N) lengths before, and of these parts."""
-    found = np.empty((2, len(points)))
+    parts = np.empty((2, len(points)))
 
     def level(start: int, stop: int) -> None:
         part = slice(start, stop)
-        found[0, part] = np.sqrt(np.einsum("ij,ij->i", moments[part], moments[part]))
-        found[1, part] = np.einsum("ij,ij->i", moments[part], points[part])
-        moments[part] -= found[1, part, None] * points[part]
+        parts[0, part] = np.sqrt(np.einsum("ij,ij->i", moments[part], moments[part]))
+        parts[1, part] = np.einsum("ij,ij->i", moments[part], points[part])
+        moments[part] -= parts[1, part, None] * points[part]
 
     in_parts(level, len(points), WORK * len(points))
-    return found
+    return parts
 
 
 @dataclass(frozen=True, slots=True)

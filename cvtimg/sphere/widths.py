@@ -190,8 +190,8 @@ def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
     if callable(width):
         return lambda points: _checked_widths(width(*np.degrees(to_radians(points))), points)
     if np.ndim(width) == 0:
-        one = check_positive("width", float(np.asarray(width)), "in km")
-        return lambda points: np.full(len(points), one)
+        everywhere = check_positive("width", float(np.asarray(width)), "in km")
+        return lambda points: np.full(len(points), everywhere)
     table = check_globe("width", np.atleast_2d(np.array(width, np.float64)))
     check_that("width", bool((np.isfinite(table) & (table > 0)).all()), "be finite and > 0 km everywhere")
     sizes = np.ascontiguousarray(table)

@@ -166,9 +166,9 @@ class _Cover:
         pairs = cKDTree(points).query_pairs(2 * self._limits.max(), output_type="ndarray")
         gaps = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         may_meet = gaps < self._limits[pairs].sum(axis=1)
-        own, other = np.concatenate([pairs[may_meet], pairs[may_meet, ::-1]]).T
-        by_ball = np.argsort(own, kind="stable")
-        ends = np.cumsum(np.bincount(own, minlength=len(points)))[:-1]
+        ball, other = np.concatenate([pairs[may_meet], pairs[may_meet, ::-1]]).T
+        by_ball = np.argsort(ball, kind="stable")
+        ends = np.cumsum(np.bincount(ball, minlength=len(points)))[:-1]
         # Of each ball, those that it may meet, and how far their centers are.
         self._others = np.split(other[by_ball], ends)
         self._gaps = np.split(np.tile(gaps[may_meet], 2)[by_ball], ends)

@@ -84,9 +84,9 @@ class Supports(ReadOnly):
         from scipy.sparse import csr_array
 
         where = check_places("places", places, self.points.shape[1])
-        own, rows = _held(where, self.points, self.radii * (1 - 1e-12))
-        shares = np.linalg.norm(where[rows] - self.points[own], axis=1) / self.radii[own]
-        return csr_array((shares, (rows, own)), shape=(len(where), len(self.points)))
+        balls, rows = _held(where, self.points, self.radii * (1 - 1e-12))
+        shares = np.linalg.norm(where[rows] - self.points[balls], axis=1) / self.radii[balls]
+        return csr_array((shares, (rows, balls)), shape=(len(where), len(self.points)))
 
     def plot(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Draw the disks, and the boundary of the region, to a .png or .svg file, whole or not at all; in the plane."""
@@ -167,9 +167,9 @@ def _overlap(points: _Floats, radii: _Floats) -> Any:
     from scipy.sparse import csr_array
 
     # Of two balls that meet, the center of one lies within twice the radius of the larger one.
-    own, other = _held(points, points, 2 * radii)
-    meet = (np.linalg.norm(points[own] - points[other], axis=1) < radii[own] + radii[other]) | (own == other)
-    one_way = csr_array((np.ones(int(meet.sum()), bool), (own[meet], other[meet])), shape=(len(points), len(points)))
+    first, second = _held(points, points, 2 * radii)
+    meet = (np.linalg.norm(points[first] - points[second], axis=1) < radii[first] + radii[second]) | (first == second)
+    one_way = csr_array((np.ones(int(meet.sum()), bool), (first[meet], second[meet])), shape=(len(points), len(points)))
     return (one_way + one_way.T).astype(bool)
 
 
@@ -177,5 +177,7 @@ def _held(places: _Floats, points: _Floats, radii: _Floats) -> tuple[NDArray[np.
     """Return all pairs of a ball and of a place in it."""
     from scipy.spatial import cKDTree
 
-    found = cKDTree(places).query_ball_point(points, radii)
-    return np.repeat(np.arange(len(found)), [len(row) for row in found]), np.concatenate(found).astype(np.intp)
+    neighbors = cKDTree(places).query_ball_point(points, radii)
+    return np.repeat(np.arange(len(neighbors)), [len(row) for row in neighbors]), np.concatenate(neighbors).astype(
+        np.intp
+    )

@@ -32,9 +32,9 @@ def is_large_table(path: Path) -> bool:
 
 def spread_of(blocks: Blocks) -> Spread:
     """Measure all rows in one pass; at least one must have a positive weight."""
-    found = over_blocks(blocks, _spread_of_block, Spread.total)
-    check_that("at least one row", found.mass > 0, "be complete and of positive weight")
-    return found
+    spread = over_blocks(blocks, _spread_of_block, Spread.total)
+    check_that("at least one row", spread.mass > 0, "be complete and of positive weight")
+    return spread
 
 
 def _spread_of_block(block: Block) -> Spread:
@@ -49,8 +49,8 @@ def standardized(blocks: Blocks, scaling: Scaling) -> Blocks:
 
 def sample_rows(blocks: Blocks, rng: int) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Draw about a million rows of positive weight; return them and their weights."""
-    found = survey(blocks, 1, np.random.default_rng(rng))
-    return found.rows, found.weights
+    surveyed = survey(blocks, 1, np.random.default_rng(rng))
+    return surveyed.rows, surveyed.weights
 
 
 def write_block_labels(path: StrPath, labels: Any, blocks: Blocks, *, overwrite: bool = False) -> int:

@@ -222,8 +222,8 @@ def find_tables(path: StrPath) -> list[Path]:
     if not folder.is_dir():
         return find_images(path)
     inside = (file.relative_to(folder) for file in folder.rglob("*") if file.suffix.lower() in TABLE_SUFFIXES)
-    found = {folder / file for file in inside if not any(part.startswith(".") for part in file.parts)}
-    tables = {file for file in found if file.is_file() or file.suffix.lower() in BLOCK_SUFFIXES}
+    visible = {folder / file for file in inside if not any(part.startswith(".") for part in file.parts)}
+    tables = {file for file in visible if file.is_file() or file.suffix.lower() in BLOCK_SUFFIXES}
     if not tables:
         raise FileNotFoundError(f"{path}: no table ({', '.join(TABLE_SUFFIXES)}) in this folder")
     # Files in a folder that is called like a table are parts of it.

@@ -110,10 +110,10 @@ class Tab:
     def scaled(self, request: Request) -> Settings:
         """Return the settings of a draft: lengths and areas shrink with the picture."""
         settings = dict(request.settings)
-        for one in self.controls:
-            if isinstance(one, Number) and one.unit in _POWERS:
-                small = settings[one.name] / request.step ** _POWERS[one.unit]
-                settings[one.name] = max(one.low, round(small) if one.step == 1 else small)
+        for control in self.controls:
+            if isinstance(control, Number) and control.unit in _POWERS:
+                small = settings[control.name] / request.step ** _POWERS[control.unit]
+                settings[control.name] = max(control.low, round(small) if control.step == 1 else small)
         return settings
 
     def exact(self, request: Request) -> Outcome:
@@ -124,43 +124,57 @@ class Tab:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
         inputs = [] if self.sheet else request.source.words
         maps = [
-            word for one in self._brushed(request) for word in (one.flag, safe_name(one.pattern.format(request.stem)))
+            word
+            for brush in self._brushed(request)
+            for word in (brush.flag, safe_name(brush.pattern.format(request.stem)))
         ]
         return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
 
     def _brushed(self, request: Request) -> list[Brushed]:
         controls = active(self.controls, request.settings)
-        return [one for one in controls if isinstance(one, Brushed) and request.settings[one.name]]
+        return [control for control in controls if isinstance(control, Brushed) and request.settings[control.name]]
 
     def maps(self, request: Request) -> dict[str, NDArray[np.uint8]]:
         """Return the (H, W) images that are drawn by brush, by the names of their controls."""
-        return {one.name: one.drawn(request.settings[one.name], request.picture.size) for one in self._brushed(request)}
+        return {
+            brush.name: brush.drawn(request.settings[brush.name], request.picture.size)
+            for brush in self._brushed(request)
+        }
 
     def map_outputs(self, request: Request) -> list[Output]:
         """Return the files of these images, which the command reads."""
         maps = self.maps(request)
         return [
-            Output(f"{one.label}, PNG", one.flag, one.pattern, Call("write_image", (maps[one.name],)), read=True)
-            for one in self._brushed(request)
+            Output(
+                f"{brush.label}, PNG", brush.flag, brush.pattern, Call("write_image", (maps[brush.name],)), read=True
+            )
+            for brush in self._brushed(request)
         ]
 
     def map_lines(self, request: Request) -> list[Line]:
-        files = {one.name: literal(one.pattern.format(request.stem)) for one in self._brushed(request)}
+        files = {brush.name: literal(brush.pattern.format(request.stem)) for brush in self._brushed(request)}
         maps = self.maps(request)
         return [Line(name, Named(f"cvtimg.read_image({file})", maps[name])) for name, file in files.items()]
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
-        counted = [one for one in active(self.controls, settings) if one.keyword and one.says(settings[one.name])]
-        return {one.keyword: one.to(settings[one.name]) if one.to else settings[one.name] for one in counted}
+        counted = [
+            control
+            for control in active(self.controls, settings)
+            if control.keyword and control.says(settings[control.name])
+        ]
+        return {
+            control.keyword: control.to(settings[control.name]) if control.to else settings[control.name]
+            for control in counted
+        }
 
     def in_effect(self, settings: Settings) -> set[str]:
         return {control.name for control in active(self.controls, settings)}
 
     def worded(self, message: str) -> str:
         """Return a message of the library in the words of the page: labels of controls for names of arguments."""
-        labels = {one.name: one.label for one in self.controls}
-        labels |= {one.keyword: one.label for one in self.controls if one.keyword}
+        labels = {control.name: control.label for control in self.controls}
+        labels |= {control.keyword: control.label for control in self.controls if control.keyword}
         labels |= {argument: labels[name] for argument, name in self.arguments.items()}
         names = "|".join(sorted(map(re.escape, labels), key=len, reverse=True))
         said = rf"(?<![\w.])({names})(=| (?=must))"

@@ -185,8 +185,8 @@ class ColorsTab(Tab):
         number: tuple[Any, ...] = ()
         if settings["aim"] == "palette":
             keywords["palette"] = read_as(*request.store.palette(settings["palette"]), picture.array.dtype)
-        elif (own := self._own_palette(request)) is not None and "weights" not in keywords:
-            keywords["palette"] = own
+        elif (palette := self._own_palette(request)) is not None and "weights" not in keywords:
+            keywords["palette"] = palette
             keywords.pop("effort", None)
         else:
             if settings["locked"]:
@@ -198,8 +198,8 @@ class ColorsTab(Tab):
     def _own_palette(self, request: Request) -> Named | None:
         """Return the palette of an indexed picture of few colors, which it keeps."""
         settings, picture = request.settings, request.picture
-        found = settings["aim"] == "k" and not settings["locked"] and not _bits(settings)
-        if not found or picture.header.mode != "P" or request.source.frames:
+        keeps = settings["aim"] == "k" and not settings["locked"] and not _bits(settings)
+        if not keeps or picture.header.mode != "P" or request.source.frames:
             return None
         colors = picture.kept("own palette", lambda: read_palette(picture.path))
         fits = len(colors) <= settings["k"] and colors.shape[1:] == picture.array.shape[2:]
@@ -240,10 +240,10 @@ class ColorsTab(Tab):
             except (TargetMissedError, ValueError):  # more colors than the curve has; or a space without PSNR
                 return None
         if curve is not None and not settings["locked"] and not _bits(settings) and number <= N_CURVE:
-            found = from_places(
+            places = from_places(
                 curve.generators[min(number, curve.n_max) - 1], settings["space"], picture.array.dtype, False
             )
-            colors = np.unique(found, axis=0)
+            colors = np.unique(places, axis=0)
             return colors[np.argsort(colors.sum(axis=1, dtype=np.float64), kind="stable")]
         locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
         samples = picture.samples_in(picture.whole(SMALL))
@@ -253,7 +253,7 @@ class ColorsTab(Tab):
     def exact(self, request: Request) -> Outcome:
         outcome = Tab.exact(self, request)
         if isinstance(result := outcome.values["result"], QuantizedSeries):
-            outcome.frames = [self.seen(request, {"result": one}) for one in result.results]
+            outcome.frames = [self.seen(request, {"result": frame}) for frame in result.results]
         return outcome
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
@@ -304,7 +304,7 @@ def n_pixels(values: Mapping[str, Any]) -> Any:
     """Count the pixels of each color."""
     result = values["result"]
     results = result.results if isinstance(result, QuantizedSeries) else (result,)
-    return sum(np.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in results)
+    return sum(np.bincount(frame.indices.ravel(), minlength=len(frame.palette)) for frame in results)
 
 
 N_PIXELS = Formula("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))", n_pixels)

@@ -122,8 +122,8 @@ class RestoreTab(Tab):
             return None
         x, y = (left + right - side) // 2, (top + bottom - side) // 2
         part = Window(x, y, x + side, y + side, 1)
-        versions = [part.of_array(one.array) for one in _versions(request)]
-        if any(one.shape[:2] != versions[0].shape[:2] for one in versions):
+        versions = [part.of_array(version.array) for version in _versions(request)]
+        if any(version.shape[:2] != versions[0].shape[:2] for version in versions):
             return None
         result: Denoised = self._call({**settings, "effort": "fast"}).run({"images": versions})
         return Outcome(_layer(request, result, len(versions)), _kinds(result), drawn=part)
@@ -176,12 +176,12 @@ def _found(result: Denoised) -> str:
     return "; ".join([*said, *([f"{unknown:.1%} known in no version"] if unknown else [])]) + "."
 
 
-def _of_file(one: Picture, shown: Picture) -> list[Picture]:
+def _of_file(picture: Picture, shown: Picture) -> list[Picture]:
     """Return the versions that a file has: the frame that is shown, or all pages where nothing says what they are."""
-    whole = one.whole_file or one
+    whole = picture.whole_file or picture
     if _are_versions(whole):
         return [whole.frame(number) for number in range(whole.header.frames)]
-    return [shown if shown.whole_file is whole else one.frame(0)]
+    return [shown if shown.whole_file is whole else picture.frame(0)]
 
 
 def _are_versions(whole: Picture | None) -> bool:

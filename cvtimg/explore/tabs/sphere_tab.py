@@ -124,12 +124,12 @@ def _density(settings: Settings) -> Any:
     """Return what says how cells vary, written in Python; None for cells of one size."""
     if settings["by"] == "width":
         circles = [WidthCircle(*row) for row in settings["circles_km"]]
-        text = "".join(f", [{', '.join(f'cvtimg.sphere.{one!r}' for one in circles)}]" if circles else "")
+        text = "".join(f", [{', '.join(f'cvtimg.sphere.{circle!r}' for circle in circles)}]" if circles else "")
         return Named(
             f"cvtimg.sphere.CellWidth({settings['cell_width']}{text})", CellWidth(settings["cell_width"], circles)
         )
     finer = [Refinement(*row) for row in settings["circles"]]
-    return Named(f"[{', '.join(f'cvtimg.sphere.{one!r}' for one in finer)}]", finer) if finer else None
+    return Named(f"[{', '.join(f'cvtimg.sphere.{circle!r}' for circle in finer)}]", finer) if finer else None
 
 
 def _n_points(settings: Settings) -> int:

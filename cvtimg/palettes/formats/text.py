@@ -103,8 +103,8 @@ def _found(pattern: re.Pattern[str], content: bytes) -> list[tuple[int, ...]]:
     from PIL.ImageColor import colormap, getrgb
 
     codes = pattern.findall(_COMMENT.sub("", content.decode("utf-8-sig", "replace")))
-    found = (hex_color(code) if code.startswith("#") else colormap.get(code.lower()) for code in codes)
-    return [getrgb(color) if isinstance(color, str) else color for color in found if color]
+    known = (hex_color(code) if code.startswith("#") else colormap.get(code.lower()) for code in codes)
+    return [getrgb(color) if isinstance(color, str) else color for color in known if color]
 
 
 def _named(swatches: Swatches, mark: str) -> str:
@@ -165,7 +165,7 @@ def _json_color(entry: Any) -> tuple[int, ...]:
         )
     if isinstance(entry, str):
         return hex_color(entry)
-    if not isinstance(entry, list) or not all(isinstance(one, int) for one in entry):
+    if not isinstance(entry, list) or not all(isinstance(value, int) for value in entry):
         raise UnfitContentError(f"has a color {str(entry)[:40]}, which must be like '#rrggbb' or [r, g, b]")
     return tuple(entry)
 

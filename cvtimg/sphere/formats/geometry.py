@@ -124,13 +124,13 @@ def _in_blocks(
     measure: Callable[..., tuple[NDArray[Any], ...]], *tables: NDArray[Any], size: int = 1 << 16
 ) -> list[NDArray[Any]]:
     """Measure some rows of tables at a time, so that what is needed in between is small."""
-    found: list[NDArray[Any]] = []
+    arrays: list[NDArray[Any]] = []
     for start in range(0, len(tables[0]), size):
         block = measure(*(table[start : start + size] for table in tables))
-        found = found or [np.empty((len(tables[0]), *values.shape[1:]), values.dtype) for values in block]
-        for whole, values in zip(found, block, strict=True):
+        arrays = arrays or [np.empty((len(tables[0]), *values.shape[1:]), values.dtype) for values in block]
+        for whole, values in zip(arrays, block, strict=True):
             whole[start : start + size] = values
-    return found
+    return arrays
 
 
 def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
@@ -151,8 +151,10 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
     """
 
     def of_edges(edges: Indices, pairs: Indices) -> tuple[Indices, Values]:
-        one, other = of_cells(edges, pairs[:, 0], 1.0), of_cells(edges, pairs[:, 1], -1.0)
-        return _those_first(np.concatenate([one[0], other[0]], axis=1), np.concatenate([one[1], other[1]], axis=1))
+        first, second = of_cells(edges, pairs[:, 0], 1.0), of_cells(edges, pairs[:, 1], -1.0)
+        return _those_first(
+            np.concatenate([first[0], second[0]], axis=1), np.concatenate([first[1], second[1]], axis=1)
+        )
 
     def of_cells(edges: Indices, cells: Indices, sign: float) -> tuple[Indices, Values]:
         around_cell, corners = around.edges_on_cell[cells], around.vertices_on_cell[cells]

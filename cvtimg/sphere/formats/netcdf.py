@@ -148,24 +148,24 @@ _MPAS_FLAGS = {"land": "cullCell", "coast": "coastCell"}
 def _masks(grid: GridContent) -> dict[str, Variable]:
     """Return flags of cells, and of edges and vertices where there is a boundary."""
     around = grid.around
-    found = {
+    masks = {
         _MPAS_FLAGS[name]: Variable(("nCells",), flags) for name, flags in grid.flags.items() if name in _MPAS_FLAGS
     }
     tables = {"Edge": ("nEdges", around.cells_on_edge), "Vertex": ("nVertices", around.cells_on_vertex)}
     layers = grid.flags.get("boundary_layer")
     if layers is not None:  # an edge or a vertex is in the innermost layer of its cells
-        found["bdyMaskCell"] = Variable(("nCells",), layers)
+        masks["bdyMaskCell"] = Variable(("nCells",), layers)
         for place, (along, cells) in tables.items():
             innermost = np.where(cells >= 0, layers[cells], layers.max()).min(axis=1)
-            found[f"bdyMask{place}"] = Variable((along,), innermost)
+            masks[f"bdyMask{place}"] = Variable((along,), innermost)
     if (around.cells_on_edge < 0).any():
         tables["Cell"] = (
             "nCells",
             np.where(np.arange(around.cells_on_cell.shape[1]) < around.degrees[:, None], around.cells_on_cell, 0),
         )
         for place, (along, cells) in tables.items():
-            found[f"boundary{place}"] = Variable((along,), (cells < 0).any(axis=1).astype(np.int32))
-    return found
+            masks[f"boundary{place}"] = Variable((along,), (cells < 0).any(axis=1).astype(np.int32))
+    return masks
 
 
 def write_ugrid(file: BinaryIO, grid: GridContent) -> None:
