@@ -50,7 +50,7 @@ def each(items: Sequence[T]) -> Iterator[T]:
 
 
 def first_few(items: Iterable[T], left: float = 0.75) -> Iterator[T]:
-    """Go through items of which only the first few may be needed: after each, so much of what was left is left."""
+    """Go through items of which only the first few may be needed: after each, a share of what was left is left."""
     done = 0.0
     for item in items:
         start, done = done, 1 - left * (1 - done)

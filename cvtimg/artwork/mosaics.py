@@ -259,7 +259,7 @@ def mosaic(
         Color space in which colors are averaged and errors are measured. Floating point images must be in 0..1
         except for "rgb".
     palette : int or (P, C) array, optional
-        Restrict tiles to so many colors, found by their energy, or to the nearest of these. Alpha is not restricted.
+        Number of colors that tiles may have, found by their energy, or the colors themselves. Alpha is not restricted.
     effort : {"fast", "balanced", "best"}
         25, 80 or 480 steps.
     callback : callable, optional

@@ -27,7 +27,7 @@ from cvtimg.placement.pictures import enlarge
 
 #: Dots by default: enough for faces.
 _USUAL_DOTS = 20_000
-#: Least diameter of dots in pixels, finer than which an image is enlarged, to so many pixels at most.
+#: Least diameter of dots in pixels, finer than which an image is enlarged, and the most pixels that it then has.
 _FINEST, _MOST_PIXELS = 1.25, 1 << 28
 
 

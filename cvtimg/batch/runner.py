@@ -321,7 +321,7 @@ def _performed(attempt: Attempt, tasks: Sequence[Task], running: Running) -> Gen
 def _jobs_worthwhile(tasks: Sequence[Task], least: int = 8 << 20, of_input: int = 1 << 17) -> int:
     """Return the default number of workers."""
     # Below the `least` bytes of inputs, about 13 photographs of 768 x 512, starting workers takes longer than it saves.
-    # An input costs as much as so many bytes more than it has.
+    # Bytes that the start of an input costs beside those it has.
     n_bytes = 0
     for task in tasks:
         n_bytes += of_input

@@ -18,7 +18,7 @@ EXAMPLES = """\
   cvtimg basis frames/ -n 4 --kind cvod --cells 12 -o frames.npz
 """
 COLUMNS = ("snapshots", "kind", "n", "cells", "explained", "energy", "seconds", "output")
-#: Modes of a sheet, in rows of so many.
+#: Modes in a row of a sheet.
 _MOST_SHOWN, _IN_A_ROW = 23, 6
 
 

@@ -34,7 +34,7 @@ def walk_boxes(
     const double[:, ::1] sides,       # IN (d, S): the sides that boxes can have, rising, along each axis
     int32_t[::1] corner,              # INOUT (d,): index of the box's side along each axis
     const int32_t[:, ::1] moves,      # IN (T, d): steps to try, one after the other
-    const double[::1] thresholds,     # IN (T,): a step that loses at most so much is taken
+    const double[::1] thresholds,     # IN (T,): the largest loss of a step that is taken
 ):
     """Walk from box to box, and return the greatest gap between the share of points and the volume that was met."""
     cdef Py_ssize_t n = points.shape[0], dims = points.shape[1], last = sides.shape[1] - 1, t, i, j, n_closed, n_open

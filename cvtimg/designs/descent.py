@@ -22,7 +22,7 @@ from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 
 _Floats = NDArray[np.float64]
 
-#: Latin points may have so much more energy than the best if they are more even.
+#: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
 #: So many samples are searched in two stages.
 _TWO_STAGES_FROM = 1 << 18

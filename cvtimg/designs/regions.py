@@ -33,7 +33,7 @@ class Region:
         self.may_be_latin = density is None
 
     def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
-        """Draw samples (m, d), of about so many, and their weights, if they differ."""
+        """Draw about the given number of samples (m, d), and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
         samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
         if self._density is None or not len(samples):

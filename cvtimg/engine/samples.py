@@ -17,7 +17,7 @@ MAX_ORDERED_DIMS = 4
 #: Rows whose keys are made at once, and parts that are sorted at once.
 _ROWS, _PARTS = 1 << 15, 64
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
-#: are enough generators for a gain and not so many rows that sorting costs more.
+#: are enough generators for a gain and few enough rows that sorting does not cost more.
 _FEW_ENOUGH_TO_SORT = 1 << 23
 #: Rows that are tried first for a line through all.
 _FEW = 64

@@ -97,7 +97,7 @@ class Number(Control):
     auto: bool = False  # Whether "auto" is allowed
     unit: str = ""  # Shown after the number; on the command line, `suffix` follows it
     suffix: str = ""
-    room: float = 0  # Pixels that each of so many things takes: a picture with less room begins with fewer
+    room: float = 0  # Pixels that each of the things counted takes: a picture with less room begins with fewer
 
     def parse(self, value: Any) -> Any:
         if self.auto and value == "auto":
@@ -143,7 +143,7 @@ class Switch(Control):
 
 @dataclass(frozen=True, kw_only=True)
 class Several(Control):
-    """A list of values, at most so many; on the command line the option is repeated for each."""
+    """A list of at most `most` values; on the command line the option is repeated for each."""
 
     default: tuple[Any, ...] = ()
     most: int = 64

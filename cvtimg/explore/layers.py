@@ -26,7 +26,7 @@ class Window(NamedTuple):
 
     @classmethod
     def of(cls, view: Any, size: tuple[int, int], most: int) -> Window:
-        """Return the window for what a page sees of a picture of (height, width), with at most so many pixels.
+        """Return the window for what a page sees of a picture of (height, width), with at most `most` pixels.
 
         `view` is [left, top, right, bottom] in pixels; None for all. Parts of the picture beside it are included as
         far as the pixels allow, so that small moves need no new window.

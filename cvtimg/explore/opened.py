@@ -147,7 +147,7 @@ class Picture:
         return self._samples_in(self.whole(MOST_PIXELS))
 
     def whole(self, most: int) -> Window:
-        """Return the window of the whole picture with at most so many pixels."""
+        """Return the window of the whole picture with at most the given number of pixels."""
         return Window.of(None, self.size, most)
 
     def samples_in(self, window: Window) -> ColorSamples:

@@ -42,7 +42,7 @@ def serve(
     keep : bool
         Whether the browser keeps settings while its page is open, so that a reload finds them again.
     idle_minutes : float
-        End after so many minutes without an open page.
+        Minutes without an open page after which the server ends.
     say : callable
         Told the address, which contains the token that lets a page in.
     """

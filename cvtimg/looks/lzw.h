@@ -16,7 +16,7 @@ enum { LZW_CODES = 4096, LZW_FIRST = 258, LZW_NONE = LZW_CODES, LZW_LEAST_BITS =
 // The most paths; the nearest entries of a pixel, by which they go on, and one for what a frame is drawn over; pixels that
 // are decided at a time, and how many are looked ahead.
 enum { LZW_MOST_PATHS = 64, LZW_CHOICES = RATE_NEAR + 1, LZW_DECIDED = 16, LZW_AHEAD = 16 };
-// A path that costs so many bits more than the cheapest is given up.
+// Bits by which a path may cost more than the cheapest before it is given up.
 static const float LZW_BEHIND_BITS = 20;
 // Shares of an error that the next pixel, and those below it, get. There are no long runs that would show as streaks.
 static const float LZW_RIGHT = 7 / 16.f, LZW_BELOW = 5 / 16.f, LZW_ASIDE = 2 / 16.f;

@@ -32,7 +32,7 @@ class Spacing:
     sharp: float = (
         0.42  # where two lines meet at an angle with less than this sine, sizes that grow from there are best
     )
-    tip: float = 5.0  # within so many lengths of the edge: shorter ones would move what is narrow nearer to the corner
+    tip: float = 5.0  # lengths of the edge: shorter ones would move what is narrow nearer to the corner
     short: float = 0.75  # the sizes around follow edges that are shorter than this part of what was wanted
     finest: float = 0.0  # but no size is lowered to less, in pixels: edges may shrink to nothing where areas are kept
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees

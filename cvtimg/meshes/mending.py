@@ -137,7 +137,7 @@ def _as_many(
 ) -> Points | None:
     """Return n vertices inside: of the free ones (N,), some go, or more stand in the largest triangles.
 
-    Those nearer to new places than `near` (M,) go first. None if there are not so many apart.
+    Those nearer to new places than `near` (M,) go first. None if fewer are apart.
     """
     from scipy.spatial import cKDTree
 

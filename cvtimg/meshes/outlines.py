@@ -27,7 +27,7 @@ class Smoothing:
     """
 
     corner: float = 55.0  # contours are jagged by their pixels: at a corner they turn by more, in degrees,
-    reach: int = 4  # from so many pixels before to after it
+    reach: int = 4  # pixels before and after it
     passes: int = 6
     towards: float = 0.5  # how points move towards the middle of their neighbors,
     away: float = -0.53  # and away from it

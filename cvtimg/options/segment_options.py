@@ -96,7 +96,7 @@ SEGMENT = (
     passed(
         "smallest_detail",
         Real(0, sized=True),
-        "Radius of the smallest detail that counts, in pixels or as 0.5um: edges cost so much that less vanishes.",
+        "Radius of the smallest detail that counts, in pixels or as 0.5um: edges cost enough that less vanishes.",
         metavar="R",
         default=1,
         excludes=_OTHER_WAYS,

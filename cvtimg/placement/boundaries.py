@@ -15,7 +15,7 @@ from cvtimg.placement.densities import Density, Points
 from cvtimg.placement.implicit import ImplicitRegion
 from cvtimg.placement.regions import Box, Region
 
-#: What is called on the boundary may be off by so much of the size of the region.
+#: Distance, in sizes of the region, by which what is called on the boundary may be off.
 _NEAR = 1e-6
 #: Pixels by which the outline of a mask may be simplified before points are spread along it.
 _SIMPLER = 0.75

@@ -49,7 +49,7 @@ class ImplicitFunction:
         return np.stack([(self(points + aside) - self(points - aside)) / (2 * step) for aside in asides], axis=1)
 
     def to_zero(self, points: Points, *, slide: bool = False, steps: int = 30, longest: float = 0.25) -> Points:
-        """Move points along the gradient to where the function is 0: Newton's method, at most so many steps.
+        """Move points along the gradient to where the function is 0: Newton's method, up to a number of steps.
 
         Each about doubles the number of right digits; the longest, in diagonals of the box, is for where the gradient
         nearly vanishes.

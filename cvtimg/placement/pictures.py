@@ -17,9 +17,9 @@ from cvtimg.placement.descent import Descend, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.polygons import NearestPixel
 
-#: A picture is enlarged where generators have few pixels: by the first factor with so many for each.
+#: A picture is enlarged where generators have few pixels: by the first factor that leaves this number for each.
 _ENLARGEMENTS = ((1, 20.0), (2, 4.0), (4, 0.0))
-#: A coarser level is worth its time from so many generators on.
+#: Generators from which on a coarser level is worth its time.
 _WORTH_A_LEVEL = 1000
 #: Pixels for each generator that are enough to start from.
 _PIXELS_TO_START = 256

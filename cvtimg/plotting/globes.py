@@ -207,7 +207,7 @@ def _axes_of_view(longitude: float, latitude: float) -> Values:
 
 
 def _on_globe(image: NDArray[np.uint8], center: tuple[float, float], n_across: int = 1000) -> NDArray[np.uint8]:
-    """Draw a map of the world on a globe of so many pixels, with transparent corners around."""
+    """Draw a map of the world on a globe of the given size in pixels, with transparent corners around."""
     across = (np.arange(n_across) + 0.5) / n_across * 2 - 1
     x, y = np.meshgrid(across, -across)
     inside = x**2 + y**2 < 1

@@ -115,7 +115,7 @@ def _settled(field: NDArray[np.float32], cells: NDArray[np.int32], weight: float
 
 
 def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
-    """Divide what is inside (H, W) into about so many connected cells of like size, numbered from 1."""
+    """Divide what is inside (H, W) into about a number of connected cells of like size, numbered from 1."""
     height, width = inside.shape
     # The whole image gets proportionally more cells, so that the number requested lies inside the mask.
     n_all = n_cells * inside.size / inside.sum()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvtimg.engine.tessellation import tessellate
 
 #: Light varies over this share of the longer side, then, to follow it into the corners, over half of that. It is found
-#: on so many pixels.
+#: on this number of pixels.
 _REACHES_OF_LIGHT, _ENOUGH_PIXELS = (0.125, 0.0625), 1 << 18
 _BLOCKS_IN_REACH = 4
 #: So many pixels tell whether it is uneven.

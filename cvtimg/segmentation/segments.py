@@ -72,7 +72,7 @@ def segment(
     averaging : {"before", "after"} or Averaging, optional
         For noisy or irregular images: average the image before it is segmented, or the segments after.
     smallest_detail : float
-        Radius in pixels (>= 0) of the smallest detail that counts: edges cost so much that smaller discs are not worth
+        Radius in pixels (>= 0) of the smallest detail that counts: edges cost enough that smaller discs are not worth
         theirs, even where the contrast is greatest, and larger ones are. With 0, only noise is taken away.
     edge_weight : float or "auto"
         Penalty (>= 0) for each pair of near pixels in different segments; larger values give smoother and shorter

@@ -73,7 +73,7 @@ class PictureValues:
         return float(np.einsum("n,nd->", self.samples.density, squares) / self.samples.density.sum())
 
     def in_even_light(self, field: NDArray[np.float32], n_segments: int) -> NDArray[np.float32]:
-        """(H, W, D) values about their mean, where the light on so many segments is even; 0 outside the mask."""
+        """(H, W, D) values about their mean, where the light on a number of segments is even; 0 outside the mask."""
         black = self.center + (self.spacing.first * self.unit if self.space == "rgb" else 0)
         light = (field + np.maximum(black, -field.min(axis=(0, 1)))).astype(np.float32)
         even = in_even_light(light, self.inside, n_segments, 0)

@@ -40,7 +40,7 @@ from cvtimg.sphere.widths import CellWidth
 MOST_POINTS = 1 << 28
 #: Points of the coarsest level, at least: few where cells are alike, so that twelve are pentagons; and with a density.
 _COARSEST = (12, 600)
-#: Coarsest grids with cells alike, of which the lowest goes on after so many moves.
+#: Coarsest grids with cells alike, and the moves after which the lowest goes on.
 _TRIALS, _TRIAL_MOVES = 8, 200
 #: Steps along a side of an icosahedron, at most, without moving a coarser lattice first.
 _DIRECT = 32

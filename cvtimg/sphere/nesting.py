@@ -34,7 +34,7 @@ _MARGIN, _PUSHES = 0.01, 4
 _CAPS = 6
 #: New points begin no nearer to kept ones than this part of the size of cells there.
 _APART = 0.6
-#: By what factor faster sizes change than by `GROWTH`, again and again, where so many points find no room while the
+#: By what factor faster sizes change than by `GROWTH`, again and again, where points find no room while the
 #: finest cells are less than half the mean.
 _FASTER, _FINEST = 1.5, 0.5
 #: Ends of the range in which the size of cells inside is looked for, by that of the parent.

@@ -29,13 +29,13 @@ class Tightening(NamedTuple):
 
     margin: float = 0.02  # by this share they may be larger than samples show before boxes are halved,
     boxes: float = 100.0  # or if there are fewer for each point, by how far its neighbors are;
-    halvings: int = 8  # so many times at most
+    halvings: int = 8  # halvings of a box at most
     fewest: int = 8  # points that each box sees beyond the nearest ones, where these hold it,
     few: int = 90  # and where others may: with 40, if distances vary, 8 % more balls meet
     rounds: int = 48  # in which balls grow and draw back: pairs still part after 16, hardly any after 48
     growth: float = 1.5  # to this times their first radius, so that others can shrink
     every: int = 4  # such rounds, one ball also takes over from another, where that
-    parted: int = 8  # parts so many pairs at most; of all, the helpers that grow least are tried
+    parted: int = 8  # pairs that are parted at most; of all, the helpers that grow least are tried
     helpers: int = 3
 
 

@@ -41,7 +41,7 @@ class Supports(ReadOnly):
     overlap : (n, n) scipy.sparse.csr_array of bool
         Which supports meet, each itself among them: the entries of a meshless method's matrix that are not zero.
     cover : int
-        Each place of the region lies in so many supports.
+        Number of supports that each place of the region lies in.
     proved : bool
         Whether that is proved, up to rounding, and not only tested by samples.
     region : Region
@@ -101,7 +101,7 @@ class Supports(ReadOnly):
 
 @hints_at_keywords
 def support_radii(points: ArrayLike, region: Any, cover: int = 1, *, tighten: bool = True) -> Supports:
-    """Find radii of balls around points that cover a region, each place so many times, and of which few meet.
+    """Find radii of balls around points that cover each place of a region `cover` times, and of which few meet.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divided, unit
 
-#: By default, the longest side of the bounds has so many cubes.
+#: Cubes along the longest side of the bounds, by default.
 _CUBES = 64
 #: More cubes than this would fill the memory.
 _MOST_CUBES = 1 << 27

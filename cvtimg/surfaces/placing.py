@@ -41,9 +41,9 @@ class SurfaceEffort:
     beyond: float = (
         1.7  # points move by this multiple of the step to the center of mass, which takes fewer moves than 1,
     )
-    last: int = 5  # but for so many moves at the end
+    last: int = 5  # moves at the end that do without
     longest: float = 0.3  # a step is at most this part of the size of a cell, so that triangles do not turn over
-    rest: int = 10  # the sizes of cells are measured again after so many moves
+    rest: int = 10  # moves after which the sizes of cells are measured again
     retreats: int = 4  # points whose triangles would fold stay, and those so far around them if that folds others
     fine: float = 0.5  # edges of the fine triangles that points are taken from, by the distances of points
     looked_at: int = 4096  # places at least where the density is looked at

@@ -24,9 +24,9 @@ HEXAGON = 0.75**0.5
 class Grading:
     """How distances of points grow, and how they are found."""
 
-    sparsest: float = 30.0  # points may be so much farther from each other than where the density is largest
+    sparsest: float = 30.0  # largest distance of points, in distances where the density is largest
     most_zeros: float = 0.01  # a density that is 0 at more places is warned of
-    grade: float = 0.3  # distances grow by so much for each unit of length, at most,
+    grade: float = 0.3  # largest growth of distances for each unit of length,
     too_steep: float = 1.25  # unless they are by less than this factor too long
     near: float = 0.01  # as a logarithm: what is near enough to those with which there are as many points as wanted
     most: float = 20.0  # and what is beyond them

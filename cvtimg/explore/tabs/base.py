@@ -99,7 +99,7 @@ class Tab:
         return 1 << 20
 
     def draft(self, request: Request) -> Outcome | None:
-        """Return what can be shown at once, by default the result of every so many-th pixel; None if nothing can."""
+        """Return what can be shown at once, by default the result of a part of the pixels; None if nothing can."""
         window = request.window if self.sheet else request.picture.whole(self.most_drafted)
         small = replace(request, step=window.step)
         small = replace(small, settings=self.scaled(small))

@@ -52,8 +52,8 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
 
 def _checked(values: NDArray[Any], few_bands: int = 4, flat: int = 4) -> NDArray[Any]:
     """Check that an array is an image, and move its bands to the last axis."""
-    # A last axis of few values holds bands, however small the image is; otherwise a first axis so many times as short
-    # as the others is doubtful: it may hold bands or pages.
+    # A last axis of few values holds bands, however small the image is; otherwise a first axis that is shorter than the
+    # others by the factor `flat` is doubtful: it may hold bands or pages.
     shape, axis = values.shape, selected().channel_axis
     if values.ndim not in (2, 3) or values.size == 0:
         raise UnfitContentError(f"holds an array of shape {shape}; an image must be (H, W) or (H, W, C)")

@@ -165,7 +165,7 @@ def _plain(file: BinaryIO) -> BinaryIO:
 
 
 def _all_of(file: BinaryIO, bytes_per_pixel: int = 16) -> bytes:
-    """Read a binary stream to its end, up to so many bytes for each pixel that an image may have."""
+    """Read a binary stream to its end, up to a number of bytes for each pixel that an image may have."""
     most = _most_pixels() * bytes_per_pixel
     content = file.read(int(min(most, sys.maxsize - 1)) + 1)
     if not isinstance(content, bytes):

@@ -24,7 +24,7 @@ _ROWS = 64
 
 
 def reduction(n_pixels: int) -> int:
-    """Return how many times an image of so many pixels is reduced along each axis."""
+    """Return how many times an image of a number of pixels is reduced along each axis."""
     return max(1, int(np.ceil(np.sqrt(n_pixels / SETTINGS.most_pixels))))
 
 

@@ -58,7 +58,7 @@ class Leaves:
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:
-    """Divide an image into about so many superpixels, and measure them."""
+    """Divide an image into about the given number of superpixels, and measure them."""
     with part(0, _DIVIDED):
         labels = _superpixels(channels, n_leaves)
     found = moments_of(values.field(), labels)

@@ -31,7 +31,7 @@ class Settings:
     texton_scales: tuple[float, ...] = (1.0, 2.0)  # widths of the filters, in pixels
     texton_contrast: float = 0.03  # responses halfway between weak ones and strong ones, whose logarithm counts
     texton_samples: int = 40_000  # pixels of which textons are found, at most ...
-    texton_step: int = 7  # ... and one of so many
+    texton_step: int = 7  # ... pixels from one to the next
     # leaves
     compactness: float = 5.0  # least penalty for near pixels in different leaves, in squared values
     speck: int = 12  # leaves smaller than the mean size divided by this join a neighbor
@@ -49,12 +49,12 @@ class Settings:
     least_spring: float = 1e-6  # no spring is weaker
     global_weight: float = 0.6  # of steps of vibrations across a border
     coarse_weight: float = 0.6  # of the hierarchy of the image at half its size ...
-    coarse_worth: float = 0.6  # ... whose strengths are so much of those of the whole
+    coarse_worth: float = 0.6  # ... share of the strengths of the whole that theirs have
     near: int = 1  # pixels of the half within which borders of the two are the same
     # merges: how much regions differ
     color: float = 0.5  # weight of the chi-square distance of their histograms in each channel of color
     texture: float = 0.8  # the same of textons
-    shared: float = 0.3  # less by so much for the share of the border in the shorter perimeter
+    shared: float = 0.3  # ... decrease for the share of the border in the shorter perimeter
     size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
     # edges that people draw, chosen by benchmarks/hierarchy.py --parts chances
     view_powers: tuple[float, ...] = (0.4, 0.3, 0.3)  # of the altitude, the strength, and the altitude from afar
