@@ -36,6 +36,7 @@ from .labels.edges import find_edges as find_edges
 from .labels.files import read_labels as read_labels
 from .labels.files import write_labels as write_labels
 from .labels.formats import write_contours as write_contours
+from .looks.similarity import content_quality as content_quality
 from .looks.similarity import visual_quality as visual_quality
 from .meshes.meshing import mesh_labels as mesh_labels
 from .meshes.meshing import mesh_region as mesh_region

@@ -40,6 +40,8 @@ class Running(NamedTuple):
     dask: str | None = None
     in_place: bool = False  # Allow outputs to replace their own inputs, once they are complete
     skip_if_larger: bool = False  # Keep the main output only if it is smaller than the input
+    # Suffixes of main outputs whose input stays, in place, or is copied, where it is of the same format and smaller.
+    keep_smaller: tuple[str, ...] = ()
     dry_run: bool = False  # Print the outputs of each input, and do nothing
     # Modules that tasks import, which workers have from the start.
     late: tuple[str, ...] = ("cvtimg.pictures.files",)
@@ -232,7 +234,7 @@ def _attempt(task: Task, *, work: Work, running: Running) -> Outcome:
                 check_can_be_written(path, overwrite=running.overwrite or running.in_place)
             stopwatch, before = Stopwatch(), _n_bytes("input_bytes", here.sources)
             notes: list[str] = []
-            aside = here.outputs and (running.skip_if_larger or running.in_place)
+            aside = here.outputs and (running.skip_if_larger or running.in_place or _may_stay(here, running))
             with running.around(notes):
                 done = _worked_aside(here, work, stopwatch, running) if aside else work(here, stopwatch)
             row = {**here.facts, **done, **before}
@@ -290,12 +292,25 @@ def _worked_aside(task: Task, work: Work, stopwatch: Stopwatch, running: Running
     with scratch_folder(task.output) as folder:
         trial = folder / task.output.name
         row = work(replace(task, outputs={**task.outputs, "-o": trial}), stopwatch)
-        if running.skip_if_larger and trial.stat().st_size >= task.source.stat().st_size:
-            return {**row, "output": None, "skipped": "output not smaller"}
+        may_stay = _may_stay(task, running)
+        if running.skip_if_larger or may_stay:
+            larger = trial.stat().st_size >= task.source.stat().st_size
+            if larger and (running.skip_if_larger or running.in_place):
+                return {**row, "output": None, "skipped": "output not smaller"}
+            if larger:
+                trial, row["warning"] = task.source, "the output is not smaller: a copy of the input"
         overwrite = running.overwrite or running.in_place
         with trial.open("rb") as source, whole_file(task.output, overwrite=overwrite) as target:
             shutil.copyfileobj(source, target)
     return row
+
+
+def _may_stay(task: Task, running: Running) -> bool:
+    """Whether the input may take the place of the main output."""
+    if not (running.keep_smaller and task.sources):
+        return False
+    suffixes = {path.suffix.lower() for path in (task.source, task.output)}
+    return len(suffixes) == 1 and suffixes <= {*running.keep_smaller} and task.source.is_file()
 
 
 @contextmanager

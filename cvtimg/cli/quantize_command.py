@@ -50,6 +50,12 @@ _CHOSEN = "goal: eyes, a small file that looks the same; -k N gives the least sq
 _DEEP = "written with 16 bits per channel; --depth 8 gives an indexed file, a fraction of the size"
 _LARGER = "larger than the input; --skip-if-larger leaves such files out"
 
+#: Formats in which a number of colors makes no form of its own, and those in which it does.
+_WITHOUT_PALETTE, _WITH_PALETTE = (".webp", ".ppm", ".pgm"), (".png", ".gif", ".bmp", ".tif", ".tiff")
+
+#: Qualities of all and of the content that differ by more are both told.
+_APART = 2.0
+
 #: Options by their names in Python, where these differ.
 _FLAGS = {
     "weights": "--weight-map",
@@ -113,7 +119,18 @@ def quantize(given: Given) -> Todo:
     if for_eyes:
         columns = tuple("quality" if name == "energy" else name for name in columns)
     report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
-    return planned(plan, partial(_quantize, options=how), report, given, late=("cvtimg.quantization.files", "deflate"))
+    late = ("cvtimg.quantization.files", "deflate")
+    return planned(plan, partial(_quantize, options=how), report, given, late=late, keep_smaller=_smaller_of(given))
+
+
+def _smaller_of(given: Given) -> tuple[str, ...]:
+    """Return the suffixes of outputs that are to be smaller than their inputs: of all, unless a form is asked for."""
+    if not (given.in_place or given.out_dir):
+        return ()
+    if any(getattr(given, name) is not None for name in ("mask", "lock", "color_bits", "depth")):
+        return ()
+    aims = (given.number, given.psnr, given.palette, given.weight_map)
+    return _WITHOUT_PALETTE if any(aim is not None for aim in aims) else (*_WITHOUT_PALETTE, *_WITH_PALETTE)
 
 
 def _may_replace(plan: Plan, given: Given) -> bool:
@@ -147,13 +164,18 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
     except UnfitOptionError as error:
         flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
         raise ValueError(error.reason.format(flag)) from error
-    hint = ""
+    hint, row = "", result.summary()
+    content = row.get("content_quality")
+    if content is not None and abs(content - row["quality"]) > _APART:
+        hint = f"quality {content:.1f} where there is content, {row['quality']:.1f} over the whole canvas"
     if task.output.suffix.lower() == ".png":  # which has palettes of 8 bits only
         if result.n_colors <= 256 and result.results[0].palette.itemsize == 2:
             hint = _DEEP
+        elif _smaller_of(given):  # which the runner sees to
+            pass
         elif task.source.is_file() and task.source.stat().st_size < task.output.stat().st_size:
             hint = _LARGER + ("; -k 256 has an index, more have none" if result.n_colors > 256 else "")
-    return result.summary() | ({"warning": hint} if hint else {})
+    return row | ({"warning": hint} if hint else {})
 
 
 def _name(source: Path, *, given: Given) -> str:

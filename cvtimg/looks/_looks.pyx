@@ -32,7 +32,7 @@ cdef extern from "rate.h" nogil:
         const float *entries
         const float *lengths
         const float *distances
-        float price, literal, strength, longest
+        float price, literal, side, strength, longest
         uint8_t *indices
     ctypedef struct rate_node:
         pass
@@ -107,7 +107,7 @@ def errors(
 def map_band(
     const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
     const float[::1] lengths, const float[::1] distances, int shift, int n_matches, float price, float literal,
-    float strength, float longest, uint8_t[:, ::1] indices,
+    float side, float strength, float longest, uint8_t[:, ::1] indices,
 ):
     """Map a band of rows by rate, into `indices`.
 
@@ -127,6 +127,8 @@ def map_band(
         Most matches that are followed from a pixel, in 1..MOST_MATCHES.
     price, literal : float
         Of a bit, and of an index by itself, in squared errors.
+    side : float
+        Of the cubes of places that share the entries near to their middle: it changes the time alone.
     strength, longest : float
         The share of the error that is handed on, and the greatest length of the error before that.
     indices : (H, W) uint8 array
@@ -137,7 +139,7 @@ def map_band(
     cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = (height + 1) * stride
     cdef rate_band band = rate_band(
         width, n_entries, shift, n_matches, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], &lengths[0],
-        &distances[0], price, literal, strength, longest, &indices[0, 0],
+        &distances[0], price, literal, side, strength, longest, &indices[0, 0],
     )
     nodes = np.empty((width + 1) * sizeof(rate_node), np.uint8)
     near = np.empty(width * sizeof(rate_near), np.uint8)
@@ -163,13 +165,14 @@ def map_band(
 
 def map_phrases(
     const float[:, :, ::1] targets, const float[:, ::1] visibility, const float[:, ::1] entries,
-    const float[:, :, ::1] kept, int n_paths, float price, float strength, float longest, uint8_t[:, ::1] indices,
+    const float[:, :, ::1] kept, int n_paths, float price, float side, float strength,
+    float longest, uint8_t[:, ::1] indices,
 ):
     """Map an image by rate for LZW, into `indices`.
 
     Parameters
     ----------
-    targets, visibility, entries, price, strength, longest, indices
+    targets, visibility, entries, price, side, strength, longest, indices
         As in `map_band`.
     kept : (H, W, 4) float32 array or None
         Places of what the image is drawn over, for which the index is K.
@@ -178,8 +181,8 @@ def map_phrases(
     """
     cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1
     cdef rate_band band = rate_band(
-        width, n_entries, 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], NULL, NULL, price, 0, strength,
-        longest, &indices[0, 0],
+        width, n_entries, 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], NULL, NULL, price, 0, side,
+        strength, longest, &indices[0, 0],
     )
     longer, slots = np.empty((LZW_CODES + 1, 256), np.int16), np.full(LZW_CODES, -1, np.int16)
     rows = np.zeros((2, width + 2, RATE_WIDTH), np.float32)

@@ -37,6 +37,7 @@ typedef struct {
   const float *lengths;     // (RATE_LONGEST + 1) price of the length of a match, in bytes
   const float *distances;   // (RATE_FARTHEST + 1) price of its distance, in bytes
   float price, literal;     // price of a bit, and of an index by itself
+  float side;               // of the cubes of places that share their nearest entries
   float strength, longest;  // share of the error that is handed on, and the greatest length of the error before that
   uint8_t *indices;         // (rows, width) OUT
 } rate_band;
@@ -52,9 +53,10 @@ typedef struct {
   uint8_t entry[RATE_NEAR];
 } rate_near;
 
-// A cube of places whose side is the usual step between entries, and the entries nearest to its middle.
+// A cube of places, and the entries nearest to its middle: no other one is within `reach` of it.
 typedef struct {
   int32_t corner[RATE_WIDTH];
+  float reach;
   uint8_t entries[RATE_MANY];
 } rate_cell;
 
@@ -111,15 +113,13 @@ static inline float rate_square(const rate_band *band, const float *place, int e
   return (a * a + b * b) + (c * c + d * d);
 }
 
-// Find the entries nearest to the middle of a cell.
-static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *cell) {
-  float middle[RATE_WIDTH], squares[RATE_MANY];
-  for (int c = 0; c < RATE_WIDTH; c++) middle[c] = band->longest * ((float)corner[c] + .5f);
-  memcpy(cell->corner, corner, sizeof cell->corner);
+// Find the entries nearest to a place.
+static void rate_fill(const rate_band *band, const float *place, rate_cell *cell) {
+  float squares[RATE_MANY];
   memset(cell->entries, (int)band->n_entries, RATE_MANY);
   int n = 0;
   for (int k = 0; k < band->n_entries; k++) {
-    const float square = rate_square(band, middle, k);
+    const float square = rate_square(band, place, k);
     if (n == RATE_MANY && square >= squares[n - 1]) continue;
     int at = n < RATE_MANY ? n++ : n - 1;
     for (; at > 0 && squares[at - 1] > square; at--) {
@@ -129,6 +129,17 @@ static void rate_fill(const rate_band *band, const int32_t *corner, rate_cell *c
     squares[at] = square;
     cell->entries[at] = (uint8_t)k;
   }
+  cell->reach = band->n_entries > RATE_MANY ? sqrtf(squares[RATE_MANY - 1]) : FLT_MAX;
+}
+
+// The squared distances of a place to the entries of a cell; returns the least.
+static inline float rate_measure(const rate_band *band, const rate_cell *cell, const float *place, float *squares) {
+  float least = FLT_MAX;
+  for (int i = 0; i < RATE_MANY; i++) {
+    squares[i] = rate_square(band, place, cell->entries[i]);
+    least = squares[i] < least ? squares[i] : least;
+  }
+  return least;
 }
 
 // Find the entries nearest to a place, in their order, among those near the middle of its cell. Squares have the order of
@@ -137,15 +148,27 @@ LOOKS_CLONES static void rate_look(const rate_band *band, rate_cell *cells, cons
                                   rate_near *near) {
   static const uint32_t mix[RATE_WIDTH] = {0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D, 0x27D4EB2F};
   int32_t corner[RATE_WIDTH], keys[RATE_MANY], ranks[RATE_MANY] = {0}, ranked[RATE_MANY];
+  float middle[RATE_WIDTH], squares[RATE_MANY], away = 0;
   uint32_t hash = 0;
   for (int c = 0; c < RATE_WIDTH; c++) {
-    corner[c] = (int32_t)floorf(place[c] / band->longest);
+    corner[c] = (int32_t)floorf(place[c] / band->side);
+    middle[c] = band->side * ((float)corner[c] + .5f);
+    away += (place[c] - middle[c]) * (place[c] - middle[c]);
     hash ^= mix[c] * (uint32_t)corner[c];
   }
-  rate_cell *cell = cells + (hash >> (32 - RATE_CELL_BITS));
-  if (memcmp(cell->corner, corner, sizeof corner)) rate_fill(band, corner, cell);
-  float squares[RATE_MANY];
-  for (int i = 0; i < RATE_MANY; i++) squares[i] = weight * rate_square(band, place, cell->entries[i]);
+  rate_cell *cell = cells + (hash >> (32 - RATE_CELL_BITS)), of_place;
+  if (memcmp(cell->corner, corner, sizeof corner)) {
+    memcpy(cell->corner, corner, sizeof corner);
+    rate_fill(band, middle, cell);
+  }
+  // An entry that the cell lacks may be nearer where the ways from its middle to the place and on to the nearest entry
+  // are longer than its reach (triangle inequality).
+  if (sqrtf(away) + sqrtf(rate_measure(band, cell, place, squares)) > cell->reach) {
+    cell = &of_place;
+    rate_fill(band, place, cell);
+    rate_measure(band, cell, place, squares);
+  }
+  for (int i = 0; i < RATE_MANY; i++) squares[i] *= weight;
   memcpy(keys, squares, sizeof keys);
   for (int i = 0; i < RATE_MANY; i++) keys[i] = (keys[i] & -RATE_MANY) | i;
   for (int j = 0; j < RATE_MANY; j++) {

@@ -25,6 +25,8 @@ _N_SCALES, _LEAST_SIDE = 6, 8
 #: A Gaussian of sigma 1.5.
 _BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
 _BLUR = (_BELL / _BELL.sum()).astype(np.float32)
+#: Steps that add up to the reach of it.
+_REACH = (1, 2, 2)
 #: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
 #: artifacts and lost detail. Those left out are 0.
 # fmt: off
@@ -70,7 +72,9 @@ class VisualQuality:
     Parameters
     ----------
     original : (H, W) or (H, W, C) array
-        Gray or RGB; alpha is composed on mid-gray. Of any integer or floating type, with the usual white.
+        Gray or RGB, with or without alpha. Of any integer or floating type, with the usual white.
+    ground : float
+        The gray, in 0..1 of sRGB, that alpha is composed on.
 
     Examples
     --------
@@ -82,25 +86,51 @@ class VisualQuality:
     True
     """
 
-    def __init__(self, original: NDArray[Any]) -> None:
-        self._shape = np.asarray(original).shape[:2]
-        self._scales = [_scale(linear) for linear in _pyramid(original)]
+    def __init__(self, original: NDArray[Any], ground: float = 0.5) -> None:
+        self._shape, self._ground = np.asarray(original).shape[:2], ground
+        pyramid = _pyramid(original, ground)
+        self._scales, self._counts = [_scale(linear) for linear in pyramid], [_n_busy(linear) for linear in pyramid]
 
     def __call__(self, image: NDArray[Any]) -> float:
         """Return the quality of an image of the same size, up to 100; below 0 it is hardly the same image."""
+        return self.judged(image)[0]
+
+    def judged(self, image: NDArray[Any]) -> tuple[float, float]:
+        """Return the quality of an image of the same size, and that of its content, see `content_quality`."""
         if np.asarray(image).shape[:2] != self._shape:
             raise ValueError(f"image of {image.shape[:2]} pixels must have the size of the original, {self._shape}")
-        total = 0.0
-        for level, (original, linear) in enumerate(zip(self._scales, _pyramid(image), strict=True)):
-            errors = _errors(original, _scale(linear))
-            for channel in range(3):
-                # The reference goes through the weights one by one, also where an image has fewer scales.
-                place = divmod(channel * len(self._scales) + level, _N_SCALES)
-                for norm, weights in enumerate(_WEIGHTS.get(place, ())):
-                    total += float(np.dot(weights, errors[channel, norm]))
-        total *= 0.9562382616834844
-        total = 2.326765642916932 * total - 0.020884521182843837 * total**2 + 6.248496625763138e-05 * total**3
-        return 100 - 10 * total**0.6276336467831387 if total > 0 else 100.0
+        totals = np.zeros(2)
+        for level, (original, n_busy, linear) in enumerate(
+            zip(self._scales, self._counts, _pyramid(image, self._ground), strict=True)
+        ):
+            sums = _sums_of_errors(original, _scale(linear))
+            for of_what, count in enumerate((linear[0].size, n_busy)):
+                errors = sums / count
+                errors[:, 1] **= 0.25
+                for channel in range(3):
+                    # The reference goes through the weights one by one, also where an image has fewer scales.
+                    place = divmod(channel * len(self._scales) + level, _N_SCALES)
+                    for norm, weights in enumerate(_WEIGHTS.get(place, ())):
+                        totals[of_what] += float(np.dot(weights, errors[channel, norm]))
+        whole, content = (_score(float(total)) for total in totals)
+        return whole, content
+
+
+class ContentQuality:
+    """How alike the content of images looks, whatever is behind them, against an original that is prepared once.
+
+    See `content_quality`.
+    """
+
+    def __init__(self, original: NDArray[Any]) -> None:
+        bands = np.asarray(original)
+        seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
+        # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
+        self._on = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
+
+    def __call__(self, image: NDArray[Any]) -> float:
+        """Return the quality of the content of an image of the same size."""
+        return min(quality.judged(image)[1] for quality in self._on)
 
 
 def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
@@ -123,9 +153,56 @@ def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
     return VisualQuality(original)(image)
 
 
-def _pyramid(image: NDArray[Any]) -> list[NDArray[np.float32]]:
+def content_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
+    """Return how alike the content of two images looks, on the worse of a black and a white background, at most 100.
+
+    `visual_quality` is a mean over all pixels, so an empty canvas hides what befalls a small logo on it. Here errors
+    are divided by the pixels near which the original is not of one color (in a window of 11 x 11 pixels, the reach of
+    the measure, at each of its scales): a wider canvas does not change the quality. Photographs without clipped areas
+    have the same quality by both. This is what `cvtimg.quantize` aims at for eyes.
+
+    Parameters
+    ----------
+    original, image : (H, W) or (H, W, C) arrays
+        Gray or RGB, with or without alpha, of the same size.
+
+    Examples
+    --------
+    >>> import cvtimg
+    >>> canvas = np.full((200, 300), 255, np.uint8)
+    >>> canvas[20:40, 20:60] = np.arange(40) * 6
+    >>> cvtimg.content_quality(canvas, canvas // 32 * 36) < cvtimg.visual_quality(canvas, canvas // 32 * 36) - 5
+    True
+    """
+    return ContentQuality(original)(image)
+
+
+def _score(total: float) -> float:
+    """Return the quality that errors lead to, weighted and added."""
+    total *= 0.9562382616834844
+    total = 2.326765642916932 * total - 0.020884521182843837 * total**2 + 6.248496625763138e-05 * total**3
+    return 100 - 10 * total**0.6276336467831387 if total > 0 else 100.0
+
+
+def _n_busy(linear: NDArray[np.float32]) -> int:
+    """Return the number of pixels (3, H, W) in whose window there is more than one color, or that of all if none."""
+    differs = np.zeros(linear.shape[1:], np.bool_)
+    for axis, rows in enumerate((differs, differs.T)):
+        steps = (np.diff(linear, axis=axis + 1) != 0).any(axis=0)
+        steps = steps if axis == 0 else steps.T
+        rows[:-1] |= steps
+        rows[1:] |= steps
+    for rows in (differs, differs.T):
+        for step in _REACH:
+            near = rows.copy()
+            rows[step:] |= near[:-step]
+            rows[:-step] |= near[step:]
+    return int(np.count_nonzero(differs)) or differs.size
+
+
+def _pyramid(image: NDArray[Any], ground: float) -> list[NDArray[np.float32]]:
     """Return the image at each scale, as planes (3, H, W) of linear light."""
-    scales = [_linear(np.asarray(image))]
+    scales = [_linear(np.asarray(image), ground)]
     while len(scales) < _N_SCALES and min(scales[-1].shape[1:]) >= 2 * _LEAST_SIDE - 1:
         scales.append(_halved(scales[-1]))
     return scales
@@ -144,7 +221,7 @@ def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return halved
 
 
-def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
+def _linear(image: NDArray[Any], ground: float) -> NDArray[np.float32]:
     """Return the linear light of an image, as planes (3, H, W)."""
     if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
         raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")
@@ -156,7 +233,7 @@ def _linear(image: NDArray[Any]) -> NDArray[np.float32]:
         rows = bands[own]
         if has_alpha(rows.shape[2]):
             share = rows[:, :, -1:] / white
-            rows = share * (rows[:, :, :-1] / white) + (1 - share) * 0.5
+            rows = share * (rows[:, :, :-1] / white) + (1 - share) * ground
         linear = levels[rows] if rows.dtype == np.uint8 else to_space(rows.reshape(-1, 1), "linear").reshape(rows.shape)
         light[:, own] = linear.transpose(2, 0, 1)
 
@@ -179,11 +256,9 @@ def blurred(*factors: list[_Plane] | _Plane) -> list[_Plane]:
     return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)
 
 
-def _errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
-    """Return the mean and the fourth root of the mean of fourth powers of each error, (3, 2, 3) by channel."""
+def _sums_of_errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
+    """Return the sums of each error and of its fourth power, (3, 2, 3) by channel."""
     products = blurred(original.planes, other.planes)
     given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]
     sums = of_each(lambda channel: _looks.errors(*(one[channel] for one in given)), 3, 20 * original.planes.size)
-    means = np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1) / original.planes[0].size
-    means[:, 1] **= 0.25
-    return means
+    return np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1)

@@ -154,6 +154,7 @@ def write_image(
     alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,
+    smallest: bool = False,
     overwrite: bool = False,
 ) -> None:
     """Write an image atomically, in the format given by the suffix.
@@ -178,6 +179,8 @@ def write_image(
         the main EXIF directory, and no EXIF with 16-bit color or with bands that are not colors.
     optimize : bool
         Recompress a .png losslessly with oxipng (``pip install 'cvtimg[oxipng]'``): smaller, but slower.
+    smallest : bool
+        Write the colors of a palette to a .png as gray or RGB where that takes fewer bytes than indices.
     overwrite : bool
         Replace an existing file.
 
@@ -198,6 +201,6 @@ def write_image(
     ...     image_info(f"{folder}/a.png").bits
     1
     """
-    write = encoder(Path(path).suffix, image, palette, alpha, metadata, optimize)
+    write = encoder(Path(path).suffix, image, palette, alpha, metadata, optimize, smallest)
     with writing(path, overwrite=overwrite) as file:
         write(file)

@@ -90,13 +90,14 @@ class Stack:
         nodata: float | None = None,
         metadata: Metadata | None = None,
         optimize: bool = False,
+        smallest: bool = False,
         overwrite: bool = False,
     ) -> None:
         """Write as many images in the places of these, as files of the kind hold them.
 
         Parameters
         ----------
-        path, palette, alpha, metadata, optimize, overwrite
+        path, palette, alpha, metadata, optimize, smallest, overwrite
             As in `write_image`, `write_frames`, `write_pages` or `write_bands`.
         images : iterable of arrays
             For a file in tiles, bands of rows from top to bottom, of any height.
@@ -116,7 +117,7 @@ class Stack:
             write_bands(path, form, chain(start, bands), palette=palette, overwrite=overwrite)
         else:
             options: dict[str, Any] = {"palette": palette, "alpha": alpha, "metadata": metadata, "optimize": optimize}
-            write_image(path, next(iter(images)), **options, overwrite=overwrite)
+            write_image(path, next(iter(images)), **options, smallest=smallest, overwrite=overwrite)
 
 
 def open_stack(

@@ -73,11 +73,16 @@ class _Aiming(NamedTuple):
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
     near: float = 2.0  # to the quality with few matches is near enough to go on with all
+    far: float = 3.0  # below the quality are the same colors enough, at less than the highest price
+    below: float = 0.5  # the quality are other numbers of colors tried, that prices then raise
     n_trials: int = 5  # with one of few matches
+    n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
+    worth: float = 1.5  # power of the quality by which a file that is not exact must be smaller
+    bands: float = 0.118  # that rounding to 8 bits leaves: .289 sqrt(1.5) / 3
 
 
 _AIMING = _Aiming()
@@ -115,8 +120,11 @@ class QuantizeOptions:
     per_frame: bool = False
     engine: EngineOptions = field(default_factory=EngineOptions)
     suffix: str = ".png"
-    price: float = USUAL.price  # that of a bit, and the matches that are followed, which searches set
+    # What searches set: the price of a bit, the matches that are followed, and whether an image that has the colors of
+    # the palette alone stays as it is.
+    price: float = USUAL.price
     n_matches: int | None = None
+    keeps_exact: bool = True
 
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""
@@ -176,7 +184,7 @@ class QuantizeOptions:
     def rate(self) -> Rate:
         """What small files are worth to `dither="compact"`."""
         n_matches = self.n_matches or MATCHES[self.engine.get("effort", "balanced")]
-        return Rate(self.price, n_matches, "lzw" if self.suffix == ".gif" else "deflate")
+        return Rate(self.price, n_matches, "lzw" if self.suffix == ".gif" else "deflate", self.keeps_exact)
 
     @property
     def strength(self) -> float:
@@ -210,8 +218,21 @@ class MeasuredSource(Source, Protocol):
         """Return fewer pixels of the same looks, a small sample within a point or two, or itself."""
         ...
 
+    @property
+    def is_drawn(self) -> bool:
+        """Whether there are areas of one color, so that colors that are not mixed may have the smallest file."""
+        ...
+
     def quality(self, result: Any) -> float:
+        """Return the quality of the content of a result."""
+        ...
+
+    def visual_quality(self, result: Any) -> float:
         """Return the visual quality of a result."""
+        ...
+
+    def streaks(self, result: Any) -> float:
+        """Return how much smooth areas of a result are banded."""
         ...
 
     def size(self, result: Any) -> int:
@@ -230,7 +251,7 @@ def quantized(source: Any, how: QuantizeOptions) -> Any:
         return replace(quantized(source, replace(how, n_colors=at_elbow)), curve=curve)
     if how.max_bytes is not None:
         result = _within_bytes(source, replace(how, n_colors=how.n_colors or MAX_ENTRIES), how.max_bytes)
-        return _seen(source, result) if how.goal == "eyes" else result
+        return judged(source, result) if how.goal == "eyes" else result
     if how.goal == "eyes":
         return _for_eyes(source, how)
     if how.psnr is not None and how.palette is None:
@@ -306,13 +327,12 @@ def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
     """Let bits cost as much as the quality allows, and say what was reached; see `quantize`."""
     result = _nearest_quality(source, how)
     least, wanted = how.quality_range
-    if how.quality is not None and result.quality < wanted:
+    if how.quality is not None and result.energy and (quality := result.content_quality) < wanted:
         colors = f"{_most_colors(result)} colors"
-        if result.quality < least:
-            refuse("quality", least, f"at most {result.quality:.1f} at its lower end, which {colors} reach")
-        text = f"quality={wanted:g} is out of reach of {colors}: {result.quality:.1f}"
-        warnings.warn(text, UserWarning, stacklevel=4)
-    return result
+        if quality < least:
+            refuse("quality", least, f"at most {quality:.1f} at its lower end, which {colors} reach")
+        warnings.warn(f"quality={wanted:g} is out of reach of {colors}: {quality:.1f}", UserWarning, stacklevel=4)
+    return judged(source, result)
 
 
 def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
@@ -321,11 +341,45 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
         return _seen(source, quantized(source, replace(how, goal="error", max_bytes=None)))
     palettes = _Palettes(how, source)
-    if how.palette is None and all(one.n_colors <= palettes.most for one in source.counted):
-        exact = palettes.mapped(source, palettes.most, _AIMING.prices[-1])
-        if not exact.energy:
-            return _seen(source, exact)
-    return _Search(source, how, palettes).nearest()
+    exact = palettes.exact(source)
+    if exact is not None and (palettes.most <= 2 or how.quality_range[1] >= 100):
+        return exact
+    search = _Search(source, how, palettes)
+    found = [search.nearest()]
+    if source.is_drawn and how.palette is None:
+        least = search.least() if how.quality is not None else max(search.least(), found[0].content_quality)
+        found += _unmixed(source, palettes, least, found[0])
+    found += [] if exact is None else [exact]
+    best = max(one.content_quality for one in found)
+    least = min(best, search.least() - (0 if how.quality is not None else 2.5 * _AIMING.close))
+
+    def cost(result: Any) -> float:
+        # Without a target, what is lost must be saved: the law of pngquant's --skip-if-larger.
+        lossy = exact is not None and result is not exact and how.quality is None
+        return source.size(result) / (max(result.content_quality, 1) / 100) ** (_AIMING.worth if lossy else 0)
+
+    good = [one for one in found if one.content_quality >= least]
+    return good[0] if len(good) == 1 else min(good, key=cost)
+
+
+def _unmixed(source: MeasuredSource, palettes: _Palettes, least: float, mixed: Any) -> list[Any]:
+    """Return the result of the fewest colors of a quality that are not mixed, if it is likely to be small.
+
+    Text and drawings have smaller files without dithering; gradients show bands, more than where colors are mixed.
+    """
+    numbers = sorted({*(round(2 ** (n / 4)) for n in range(4, 33)), palettes.most})
+    numbers = numbers[: numbers.index(palettes.most) + 1]
+    found = [palettes.unmixed(source, palettes.most)]
+    if found[0].content_quality < least or source.size(found[0]) > 2 * source.size(mixed):
+        return []
+    below, reaching = -1, len(numbers) - 1
+    while reaching - below > 1:
+        middle = (below + reaching) // 2
+        result = palettes.unmixed(source, numbers[middle])
+        below, reaching = (below, middle) if result.content_quality >= least else (middle, reaching)
+        found += [result] * (reaching == middle)
+    bands = source.streaks(found[-1])
+    return found[-1:] if bands <= max(_AIMING.bands, source.streaks(mixed)) else []
 
 
 class _Search:
@@ -336,7 +390,7 @@ class _Search:
         self._sample = source.sample(small=not self._given)
         self._found: dict[_Rung, Any] = {}
         self._tried: dict[_Rung, float] = {}  # qualities with few matches
-        self._above = 0.0  # by so much the whole with all matches was better, without a target
+        self._above = 0.0  # by so much the whole with all matches was better
         self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
         numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
         usual = len(self._strengths) // 2
@@ -346,30 +400,34 @@ class _Search:
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
-        rungs, given, close = self._rungs, self._given, _AIMING.close
+        given, close, more = self._given, _AIMING.close, 0.0
         with part(0.1, 0.3):
             rung = self._begun()
-        done, least = [*self._tried, *(self._found.keys() - {rung})], self._least()
+        n_left = _AIMING.n_trials - len({*self._tried, *self._found} - {rung}) if given else _AIMING.n_usual
         with part(0.3, 1):
-            for _ in first_few(range(_AIMING.n_trials - len(done) if given else _AIMING.n_usual)):
-                quality, least = self._result(rung), self._least()
-                wanted = least + given * close / 2
-                missed = abs(quality - wanted)
-                # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
-                ways = [self._finely(rung[0])] * (missed <= _AIMING.near) + [rungs]
-                after = [one for some in ways if (one := self._toward(some, wanted)) not in self._found]
-                if missed <= (close / 2 if given else 2.5 * close) or not after:
+            for n in first_few(range(n_left + _AIMING.n_more)):
+                quality, least = self._result(rung), self.least()
+                reached = max(float(one.content_quality) for one in self._found.values()) >= least
+                if n + 1 >= n_left and (reached or not given or self._rungs[-1] in self._found):
                     break
-                rung = after[0]
-            for step in [close * 2**n for n in range(9) if given]:
-                places = {self._palettes.expected(one): self._result(one) for one in self._found}
-                below = max((place for place in places if places[place] < least), default=-math.inf)
-                above = min((place for place in places if places[place] >= least), default=math.inf)
-                place = below + step if below > -math.inf else above - step
-                if above <= place or places.get(above, math.inf) <= least + _AIMING.near:
+                more = 2 * more or close / 2 if n + 1 >= n_left else 0.0
+                wanted = least + given * close / 2 + more
+                after = self._after(rung, quality, wanted)
+                if abs(quality - wanted) <= (close / 2 if given else 2.5 * close) or (after is None and reached):
                     break
-                self._result(self._at(rungs, place))
-        return min(self._found.values(), key=lambda one: (one.quality < least, abs(one.quality - least)))
+                rung = after or rung
+        return min(self._found.values(), key=lambda one: _miss(one.content_quality, least))
+
+    def _after(self, rung: _Rung, quality: float, wanted: float) -> _Rung | None:
+        """Return the rung to try next, if one is left."""
+        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors, and more
+        # easily from below, by lower prices.
+        after = []
+        if wanted - _AIMING.far <= quality <= wanted + _AIMING.near:
+            after.append(self._toward(self._finely(rung[0]), wanted))
+        other = self._toward(self._rungs, wanted)
+        after.append(other if other[0] == self._palettes.most else self._toward(self._rungs, wanted - _AIMING.below))
+        return next((one for one in after if one not in self._found), None)
 
     def _begun(self) -> _Rung:
         """Return the rung to begin with, as mappings with few matches tell."""
@@ -377,7 +435,7 @@ class _Search:
         rung = self._at(self._rungs, self._how.quality_range[1] + _AIMING.close / 2) if given else last
         seen = self._result(rung) if given and rung == last else self._trial(rung)
         self._palettes.expect(rung, seen)
-        wanted = self._least() + given * _AIMING.close / 2
+        wanted = self.least() + given * _AIMING.close / 2
         if given and abs(seen - wanted) <= _AIMING.near:
             return rung
         rung = self._at(self._rungs, wanted)
@@ -388,17 +446,17 @@ class _Search:
                 break
         return rung
 
-    def _least(self) -> float:
+    def least(self) -> float:
         """Return the least quality to reach: the given or the usual one, or so much less than the best."""
         if self._given:
             return self._how.quality_range[1]
         return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
 
     def _finely(self, n_colors: int) -> list[_Rung]:
-        """Return the rungs of a number of colors: strengths of diffusion, and of the most colors prices as well."""
+        """Return the rungs of a number of colors: strengths of diffusion, and then prices."""
         free, *prices = _AIMING.prices
         rungs = [(n_colors, free, strength) for strength in self._strengths]
-        return rungs + [(n_colors, price, rungs[-1][2]) for price in prices if n_colors == self._palettes.most]
+        return rungs + [(n_colors, price, rungs[-1][2]) for price in prices]
 
     def _at(self, rungs: list[_Rung], place: float) -> _Rung:
         """Return the first rung of at least this expected quality, or the last one."""
@@ -407,7 +465,7 @@ class _Search:
     def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
         """Return the rung where the qualities that were seen, those of one number of colors if so, come to another."""
         tried = {rung: quality + self._above for rung, quality in self._tried.items()}
-        seen = {**tried, **{rung: float(result.quality) for rung, result in self._found.items()}}
+        seen = {**tried, **{rung: float(result.content_quality) for rung, result in self._found.items()}}
         alike = {rung: seen[rung] for rung in seen if rung[0] == rungs[0][0] == rungs[-1][0]}
         places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
         at = rungs.index(self._at(rungs, toward(wanted, places)))
@@ -416,17 +474,17 @@ class _Search:
     def _result(self, rung: _Rung) -> float:
         if rung not in self._found:
             self._found[rung] = _seen(self._source, self._palettes.mapped(self._source, *rung))
-            if self._tried and not self._given:
+            if self._tried:
                 place = self._palettes.expected
                 near = min(self._tried, key=lambda tried: abs(place(tried) - place(rung)))
-                self._above = float(self._found[rung].quality) - (self._tried[near] + place(rung) - place(near))
-        return float(self._found[rung].quality)
+                self._above = float(self._found[rung].content_quality) - (self._tried[near] + place(rung) - place(near))
+        return float(self._found[rung].content_quality)
 
     def _trial(self, rung: _Rung) -> float:
         if self._how.rate.coder == "lzw":  # of which few paths tell little
             return self._result(rung)
         result = self._palettes.mapped(self._sample, *rung, n_matches=_AIMING.trial_matches)
-        self._tried[rung] = float(_seen(self._sample, result).quality)
+        self._tried[rung] = self._sample.quality(result)
         return self._tried[rung] + self._above
 
 
@@ -437,23 +495,40 @@ class _Palettes:
         self.most: Any = how.n_colors or len(np.asarray(how.palette))
         self._how, self._counted, self._unlike = how, source.counted, 1.0
         with part(0, 0.1):
-            self._found = {self.most: [*map(finder(how), source.counted)]}
+            found = [*map(finder(how), source.counted)]
+        self._has_all = how.palette is None and all(one.tessellation is None for one in found)
+        if self._has_all:
+            self.most = max(len(one.colors) for one in found)
+        self._found = {self.most: found}
 
     @cached_property
     def _merged(self) -> list[Merged]:
         fixed = [fixed_colors(samples, self._how.locked)[1] for samples in self._counted]
-        return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed)]
+        return [*map(merged_colors, self._found[self.most], repeat(self.most), fixed, self._counted)]
 
     def mapped(
         self, pixels: Source, n_colors: int, price: float, strength: float | None = None, n_matches: int | None = None
     ) -> Any:
         """Map pixels to a number of colors, at a price of bits and a strength of diffusion."""
+        strength = self._how.strength if strength is None else strength
+        how = replace(self._how, price=price, dither_strength=strength, n_matches=n_matches, keeps_exact=False)
+        return pixels.mapped(self._of(n_colors), how)
+
+    def unmixed(self, source: MeasuredSource, n_colors: int) -> Any:
+        """Map pixels to the nearest of a number of colors, and see how good that is."""
+        return _seen(source, source.mapped(self._of(n_colors), replace(self._how, dither=None)))
+
+    def exact(self, source: MeasuredSource) -> Any:
+        """Return the image as it is, where the palette has all its colors; or None."""
+        result = self.unmixed(source, self.most) if self._has_all else None
+        return None if result is None or result.energy else result
+
+    def _of(self, n_colors: int) -> list[Palette]:
+        """Return the palettes of a number of colors."""
         if n_colors not in self._found:
             with part(0, 0.1):
                 self._found[n_colors] = [*map(self._fewer, self._merged, self._counted, repeat(n_colors))]
-        strength = self._how.strength if strength is None else strength
-        how = replace(self._how, price=price, dither_strength=strength, n_matches=n_matches)
-        return pixels.mapped(self._found[n_colors], how)
+        return self._found[n_colors]
 
     def _fewer(self, merged: Merged, samples: ColorSamples, n_colors: int) -> Palette:
         """Find fewer colors from those that neighbors become: so quality hardly ever falls where colors are added."""
@@ -482,8 +557,19 @@ class _Palettes:
 
 
 def _seen(source: MeasuredSource, result: Any) -> Any:
-    """Return a result that knows its visual quality."""
-    return replace(result, quality=source.quality(result))
+    """Return a result that knows the quality of its content."""
+    return replace(result, content_quality=source.quality(result))
+
+
+def judged(source: MeasuredSource, result: Any) -> Any:
+    """Return a result that knows its qualities."""
+    result = _seen(source, result) if result.content_quality is None else result
+    return replace(result, quality=source.visual_quality(result))
+
+
+def _miss(quality: float, least: float) -> tuple[bool, float]:
+    """Return the order of qualities: those that reach the least one, then those nearest to it."""
+    return quality < least, abs(quality - least)
 
 
 def _most_colors(result: Any) -> int:

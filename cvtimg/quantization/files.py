@@ -156,7 +156,9 @@ def quantize_file(
     ([[[11, 12, 200], [11, 202, 201], [11, 12, 200]]], 2.0)
     """
     target, lap = Path(target), on_stage or (lambda stage: None)
+    smallest = how.n_colors is None and how.palette is None  # no index is asked for
     how = replace(how, suffix=target.suffix.lower()).aimed()
+    smallest = smallest and how.goal == "eyes"
     how.check(weights=reading.weights)
     in_tiles = needs_tiles(source, target) if reading.tiles is None else reading.tiles
     keep_profile = writing.keep_metadata and how.palette is None and how.locked is None  # given colors are in sRGB
@@ -181,7 +183,7 @@ def quantize_file(
     if stack.kind == "image":
         image = to_depth(stack.content, np.dtype(f"uint{reading.depth}")) if reading.depth else stack.content
         how, mask = _at_depth(how, image.dtype), masks and masks[0]
-        work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata)
+        work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata, smallest)
         if stack.header and stack.header.mode == "P" and how.palette is None:
             from cvtimg.palettes.files import read_palette
 
@@ -192,7 +194,8 @@ def quantize_file(
         work = SeriesSource(stack.content, how, None, masks, metadata, keeps_nodata=keeps_nodata)
         how = work.how
     lap("read")
-    found = kept or quantized(work, how)
+    found = kept if kept is not None and how.goal == "error" else quantized(work, how)
+    found = kept if kept is not None and not found.energy else found
     lap("cluster")
     stack.write(target, **work.stored(found), optimize=writing.optimize, overwrite=writing.overwrite)
     result = found if isinstance(found, QuantizedSeries) else QuantizedSeries.of(found, "image")

@@ -14,19 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.pixels import array_of
-from cvtimg.colors.places import with_alpha, without_idle_alpha
+from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
-from cvtimg.looks.similarity import VisualQuality
+from cvtimg.looks.similarity import ContentQuality, visual_quality
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.quantization.driver import QuantizeOptions, quantized
-from cvtimg.quantization.looks import MAX_ENTRIES
+from cvtimg.quantization.driver import QuantizeOptions, judged, quantized
+from cvtimg.quantization.looks import MAX_ENTRIES, streaks
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
 
 #: Side of the pieces by which an image is judged, and how many of them are beside each other; at least, if few will do.
 _PIECE, _N_PIECES, _FEW_PIECES = 64, 11, 5
+#: Least share of pixels of the color of the one to their left in drawings: they have .5 to 1, photographs 0 to .2.
+_DRAWN = 0.3
 
 
 def quantize(
@@ -159,6 +161,7 @@ class PictureSource:
         weights: ArrayLike | None,
         suffix: str = "",
         metadata: Metadata | None = None,
+        smallest: bool = False,
     ) -> None:
         array = array_of(image)
         n_channels = array.shape[2] if array.ndim == 3 else 1
@@ -177,9 +180,10 @@ class PictureSource:
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
         self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
-        self._measure: VisualQuality | None = None
+        self._measure: ContentQuality | None = None
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
+        self._smallest = smallest and suffix == ".png"
 
     def sample(self, small: bool) -> PictureSource:
         """Return pieces from all over an image, one beside the other, or itself if it is small."""
@@ -191,9 +195,13 @@ class PictureSource:
         return PictureSource(_pieces(self.image, n), self._samples.alpha, inside, None)
 
     def quality(self, result: Quantized) -> float:
-        """Return the visual quality of a result."""
-        self._measure = self._measure or VisualQuality(self.image)
+        """Return the quality of the content of a result."""
+        self._measure = self._measure or ContentQuality(self.image)
         return self._measure(result.image)
+
+    def visual_quality(self, result: Quantized) -> float:
+        """Return the visual quality of a result."""
+        return visual_quality(self.image, result.image)
 
     def size(self, result: Quantized) -> int:
         """Return the bytes of its file."""
@@ -222,7 +230,19 @@ class PictureSource:
                 pixels, palette = result.image, None
                 pixels = pixels[..., 0] if pixels.ndim == 3 and result.palette.shape[1] == 1 else pixels
         alpha = result.alpha if palette is None and pixels.ndim == 3 else None
-        return {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
+        found = {"images": [pixels], "palette": palette, "alpha": alpha, "metadata": metadata}
+        return {**found, "smallest": True} if self._smallest else found
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether pixels have the color of the one to their left as often as in drawings, and not in photographs."""
+        kinds = kinds_of(self._samples.colors, self._samples.alpha)
+        labels = np.where(kinds == CLEAR, -1, np.arange(len(kinds)))[self._samples.inverse]
+        return labels.shape[1] > 1 and np.mean(labels[:, 1:] == labels[:, :-1]) >= _DRAWN
+
+    def streaks(self, result: Quantized) -> float:
+        """Return how much smooth areas of a result are banded; see `streaks`."""
+        return streaks(self.image, result.image, has_alpha=self._samples.alpha)
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""
@@ -242,7 +262,7 @@ class PictureSource:
         result = self.mapped([Palette(palette, None)], how)
         if result.energy or len(result.palette) > len(palette):
             return None
-        return replace(result, quality=self.quality(result)) if how.goal == "eyes" else result
+        return judged(self, result) if how.goal == "eyes" else result
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Quantized:
         """Map the image to a palette."""

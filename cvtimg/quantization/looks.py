@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
-from cvtimg.colors.places import allowed_for, kinds_of, to_places
+from cvtimg.colors.places import allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
+from cvtimg.colors.spaces import to_space
 from cvtimg.looks.rate import Rate, map_by_rate, visibility
 
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
 #: Matches followed from a pixel, by effort.
 MATCHES: dict[EffortName, int] = {"fast": 16, "balanced": 32, "best": 256}
+
+#: Greatest variance, in squared levels, of what is around a pixel in smooth areas.
+_SMOOTH = 4.0
 
 
 class Below(NamedTuple):
@@ -36,16 +40,19 @@ def map_for_eyes(
 ) -> NDArray[np.int32]:
     """Return the (H, W) index of the color of each pixel, chosen by visible error and the price of bits.
 
-    Each color has its `nearest` entry (M,). If that has no error in any pixel, it is taken. Pixels that stand still
-    keep their index; in a GIF others may, too, which costs little.
+    Each color has its `nearest` entry (M,). If that has no error in any pixel, it may be taken, see `Rate`. Pixels that
+    stand still keep their index; in a GIF others may, too, which costs little.
     """
     if len(palette) > MAX_ENTRIES:
         raise ValueError(f"palette must have at most {MAX_ENTRIES} colors with dither='compact', not {len(palette)}")
-    if len(palette) == 1 or (palette[nearest] == samples.colors).all():
+    if len(palette) == 1 or (rate.keeps_exact and (palette[nearest] == samples.colors).all()):
         return samples.at_pixels(nearest)
     places, entries = (_seen_places(colors, samples.alpha).astype(np.float32) for colors in (samples.colors, palette))
     kinds, kinds_of_entries = kinds_of(samples.colors, samples.alpha), kinds_of(palette, samples.alpha)
-    seen = visibility(_brightness(samples))
+    bits = rate.price * np.log2(len(palette))
+    grounds = (0, 255) if samples.alpha else (0,)
+    levels = [samples.at_pixels(_brightness(samples.colors, samples.alpha, ground)) for ground in grounds]
+    seen = np.maximum.reduce([visibility(one, bits) for one in levels])
     if samples.inside is not None:
         seen[~samples.inside] = 0
     wanted, kept = samples.at_pixels(places), None
@@ -63,18 +70,47 @@ def map_for_eyes(
 
 
 def _seen_places(colors: NDArray[Any], alpha: bool) -> NDArray[np.float64]:
-    """Return where colors lie for eyes: gray in one coordinate, color in three, and alpha in one more."""
-    # Lightness becomes levels like those of 8 bits, and the opponent coordinates, which are doubled there, count once.
-    factors = np.array([255, 127.5, 127.5, 255] if colors.shape[1] > 2 else [255, 255])
-    places = to_places(colors, "oklab", alpha)
-    return places * factors[: places.shape[1]]
+    """Return where colors lie for eyes, in levels of 8 bits: gray in one coordinate, color in three.
+
+    With alpha there is one more: the squared distance is the mean over a black and a white background, on which screens
+    compose in sRGB.
+    """
+    if not alpha:
+        places = to_space(colors, "oklab")
+        return places * np.array([255, 127.5, 127.5])[: places.shape[1]]  # opponent coordinates are doubled there
+    share = colors[:, -1:] / peak(colors.dtype)
+    unit = colors[:, :-1] / peak(colors.dtype) * share
+    black, white = to_space(unit, "oklab"), to_space(unit + (1 - share), "oklab")
+    lightness = [np.sqrt(0.5) * ground[:, :1] for ground in (black, white)]
+    return np.concatenate([*lightness, (black[:, 1:] + white[:, 1:]) / 4], axis=1) * 255
 
 
-def _brightness(samples: ColorSamples) -> NDArray[np.float64]:
-    """Return the brightness of the pixels (H, W) in levels of 8 bits, in front of black."""
-    colors = samples.colors * (255 / peak(samples.colors.dtype))
-    seen = colors[:, : colors.shape[1] - samples.alpha]
-    levels = seen @ [0.299, 0.587, 0.114] if seen.shape[1] == 3 else seen.mean(axis=1)
-    if samples.alpha:
-        levels = levels * (colors[:, -1] / 255)
-    return samples.at_pixels(levels)
+def _brightness(colors: NDArray[Any], alpha: bool, ground: int) -> NDArray[np.float64]:
+    """Return the brightness of (..., C) colors in levels of 8 bits, in front of a gray level."""
+    bands = colors * (255 / peak(colors.dtype))
+    seen = bands[..., : colors.shape[-1] - alpha]
+    levels = np.einsum("...c,c->...", seen, [0.299, 0.587, 0.114] if seen.shape[-1] == 3 else [1 / seen.shape[-1]])
+    if not alpha:
+        return levels
+    share = bands[..., -1] / 255
+    return levels * share + ground * (1 - share)
+
+
+def streaks(original: NDArray[Any], image: NDArray[Any], *, has_alpha: bool) -> float:
+    """Return how much smooth areas of an image are banded, in levels of 8 bits, on the worse of black and white.
+
+    Root of the mean square, over pixels around which the original varies little, of the mean error of nine pixels of a
+    row, or of a column, less that of those beside it.
+    """
+    from scipy.ndimage import gaussian_filter, uniform_filter1d  # which take long to import
+
+    images = [some.reshape(*some.shape[:2], -1) for some in (original, image)]
+    worst = 0.0
+    for ground in (0, 255) if has_alpha else (0,):
+        before, after = (_brightness(some, has_alpha and some.shape[2] in (2, 4), ground) for some in images)
+        rough = gaussian_filter((before - gaussian_filter(before, 3)) ** 2, 3)
+        for axis in (0, 1):
+            mean = np.moveaxis(uniform_filter1d(after - before, 9, axis), axis, 1)
+            steps = (mean[1:-1] - (mean[2:] + mean[:-2]) / 2)[np.moveaxis(rough, axis, 1)[1:-1] < _SMOOTH]
+            worst = max(worst, float(np.sqrt(np.mean(steps**2)))) if steps.size else worst
+    return worst

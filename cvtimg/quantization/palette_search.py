@@ -356,14 +356,29 @@ class Merged(NamedTuple):
     n_pixels: float
 
 
-def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merged:
-    """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay."""
+def merged_colors(
+    palette: Palette, n_colors: int, fixed: NDArray[Any], samples: ColorSamples | None = None
+) -> Merged:
+    """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay.
+
+    A palette that has all colors is merged by the samples that it is of.
+    """
     tessellation = palette.tessellation
     if tessellation is None:
-        return Merged([0.0], (), 1.0)
-    n_fixed = max(0, len(fixed) + len(tessellation.generators) - n_colors)  # clear ones are no generators
-    places, masses = tessellation.generators[n_fixed:].copy(), tessellation.masses[n_fixed:].copy()
-    energies, starts, left = [tessellation.energy], [places.copy()], np.ones(len(places), np.bool_)
+        if samples is None:
+            return Merged([0.0], (), 1.0)
+        samples, fixed = agree(samples, fixed)
+        kinds = kinds_of(samples.colors, samples.alpha)
+        free = (kinds != CLEAR) & ~(samples.colors[:, None] == fixed).all(axis=2).any(axis=1)
+        opaque = samples.alpha and not (kinds == PARTLY).any()  # whose alpha is no coordinate
+        rows = np.ascontiguousarray(samples.colors[free, : samples.colors.shape[1] - opaque])
+        places, masses = to_places(rows, "oklab", samples.alpha and not opaque), samples.density[free].astype(float)
+        energy, n_pixels = 0.0, samples.density.sum()
+    else:
+        n_fixed = max(0, len(fixed) + len(tessellation.generators) - n_colors)  # clear ones are no generators
+        places, masses = tessellation.generators[n_fixed:].copy(), tessellation.masses[n_fixed:].copy()
+        energy, n_pixels = tessellation.energy, tessellation.masses.sum()
+    energies, starts, left = [energy], [places.copy()], np.ones(len(places), np.bool_)
 
     def rises(one: NDArray[np.intp]) -> NDArray[np.float64]:
         shares = masses[one, None] * masses / np.maximum(masses[one, None] + masses, np.finfo(float).tiny)
@@ -372,7 +387,7 @@ def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merge
         found[np.arange(len(one)), one] = np.inf
         return found
 
-    costs = rises(np.arange(len(places)))
+    costs = rises(np.arange(len(places))) if len(places) else places
     while len(starts) < len(places):
         one, other = divmod(int(costs.argmin()), len(places))
         energies.append(energies[-1] + costs[one, other])
@@ -384,7 +399,7 @@ def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any]) -> Merge
         costs[one] = costs[:, one] = rises(np.array([one]))
         starts.append(places[left])
     starts = starts if places.shape[1] > 1 else []  # grays are best searched as a whole
-    return Merged(energies, starts, float(tessellation.masses.sum()))
+    return Merged(energies, starts, float(n_pixels))
 
 
 def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:
@@ -463,7 +478,7 @@ def _keep_opaque(
     free = np.arange(n_generators) >= n_locked
     masses = np.bincount(labels, density * (kinds[0] == OPAQUE), n_generators)
     opaque = free & (masses > 0) & (masses >= tessellation.masses / 2)
-    if not (opaque.any() or OPAQUE in kinds[1]):
+    if OPAQUE in kinds[0] and not (opaque.any() or OPAQUE in kinds[1]):
         opaque[n_locked + np.argmax(masses[n_locked:])] = True
     ends = np.where(opaque, OPAQUE, PARTLY).astype(np.uint8)
     ends[:n_locked] = kinds[1]

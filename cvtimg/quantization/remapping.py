@@ -77,8 +77,8 @@ class Quantized(ReadOnly, Fidelity):
         Pixels that count: in the mask, finite and not masked; None for all.
     outside : (n, C) array or None
         Values of the pixels that do not count, which `image` keeps.
-    quality : float or None
-        The `cvtimg.visual_quality` of the image, where it was asked for.
+    quality, content_quality : float or None
+        The `cvtimg.visual_quality` and the `cvtimg.content_quality` of the image, where these were asked for.
     n_left_out : int
         Number of pixels that do not count.
     exact : bool
@@ -97,6 +97,7 @@ class Quantized(ReadOnly, Fidelity):
     inside: NDArray[np.bool_] | None = None
     outside: NDArray[Any] | None = None
     quality: float | None = None
+    content_quality: float | None = None
     n_left_out: int = 0
     exact: bool = True
 

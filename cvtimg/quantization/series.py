@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
@@ -17,7 +17,7 @@ from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
-from cvtimg.looks.similarity import visual_quality
+from cvtimg.looks.similarity import content_quality, visual_quality
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.frames import Frames, encode_frames, write_frames
 from cvtimg.pictures.pages import Pages, write_pages
@@ -39,8 +39,8 @@ class QuantizedSeries(Fidelity):
         What they are: an image, frames of an animation, pages, or an image that was read in tiles.
     n_distinct : int
         Number of distinct colors of all images; if each has its own palette, of the image with the most.
-    quality : float or None
-        The mean `cvtimg.visual_quality` of the images, where it was asked for.
+    quality, content_quality : float or None
+        The mean `cvtimg.visual_quality` and `cvtimg.content_quality` of the images, where these were asked for.
     original : Frames, Pages or None
         The frames or pages as they were.
     """
@@ -49,12 +49,13 @@ class QuantizedSeries(Fidelity):
     kind: str
     n_distinct: int
     quality: float | None = None
+    content_quality: float | None = None
     original: Frames | Pages | None = None
 
     @classmethod
     def of(cls, result: Quantized, kind: str) -> QuantizedSeries:
         """Return the series of a single image."""
-        return cls((result,), kind, result.n_distinct, result.quality)
+        return cls((result,), kind, result.n_distinct, result.quality, result.content_quality)
 
     def __repr__(self) -> str:
         """Tell sizes, colors and error in one line."""
@@ -147,6 +148,7 @@ class QuantizedSeries(Fidelity):
             "mse": self.mse,
             "psnr": self.psnr if math.isfinite(self.psnr) else None,  # JSON has no infinity
             **({} if self.quality is None else {"goal": "eyes", "quality": self.quality}),
+            **({} if self.content_quality is None else {"content_quality": self.content_quality}),
             "n_iter": max((one.n_iter for one in self.tessellations), default=0),
             "converged": all(one.converged for one in self.tessellations),
         }
@@ -262,9 +264,25 @@ class SeriesSource:
         return self
 
     def quality(self, result: QuantizedSeries) -> float:
+        """Return the mean quality of the content of the frames of a result."""
+        return self._mean(content_quality, result)
+
+    def visual_quality(self, result: QuantizedSeries) -> float:
         """Return the mean visual quality of the frames of a result."""
+        return self._mean(visual_quality, result)
+
+    def _mean(self, measure: Callable[[NDArray[Any], NDArray[Any]], float], result: QuantizedSeries) -> float:
         pairs = zip(self._frames.images, result.results, strict=True)
-        return float(np.mean([visual_quality(image, one.image) for image, one in pairs]))
+        return float(np.mean([measure(image, one.image) for image, one in pairs]))
+
+    @property
+    def is_drawn(self) -> bool:
+        """Frames without mixed colors are not tried."""
+        return False
+
+    def streaks(self, result: QuantizedSeries) -> float:
+        """Frames without mixed colors are not tried."""
+        raise NotImplementedError
 
     def size(self, result: QuantizedSeries) -> int:
         """Return the bytes of its animation."""

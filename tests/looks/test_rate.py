@@ -149,3 +149,26 @@ def test_smooth_areas_show_no_streaks() -> None:
     along = errors[:, :195].reshape(128, 13, 15).mean(axis=2)  # what a streak of 15 pixels does not cancel
     beside = np.diff(along, axis=0).std()
     assert beside < 0.5  # 0.6 by the shares of Floyd and Steinberg
+
+
+@pytest.mark.parametrize("lonely", [False, True])
+def test_the_nearest_entry_is_found_also_beside_a_lonely_one(lonely: bool) -> None:
+    rng = np.random.default_rng(0)
+    entries, places = (rng.uniform(0, 20, shape).astype(np.float32) for shape in ((200, 4), (32, 32, 4)))
+    if lonely:
+        entries[0] = 400
+    labels = map_by_rate(places, entries, np.ones((32, 32), np.float32), Rate(0.0), 0.0)
+    distances = ((places[:, :, None] - entries) ** 2).sum(axis=3)
+    np.testing.assert_allclose(
+        np.take_along_axis(distances, labels[..., None].astype(int), 2)[..., 0], distances.min(2)
+    )
+
+
+def test_gradients_hide_less_than_grain_and_the_less_the_dearer_indices_are() -> None:
+    slope = np.tile(np.arange(96.0), (96, 1))
+    grain = 128 + np.random.default_rng(0).normal(0, 10, slope.shape)
+    middle = np.s_[40:56, 40:56]
+    for brightness, factor in ((slope, 6.0), (grain, 1.0)):
+        free, dear = (visibility(brightness, bits)[middle].mean() for bits in (0, 6))
+        assert dear >= free
+        assert (dear > 4 * free) == (factor > 1)

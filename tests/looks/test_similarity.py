@@ -57,3 +57,22 @@ def test_images_of_other_sizes_are_refused() -> None:
         visual_quality(COFFEE, COFFEE[:10, :12])
     with pytest.raises(ValueError, match=r"shape \(2, 2, 5\)"):
         visual_quality(np.zeros((2, 2, 5)), np.zeros((2, 2, 5)))
+
+
+def test_the_content_of_a_photograph_has_its_visual_quality_and_that_of_a_small_logo_is_worse() -> None:
+    cat = cvtimg.read_image("sample_images/chelsea.png")[:96, :128]
+    assert cvtimg.content_quality(cat, cat // 32 * 36) == pytest.approx(cvtimg.visual_quality(cat, cat // 32 * 36))
+    canvas = np.full((400, 500, 3), 255, np.uint8)
+    canvas[:96, :128] = cat
+    flat = np.where(canvas < 255, canvas // 32 * 36, 255)
+    assert cvtimg.content_quality(canvas, flat) < cvtimg.visual_quality(canvas, flat) - 5
+
+
+def test_what_is_seen_on_white_alone_counts() -> None:
+    rng = np.random.default_rng(0)
+    veil = np.zeros((64, 64, 4), np.uint8)
+    veil[..., 3] = rng.integers(0, 60, (64, 64))
+    flat = veil.copy()
+    flat[..., 3] = 30
+    assert cvtimg.content_quality(veil, flat) < cvtimg.visual_quality(veil, flat) - 2
+    assert cvtimg.content_quality(veil, veil) > 99

@@ -53,8 +53,8 @@ def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_
         sizes.append(n_bytes(result))
     assert sum(n_mappings) <= 15
     assert sizes[0] < sizes[1] < 0.9 * sizes[2]
-    monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_trials=2))  # these end 5 above
-    assert 45 <= cvtimg.quantize(PART, quality=45, **FAST).quality < 48
+    monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_trials=1))  # more until it is reached
+    assert cvtimg.quantize(PART, quality=45, **FAST).quality >= 45
 
 
 def test_a_large_image_is_searched_in_pieces_and_reaches_its_quality(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,7 +89,7 @@ def test_of_a_range_of_qualities_the_upper_end_is_wanted_and_less_than_the_lower
             cvtimg.quantize(PART, quality=wrong, **FAST)
 
 
-@pytest.mark.parametrize("options", [{"goal": "eyes"}, {"quality": 90}])
+@pytest.mark.parametrize("options", [{"goal": "eyes"}, {"quality": 100}])
 def test_images_with_few_colors_stay_exact(options: dict[str, Any]) -> None:
     cat = cvtimg.read_image("sample_images/chelsea.png")[:40, :40] // 64 * 64
     result = cvtimg.quantize(cat, **options)

@@ -89,6 +89,7 @@ def encode_image(
     alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,
+    smallest: bool = False,
 ) -> bytes:
     """Encode an image as the bytes of the file with a suffix, such as ``".png"``, that `write_image` would write.
 
@@ -99,7 +100,7 @@ def encode_image(
     b'PNG'
     """
     buffer = BytesIO()
-    encoder(suffix, image, palette, alpha, metadata, optimize)(buffer)
+    encoder(suffix, image, palette, alpha, metadata, optimize, smallest)(buffer)
     return buffer.getvalue()
 
 
@@ -110,6 +111,7 @@ def encoder(
     alpha: bool | None,
     metadata: Metadata | None,
     optimize: bool,
+    smallest: bool,
 ) -> Callable[[BinaryIO], None]:
     """Check that an image fits a format, and return the function that writes it to a file."""
     form = _FORMATS[check_choice("suffix", suffix := suffix.lower(), _FORMATS)]
@@ -129,7 +131,7 @@ def encoder(
 
     def write(file: BinaryIO) -> None:
         buffer = BytesIO()
-        _write(buffer if optimize else file, picture, form, metadata or Metadata())
+        _write(buffer if optimize else file, picture, form, metadata or Metadata(), smallest)
         if optimize:
             file.write(optimized(buffer.getvalue()))
 
@@ -146,12 +148,12 @@ def lossless_suffixes() -> list[str]:
     return [suffix for suffix, form in _FORMATS.items() if form.lossless]
 
 
-def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata) -> None:
+def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata, smallest: bool) -> None:
     mode, values, alpha, colors = picture
     if form.name == "NPY":
         np.save(file, values, allow_pickle=False)
     elif form.name == "PNG" and colors is not None:
-        encode_indexed_png(file, values, colors, metadata.png_chunks(mode))
+        encode_indexed_png(file, values, colors, metadata.png_chunks(mode), smallest=smallest)
     elif form.name == "PNG" and mode in _DEEP:
         encode_deep_png(file, values, metadata.png_chunks(mode))
     elif mode in (*_DEEP, _OTHER):

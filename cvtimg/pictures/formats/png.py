@@ -21,7 +21,7 @@ from cvtimg.pictures.profiles import convert_deep
 class _Kind(IntEnum):
     """Kinds of color of a PNG."""
 
-    COLOR, INDEXED, COLOR_AND_ALPHA = 2, 3, 6
+    GRAY, COLOR, INDEXED, GRAY_AND_ALPHA, COLOR_AND_ALPHA = 0, 2, 3, 4, 6
 
 
 class _Deflate(NamedTuple):
@@ -36,6 +36,7 @@ class _Deflate(NamedTuple):
     levels: tuple[int, int] = (10, 6)  # of small and of large images
     levels_of_flat: tuple[int, int] = (12, 9)
     large: int = 1 << 21
+    likely: float = 1.5  # a form that has so many times the bytes of another at level 6 is not the smallest
     flat: float = 1 / 8  # largest compression ratio, at level 1, of an image that counts as flat
     # 16-bit color, four photographs of 0.4 megapixels: rows that choose between two filters, then libdeflate level 6,
     # take 0.98 of the bytes and 0.5 of the time of libpng with all five filters at level 3.
@@ -76,6 +77,8 @@ def _all_bits(file: BinaryIO, image: ImageFile.ImageFile) -> NDArray[np.uint16]:
 
 def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None:
     """Write uint16 (H, W, 3) or (H, W, 4), with `chunks` before the pixels."""
+    import deflate
+
     height, width, n_bands = values.shape
     samples = np.ascontiguousarray(values, ">u2").view(np.uint8).reshape(height, -1)
     left, above = samples.copy(), samples.copy()
@@ -86,7 +89,8 @@ def encode_deep_png(file: BinaryIO, values: NDArray[Any], chunks: bytes) -> None
     rows[:, 0] = np.where(nearer, 1, 2)
     rows[:, 1:] = np.where(nearer[:, None], left, above)
     kind = _Kind.COLOR_AND_ALPHA if n_bands == 4 else _Kind.COLOR
-    _write_png(file, (width, height), 16, kind, chunks, rows.tobytes(), _DEFLATE.level_of_deep)
+    content = bytes(deflate.zlib_compress(rows.tobytes(), _DEFLATE.level_of_deep))
+    _write_png(file, (width, height), 16, kind, chunks, content)
 
 
 def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -94,31 +98,81 @@ def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.minimum(differences, -differences).sum(axis=1, dtype=np.int64)
 
 
-def encode_indexed_png(file: BinaryIO, indices: NDArray[Any], palette: NDArray[np.uint8], chunks: bytes) -> None:
-    """Write (H, W) indices into a (K, 3) or (K, 4) palette with the fewest bits; `chunks` precede the palette."""
+class _Form(NamedTuple):
+    """A way to store an image."""
+
+    kind: _Kind
+    bits: int
+    chunks: bytes  # before the pixels
+    rows: bytes
+
+
+def encode_indexed_png(
+    file: BinaryIO, indices: NDArray[Any], palette: NDArray[np.uint8], chunks: bytes, *, smallest: bool = False
+) -> None:
+    """Write (H, W) indices into a (K, 3) or (K, 4) palette with the fewest bits; `chunks` precede the palette.
+
+    If the `smallest` file is asked for, the same colors are written as gray or RGB, with or without alpha, where these
+    take fewer bytes: as gradients and gray photographs do, whose neighbors differ little.
+    """
     import deflate
 
+    height, width = indices.shape
+    large, forms = indices.size > _DEFLATE.large, [_indexed(indices, palette)]
+    if smallest:
+        forms.append(_filtered(indices, palette, may_be_gray=b"iCCP" not in chunks))
+    # Level 1 misses the long repetitions of filtered drawings, and tells too little of their size.
+    sizes = [len(form.chunks) + len(deflate.zlib_compress(form.rows, 6)) for form in forms] if smallest else [0]
+    written: list[tuple[_Form, bytes]] = []
+    for form in (form for form, size in zip(forms, sizes, strict=True) if size <= _DEFLATE.likely * min(sizes)):
+        flat = len(deflate.zlib_compress(form.rows, 1)) < _DEFLATE.flat * len(form.rows)
+        level = (_DEFLATE.levels_of_flat if flat else _DEFLATE.levels)[large]
+        written.append((form, bytes(deflate.zlib_compress(form.rows, level))))
+    form, content = min(written, key=lambda one: len(one[0].chunks) + len(one[1]))
+    _write_png(file, (width, height), form.bits, form.kind, chunks + form.chunks, content)
+
+
+def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8]) -> _Form:
+    """Return indices with the fewest bits."""
+    alphas = palette[:, 3:].tobytes().rstrip(b"\xff")
+    if alphas.endswith(b"\0\n"):  # Pillow takes an alpha of 10 at the end for the end of a line
+        if len(alphas) == len(palette):
+            palette, indices = palette[::-1], len(palette) - 1 - indices.astype(np.intp)
+        alphas = palette[: len(alphas) + 1, 3].tobytes()
     height, width = indices.shape
     bits = next(bits for bits in (1, 2, 4, 8) if len(palette) <= 1 << bits)
     rows = np.zeros((height, 1 + -(-width * bits // 8)), np.uint8)  # each row begins with its filter, 0 for none
     rows[:, 1:] = _packed(indices, bits)
-    content = rows.tobytes()
-    flat = len(deflate.zlib_compress(content, 1)) < _DEFLATE.flat * len(content)
-    levels = _DEFLATE.levels_of_flat if flat else _DEFLATE.levels
-    chunks += chunk(b"PLTE", palette[:, :3].tobytes())
-    if (palette[:, 3:] < 255).any():
-        chunks += chunk(b"tRNS", palette[:, 3].tobytes().rstrip(b"\xff"))
-    _write_png(file, (width, height), bits, _Kind.INDEXED, chunks, content, levels[indices.size > _DEFLATE.large])
+    chunks = chunk(b"PLTE", palette[:, :3].tobytes()) + (chunk(b"tRNS", alphas) if alphas else b"")
+    return _Form(_Kind.INDEXED, bits, chunks, rows.tobytes())
 
 
-def _write_png(
-    file: BinaryIO, size: tuple[int, int], bits: int, kind: int, chunks: bytes, rows: bytes, level: int
-) -> None:
-    """Write a PNG of rows with their filters; `chunks` precede the pixels."""
-    import deflate
+def _filtered(indices: NDArray[Any], palette: NDArray[np.uint8], *, may_be_gray: bool) -> _Form:
+    """Return colors, each row with the filter that leaves the least differences (PNG specification, 12.7)."""
+    opaque = not (palette[:, 3:] < 255).any()
+    gray = may_be_gray and bool((palette[:, :1] == palette[:, 1:3]).all())
+    bands = ([0] if gray else [0, 1, 2]) + ([] if opaque else [3])
+    kind = _Kind.COLOR if not gray else _Kind.GRAY
+    kind = kind if opaque else _Kind(kind + 4)
+    samples = palette[:, bands][indices].reshape(len(indices), -1)
+    left, above, corner = (np.zeros_like(samples) for _ in range(3))
+    left[:, len(bands) :] = samples[:, : -len(bands)]
+    above[1:], corner[1:] = samples[:-1], left[:-1]
+    ahead = above.astype(np.int16) - corner
+    across, down = np.abs(ahead), np.abs(left.astype(np.int16) - corner)
+    diagonal = np.abs(ahead + left - corner)
+    nearest = np.where((across <= down) & (across <= diagonal), left, np.where(down <= diagonal, above, corner))
+    mean = ((left.astype(np.uint16) + above) // 2).astype(np.uint8)
+    ways = np.stack([samples, samples - left, samples - above, samples - mean, samples - nearest])
+    best = np.stack([_sizes(way) for way in ways]).argmin(axis=0)
+    rows = np.concatenate([best[:, None].astype(np.uint8), ways[best, np.arange(len(best))]], axis=1)
+    return _Form(kind, 8, b"", rows.tobytes())
 
+
+def _write_png(file: BinaryIO, size: tuple[int, int], bits: int, kind: int, chunks: bytes, content: bytes) -> None:
+    """Write a PNG of deflated rows; `chunks` precede them."""
     file.write(PNG_MAGIC + chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, kind, 0, 0, 0)) + chunks)
-    file.write(chunk(b"IDAT", bytes(deflate.zlib_compress(rows, level))) + chunk(b"IEND", b""))
+    file.write(chunk(b"IDAT", content) + chunk(b"IEND", b""))
 
 
 def optimized(png: bytes, level: int = 4) -> bytes:

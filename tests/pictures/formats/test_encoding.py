@@ -208,3 +208,25 @@ def test_more_than_256_colors_with_alpha_are_written_as_pixels(tmp_path: Path) -
         np.testing.assert_array_equal(read_image(tmp_path / f"a{suffix}"), pixels)
     with pytest.raises(ValueError, match=r"\.gif cannot hold transparency; use one of \.png, \.tif"):
         write_image(tmp_path / "a.gif", pixels)
+
+
+@pytest.mark.parametrize("alpha", [None, 128])
+@pytest.mark.parametrize("colored", [False, True])
+def test_the_smallest_form_has_the_same_colors_in_fewer_bytes(alpha: int | None, colored: bool) -> None:
+    levels = np.arange(256, dtype=np.uint8)
+    palette = np.stack([levels, levels[::-1] if colored else levels, levels], axis=1)
+    if alpha is not None:
+        palette = np.append(palette, np.clip(alpha + levels[:, None] // 4, 0, 254), axis=1).astype(np.uint8)
+    indices = np.tile(levels, (64, 1)) // np.uint8(2) + np.arange(64, dtype=np.uint8)[:, None]
+    files = [encode_image(".png", indices, palette=palette, smallest=smallest) for smallest in (False, True)]
+    assert len(files[1]) < 0.6 * len(files[0])
+    shown = [np.asarray(Image.open(BytesIO(file)).convert("RGBA")) for file in files]
+    np.testing.assert_array_equal(*shown)
+
+
+@pytest.mark.parametrize("n_opaque", [0, 1, 3])
+def test_an_alpha_of_10_at_the_end_is_read_by_pillow(n_opaque: int) -> None:
+    palette = np.zeros((2 + n_opaque, 4), np.uint8)
+    palette[:, 0], palette[:, 3] = np.arange(len(palette)), [0, 10, *[255] * n_opaque]
+    file = encode_image(".png", np.arange(len(palette))[None], palette=palette)
+    assert np.asarray(Image.open(BytesIO(file)).convert("RGBA"))[0].tolist() == palette.tolist()
