@@ -24,6 +24,7 @@ from cvtimg._shared.threads import blur, in_parts
 from cvtimg.artwork.tones import TABLE_SIZE, zero_of
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
+from cvtimg.placement.descent import each_with_cell
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
 
 Floats = NDArray[np.float64]
@@ -63,6 +64,15 @@ def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats3
     return means
 
 
+@dataclass(frozen=True, slots=True)
+class Dots:
+    """What kind of dots there are to be: fields are as the arguments of `cvtimg.stipple`."""
+
+    dots: str = "equal"
+    radius_range: tuple[float, float] | None = None
+    bleed: bool = False
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DotLayer:
     """Dots of one pen; arrays are as in `Stipples`."""
@@ -79,11 +89,13 @@ _NO_DOTS = DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)
 class _Pen:
     """One of several pens: the ink of its dots, the (H, W) area of disks that each pixel asks for, which is not 0."""
 
-    def __init__(self, ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None) -> None:
-        self.ink, self.n_dots, self.radius_range = ink, n_dots, radius_range
-        self.amount = _amount(ink, n_dots, radius_range)
+    def __init__(self, ink: Floats32, n_dots: int, how: Dots) -> None:
+        self.ink, self.n_dots, self.how = ink, n_dots, how
+        self.amount = _amount(ink, n_dots, how.radius_range)
         self.amounts = picture_moments(self.amount, n_dots)
-        self.into_ink = WhereMassIs(self.amounts)
+        self.radius = float(np.sqrt(ink.sum(dtype=np.float64) / n_dots / np.pi))  # if all have the same
+        self.size = np.array(ink.shape[::-1], np.float64)
+        self.into_ink = WhereMassIs(self.amounts, 0.0 if how.bleed else self.radius)
         n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
         self.smoothed = BALANCE.smoothed * float(np.sqrt(n_pixels / n_dots))
         # In a tessellation of density rho there are rho^(1/2) dots in an area.
@@ -106,42 +118,42 @@ class _Pen:
                 points = DESCENTS["l-bfgs"](self.correct(points), points, terms).generators
         return points
 
-    def finished(self, points: Floats, dots: str, n_moves: int) -> DotLayer:
-        """Make the last moves of dots, and find their sizes."""
+    def finished(self, points: Floats, n_moves: int) -> DotLayer:
+        """Make the last moves of dots, and find their sizes; each has a cell and, unless it may bleed, is whole."""
         moments = self.amounts if self.amount is self.ink else picture_moments(self.ink, self.n_dots)
         # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
         for _ in range(n_moves):
             points = moments(points).centroids
-        points = self.into_ink(points, points)
-        found = moments(points)
-        radii = np.full(self.n_dots, np.sqrt(moments.mass / self.n_dots / np.pi))
-        if dots == "sized":
-            radii = np.clip(np.sqrt(found.masses / np.pi), *(self.radius_range or (0, np.inf)))
+        points, found = each_with_cell(moments, self.into_ink(points, points), self.into_ink)
+        radii = np.full(self.n_dots, self.radius)
+        if self.how.dots == "sized":
+            radii = np.clip(np.sqrt(found.masses / np.pi), *(self.how.radius_range or (0, np.inf)))
+        if not self.how.bleed:
+            radii = np.minimum(radii, self.size.min() / 2)
+            points = np.clip(points, radii[:, np.newaxis], self.size - radii[:, np.newaxis])
         return DotLayer(points, radii, found.masses, found.energy)
 
 
-def place_dots(ink: Floats32, n_dots: int, dots: str, radius_range: tuple[float, float] | None) -> DotLayer:
+def place_dots(ink: Floats32, n_dots: int, how: Dots) -> DotLayer:
     """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for."""
     if n_dots == 0:
         return _NO_DOTS
-    pen = _Pen(ink, n_dots, radius_range)
-    points = pen.spread(balanced=dots != "sized" or radius_range is not None)
-    return pen.finished(points, dots, _LAST_MOVES[dots])
+    pen = _Pen(ink, n_dots, how)
+    points = pen.spread(balanced=how.dots != "sized" or how.radius_range is not None)
+    return pen.finished(points, _LAST_MOVES[how.dots])
 
 
-def place_pens(
-    inks: Sequence[Floats32], counts: Sequence[int], dots: str, radius_range: tuple[float, float] | None
-) -> list[DotLayer]:
+def place_pens(inks: Sequence[Floats32], counts: Sequence[int], how: Dots) -> list[DotLayer]:
     """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
     given = [number for number, count in enumerate(counts) if count]
-    pens = [_Pen(inks[number], counts[number], radius_range) for number in given]
+    pens = [_Pen(inks[number], counts[number], how) for number in given]
     with part(0, 1 / 2):
         placed = [pen.spread() for pen in each(pens)]
     with part(1 / 2, 1):
         apart = _kept_apart(pens, placed)
     layers = [_NO_DOTS] * len(counts)
     for number, pen, points in zip(given, pens, apart, strict=True):
-        layers[number] = pen.finished(points, dots, 0)
+        layers[number] = pen.finished(points, 0)
     return layers
 
 
@@ -158,7 +170,6 @@ def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
     for pen in pens:
         pen.density = pen.amount * pen.amount
     moments = [picture_moments(pen.density, pen.n_dots) for pen in pens]
-    size = np.array(pens[0].ink.shape[::-1])
     for move in each(range(1, BALANCE.pen_moves + 1)):
         centers = np.split(of_all(np.concatenate(placed)).centroids, np.cumsum(counts)[:-1])
         for number, pen in enumerate(pens):
@@ -166,8 +177,7 @@ def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
             if move % BALANCE.moves == 0 and move < BALANCE.pen_moves:
                 moments[number] = pen.correct(points)
             among_own = moments[number](points).centroids
-            moved = np.clip(among_own + BALANCE.to_all * (centers[number] - points), 0, size)
-            placed[number] = pen.into_ink(moved, points)
+            placed[number] = pen.into_ink(among_own + BALANCE.to_all * (centers[number] - points), points)
     return placed
 
 

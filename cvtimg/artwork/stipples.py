@@ -108,6 +108,8 @@ class Stipples(ReadOnly):
         Height and width of the image.
     max_ink : float
         Coverage of what is black in the image; all tones are scaled by it.
+    bleed : bool
+        Whether the frame of the image may cut dots.
     energy : float
         Integral of the ink times the squared distance to the dot of the cell, summed over layers.
     """
@@ -123,10 +125,13 @@ class Stipples(ReadOnly):
     size: tuple[int, int]
     max_ink: float
     energy: float
+    bleed: bool = False
 
     def _claims(self) -> Claims:
         yield "the tour visits each dot once", np.sort(self.order) == np.arange(len(self))
-        yield "dots are on the paper", (self.points >= 0) & (self.points <= self.size[::-1])
+        reach = (0 if self.bleed else 1) * self.radii[:, np.newaxis] - 1e-9 * max(self.size)
+        gaps = np.minimum(self.points, np.array(self.size[::-1]) - self.points)
+        yield "dots are in the frame", gaps >= reach
 
     def __len__(self) -> int:
         return len(self.points)

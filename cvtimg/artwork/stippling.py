@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, place_dots, place_pens
+from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_dots, place_pens
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, process_coverages
 from cvtimg.artwork.tours import find_tour
@@ -44,6 +45,7 @@ def stipple(
     layers: str | None = None,
     invert: bool = False,
     tones: str = "light",
+    bleed: bool = False,
 ) -> Stipples:
     """Reproduce the tones of an image by dots.
 
@@ -57,8 +59,8 @@ def stipple(
         Gray or sRGB, with alpha or without. Integers have white at 255, or 65535 for 16 bits; floating point is in
         0..1. What is transparent or masked is paper.
     n_dots : int, optional
-        Number of dots, in 1..pixels; by default 20,000, or a quarter of the pixels of images with fewer than 80,000. An
-        image without ink has none.
+        Number of dots; by default 20,000, or a quarter of the pixels of images with fewer than 80,000. An image without
+        ink has none. One with fewer pixels of ink than dots is enlarged, to 2^28 pixels at most.
     dot_diameter : float, optional
         Diameter of dots in pixels, such as that of a pen, in place of their number, which follows from the ink. A pen
         of 0.4 mm on a drawing 200 mm wide has ``0.4 / 200 * image.shape[1]``. Not for "sized".
@@ -81,6 +83,8 @@ def stipple(
         "light": a drawing that is easy on the eye, whose tones follow lightness: what is lightest is paper, and ink is
         thinned, in the shades between white and black, where it would cover more than about a third. "true": from a
         distance as bright as the image, but for `max_ink` and `white_cutoff`; photographs become nearly black.
+    bleed : bool
+        Let the frame of the image cut dots. By default all are whole, and no larger than the frame.
 
     Returns
     -------
@@ -113,26 +117,35 @@ def stipple(
         check_positive("dot_diameter", dot_diameter, "in pixels")
         check_excluded("dot_diameter", True, n_dots=n_dots, radius_range=radius_range)
         check_needs("dot_diameter", True, 'dots of one size, not "sized"', dots != "sized")
-    count = _Count(n_dots, dot_diameter)
+    how = Dots(dots, radius_range, bleed)
     if layers is not None:
         check_choice("layers", layers, ("cmyk",))
         check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
         coverages, pens = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
+        count = _Count.of_ink(coverages, n_dots, dot_diameter)
         inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
         # All pens have dots of about one size.
         ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
         counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
-        placed = place_pens(inks, counts.tolist(), dots, radius_range)
+        placed = place_pens(inks, counts.tolist(), count.scaled(how))
     else:
         coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
         pens = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}
+        count = _Count.of_ink(coverages, n_dots, dot_diameter)
         area = disk_area(count.enlarged(coverages[0]))
-        placed = [place_dots(area, count.of(area), dots, radius_range)]
+        placed = [place_dots(area, count.of(area), count.scaled(how))]
     height, width = coverages[0].shape
     paper = np.full(3, 0 if invert else 255, np.uint8)
     colors = np.array(list(pens.values()), np.uint8)
     return _together(
-        placed, count.factor, names=tuple(pens), colors=colors, paper=paper, size=(height, width), max_ink=max_ink
+        placed,
+        count.factor,
+        names=tuple(pens),
+        colors=colors,
+        paper=paper,
+        size=(height, width),
+        max_ink=max_ink,
+        bleed=bleed,
     )
 
 
@@ -142,33 +155,39 @@ class _Count:
 
     n_dots: int | None
     diameter: float | None
+    factor: int  # how much the image is enlarged, so that dots are not smaller than its pixels
+
+    @classmethod
+    def of_ink(cls, coverages: Sequence[NDArray[np.float32]], n_dots: int | None, diameter: float | None) -> _Count:
+        """Find how much the image must be enlarged for these dots."""
+        size, largest = coverages[0].size, max(1, math.isqrt(_MOST_PIXELS // coverages[0].size))
+        n_inked = sum(int(np.count_nonzero(coverage)) for coverage in coverages) or size
+        if diameter is not None:
+            factor = max(1, math.ceil(_FINEST / diameter))
+            least = f"be at least {_FINEST / largest:.2g} pixels of an image of this size"
+            check_that(f"dot_diameter={diameter:.3g}", factor <= largest, least)
+            return cls(None, diameter, factor)
+        if n_dots is not None:
+            check_count("n_dots", n_dots, n_inked * largest**2, "for the ink of an image of this size")
+        return cls(n_dots, None, math.ceil(math.sqrt((n_dots or 1) / n_inked)))
 
     def of(self, area: NDArray[np.float32]) -> int:
         """Return the number of dots for the area of disks that each pixel asks for, (H, W), or (L, H, W) of pens."""
-        n_pixels = area.shape[-2] * area.shape[-1]
-        if self.n_dots is not None:
-            check_count("n_dots", self.n_dots, n_pixels, "the number of pixels")
         if not area.any():
             return 0
         if self.diameter is None:
-            return self.n_dots or max(1, min(_USUAL_DOTS, n_pixels // 4))
+            return self.n_dots or max(1, min(_USUAL_DOTS, area.shape[-2] * area.shape[-1] // 4))
         return max(1, round(float(area.sum(dtype=np.float64)) / (np.pi / 4 * (self.factor * self.diameter) ** 2)))
-
-    @property
-    def factor(self) -> int:
-        """How much the image is enlarged, so that dots are not smaller than its pixels."""
-        return 1 if self.diameter is None else max(1, math.ceil(_FINEST / self.diameter))
 
     def enlarged(self, coverage: NDArray[np.float32]) -> NDArray[np.float32]:
         """Enlarge the coverage (H, W) of each pixel."""
-        if self.factor == 1:
-            return coverage
-        fits = coverage.size * self.factor**2 <= _MOST_PIXELS
-        least = _FINEST / math.isqrt(_MOST_PIXELS // coverage.size)
-        check_that(
-            f"dot_diameter={self.diameter:.3g}", fits, f"be at least {least:.2g} pixels of an image of this size"
-        )
-        return enlarge(coverage, self.factor) * np.float32(self.factor**2)
+        return coverage if self.factor == 1 else enlarge(coverage, self.factor) * np.float32(self.factor**2)
+
+    def scaled(self, how: Dots) -> Dots:
+        """Return what dots are to be, in pixels of the enlarged image."""
+        if how.radius_range is None:
+            return how
+        return replace(how, radius_range=(self.factor * how.radius_range[0], self.factor * how.radius_range[1]))
 
 
 def _together(layers: list[DotLayer], factor: int, **about: Any) -> Stipples:

@@ -69,6 +69,7 @@ STIPPLE = (
         default="light",
     ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
+    switch("bleed", "Let the frame of the picture cut dots; by default they are whole.", keyword="bleed"),
     Option(
         "width",
         Text(_length),

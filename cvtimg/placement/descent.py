@@ -296,6 +296,15 @@ def _moved(moments: CellMoments, at: _State, step: Points, terms: Terms) -> _Sta
     return _State(generators, moments(generators))
 
 
+def each_with_cell(moments: CellMoments, generators: Points, project: Projection) -> tuple[Points, Moments]:
+    """Place generators whose cells have no mass anew, in the heaviest cells, as long as that lowers the energy."""
+    terms = Terms(Stopping(0.0, 0), project=project)
+    at: _State | None = _State(generators, moments(generators))
+    while at is not None:
+        last, at = at, _refilled(moments, at, terms)
+    return last.generators, last.moments
+
+
 def _refilled(moments: CellMoments, at: _State, terms: Terms) -> _State | None:
     """Move each free generator without mass into one of the heaviest cells; None if there is none, or it is no use."""
     free = np.ones(len(at.generators), bool) if terms.free is None else terms.free

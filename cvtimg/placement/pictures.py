@@ -112,7 +112,7 @@ def place_by_levels(
 ) -> Descent:
     """Place generators, the first of them fixed, and the others in about the order of a curve."""
 
-    def descend(cells: PixelMoments, free: Points, stopping: Stopping, project: Projection | None = None) -> Descent:
+    def descend(cells: PixelMoments, free: Points, stopping: Stopping, project: Projection) -> Descent:
         movable = np.arange(len(fixed) + len(free)) >= len(fixed) if len(fixed) else None
         terms = Terms(stopping, movable, project, watch=watch)
         return method(cells, np.concatenate([fixed, free]), terms)
@@ -126,10 +126,9 @@ def place_by_levels(
         with part(0, 1 / 4):  # it has a quarter of the pixels
             first = start(coarse, -(-n_free // 4), coarser[:-1])
         with part(1 / 4, 1):
-            end = descend(coarse, first, coarser[-1])
-        height, width = cells.density.shape
+            end = descend(coarse, first, coarser[-1], project.into_frame)
         split = split_generators(end.generators[len(fixed) :], n_free)
-        return np.clip(split, 0, np.array([width, height]) / cells.scale)
+        return project.into_frame(split, split)
 
     project = WhereMassIs(moments)
     with part(0, 1 / 4):
@@ -139,29 +138,48 @@ def place_by_levels(
 
 
 class WhereMassIs:
-    """The projection of points to pixels with mass: a cell may have its center of mass in a gap."""
+    """The projection of points to pixels with mass: a cell may have its center of mass in a gap.
 
-    def __init__(self, moments: PixelMoments) -> None:
+    Points stay in the frame of the image, as far from its sides as the margin: a step of a descent may lead anywhere.
+    Where all mass is in the margin, they leave it all the same.
+    """
+
+    def __init__(self, moments: PixelMoments, margin: float = 0.0) -> None:
         self._mass = moments.density > 0
         self._scale = moments.scale
-        self._everywhere = bool(self._mass.all())
+        height, width = self._mass.shape
+        size = np.array([width, height]) / moments.scale
+        self._low = np.minimum(margin, size / 2)
+        self._high = size - self._low
+        # Pixels in the frame: the first column and row, and the last ones.
+        first = np.floor(self._low * moments.scale).astype(np.intp)
+        self._ends = first, np.maximum(np.array([width, height]) - 1 - first, first)
+        (left, top), (right, bottom) = self._ends
+        framed = self._mass[top : bottom + 1, left : right + 1]
+        self._everywhere = bool(framed.all())
+        if framed.any() and not self._everywhere:
+            self._mass = np.pad(framed, ((top, height - 1 - bottom), (left, width - 1 - right)))
         self._nearest: NearestPixel | None = None  # made when it is needed first
 
     def __call__(self, there: Points, before: Points) -> Points:
         """Move points without mass below them to the nearest pixel that has some."""
+        there = self.into_frame(there, before)
         if self._everywhere:
             return there
-        height, width = self._mass.shape
         places = there * self._scale
-        x, y = (np.clip(at, 0, side - 1).astype(np.intp) for at, side in zip(places.T, (width, height), strict=True))
-        white = np.flatnonzero(~self._mass.take(y * width + x))
+        x, y = np.clip(places, *self._ends).astype(np.intp).T
+        white = np.flatnonzero(~self._mass.take(y * self._mass.shape[1] + x))
         if not len(white):
             return there
         if self._nearest is None:
             self._nearest = NearestPixel.of(self._mass)
         moved = there.copy()
         moved[white] = self._nearest(places[white]) / self._scale
-        return moved
+        return self.into_frame(moved, before)
+
+    def into_frame(self, there: Points, before: Points) -> Points:
+        """Move points to the frame."""
+        return np.clip(there, self._low, self._high)
 
 
 def draw_along_curve(density: NDArray[np.float32], n_generators: int, rng: np.random.Generator) -> Points:

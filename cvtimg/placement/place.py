@@ -150,8 +150,11 @@ def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
     """Keep points in the region, and bring them to its boundary if asked to; around a periodic box they may go."""
     if n_on_boundary is not None:
         return ToBoundary(region, n_on_boundary)
-    if isinstance(region, Box):
-        return None  # centers of mass lie inside, and a descent compares places that are not wrapped
+    if isinstance(region, Box):  # a descent compares places that are not wrapped
+        low, high = (
+            np.where(region.periodic, far, end) for far, end in zip((-np.inf, np.inf), region.bounds, strict=True)
+        )
+        return lambda there, before: np.clip(there, low, high)
     return lambda there, before: region.project(there)
 
 

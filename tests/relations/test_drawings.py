@@ -1,0 +1,80 @@
+"""Relations of stipples and mosaics: dots in the frame, and changes of the picture that nobody can see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from relations.relation import Relation, close, equal, quick_and_wide
+from skimage.filters import gaussian
+
+from cvtimg import stipple
+
+Image = NDArray[Any]
+
+
+def drawing(rng: np.random.Generator) -> tuple[Image, dict[str, Any]]:
+    """Return a smooth drawing with dark parts at its frame, and what to make of it."""
+    height, width = rng.integers(12, 90, 2)
+    rows, columns = np.mgrid[:height, :width]
+    light = np.full((height, width), 250.0)
+    for _ in range(5):
+        row, column = rng.choice([0, height - 1, rng.uniform(0, height)]), rng.choice([0, width - 1])
+        light -= rng.uniform(40, 250) * np.exp(-((rows - row) ** 2 + (columns - column) ** 2) / rng.uniform(4, 900))
+    if rng.random() < 0.4:
+        light[:, -2:] = 0  # a frame
+    if rng.random() < 0.2:
+        light[:] = 255 * (rng.random(light.shape) < 0.98)  # specks
+    image = light.clip(0, 255).astype(np.uint8)
+    kinds: list[dict[str, Any]] = [{}, {"dots": "sized"}, {"layers": "cmyk"}, {"tones": "true"}, {"invert": True}]
+    return image, {"n_dots": int(10 ** rng.uniform(0, 3.7)), **kinds[rng.integers(len(kinds))]}
+
+
+def of_dots(given: tuple[Image, dict[str, Any]]) -> tuple[bool, bool, bool]:
+    """Whether dots are whole in the frame, each with a cell of its own, and as many as asked for, or none in white."""
+    image, how = given
+    result = stipple(image, **how)
+    gaps = np.minimum(result.points, np.array(image.shape[::-1]) - result.points)
+    own = all(
+        len(np.unique(result.points[result.layers == pen], axis=0)) == np.sum(result.layers == pen) for pen in (0, 3)
+    )
+    return bool((gaps >= result.radii[:, None] - 1e-6).all()), own, len(result) in (0, how["n_dots"])
+
+
+def as_wanted(before: Any, after: tuple[bool, bool, bool]) -> None:
+    assert after == (True, True, True), "whole dots, a cell for each, the number"
+
+
+def shape(rng: np.random.Generator) -> Image:
+    """Return patches of color, RGBA, of which those of a third of the pixels are transparent."""
+    patches = gaussian(rng.normal(size=(48, 60, 4)), 5, channel_axis=2)
+    levels = np.rint(255 * (patches - patches.min()) / np.ptp(patches)).astype(np.uint8)
+    levels[..., 3] = np.where(patches[..., 3] > np.quantile(patches[..., 3], 1 / 3), 255, 0)
+    return levels
+
+
+def hidden(image: Image) -> Image:
+    """Change the colors that cannot be seen."""
+    return np.where(image[..., 3:] > 0, image, np.uint8([250, 3, 99, 0]))
+
+
+def tones(image: Image) -> Any:
+    return stipple(image, 200).points
+
+
+RELATIONS = [
+    Relation("stipple", "dots within the frame", drawing, of_dots, lambda given: given, as_wanted, "2026-11-27"),
+    Relation("stipple", "hidden colors", shape, tones, hidden, equal, "2026-11-27"),
+    Relation(
+        "stipple",
+        "mirrored",
+        lambda rng: drawing(rng)[0],
+        lambda image: stipple(image, 100).ink,
+        lambda image: image[:, ::-1],
+        close(1e-3),
+        "2026-11-27",
+        "radii are limited by the frame",
+    ),
+]
+test_a_drawing_follows_its_picture, test_a_drawing_follows_any_picture = quick_and_wide(RELATIONS)
