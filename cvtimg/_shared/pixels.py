@@ -25,9 +25,28 @@ def array_of(image: Any) -> NDArray[Any]:
     mode = getattr(image, "mode", None)  # a tensor of torch has another kind of mode
     if isinstance(mode, str) and mode not in _PLAIN_MODES:
         image = image.convert("RGBA" if image.has_transparency_data else "RGB")
+    if hasattr(image, "columns") and hasattr(image, "to_numpy"):
+        return _of_frame(image)
     if hasattr(image, "__dlpack__") and not hasattr(image, "__array__"):
         return np.from_dlpack(image)
     return np.asarray(image)
+
+
+def _of_frame(frame: Any) -> NDArray[Any]:
+    """Return the numbers of a data frame of pandas or polars; truths are 0 and 1, and missing values NaN."""
+    columns = []
+    for number, name in enumerate(frame.columns):
+        is_pandas = hasattr(frame, "iloc")
+        column = frame.iloc[:, number] if is_pandas else frame[name]
+        kind = getattr(column.dtype, "kind", None) or column.to_numpy().dtype.kind
+        if kind not in "biuf":
+            raise TypeError(f"column {name!r} of type {column.dtype} must be of numbers: choose the columns")
+        if is_pandas and column.hasnans:
+            columns.append(column.to_numpy(dtype=np.float64, na_value=np.nan))
+        else:
+            how = {"dtype": column.dtype.numpy_dtype} if hasattr(column.dtype, "numpy_dtype") else {}
+            columns.append(column.to_numpy(**how))
+    return np.stack(columns, axis=1)
 
 
 def says_alpha(image: Any) -> bool:

@@ -36,7 +36,8 @@ def is_pipe(path: Path) -> bool:
 
 def stem_of(source: Path) -> str:
     """Return the name from which those of the outputs are made."""
-    return "stdin" if is_pipe(source) else source.stem
+    packed = source.suffix.lower() in (".gz", ".bz2", ".xz", ".zip")
+    return "stdin" if is_pipe(source) else Path(source.stem).stem if packed else source.stem
 
 
 @contextmanager

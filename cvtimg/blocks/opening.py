@@ -81,7 +81,7 @@ def _without_missing(blocks: Blocks) -> Blocks:
     if blocks.weights is not None:
         absent |= da.isnan(blocks.weights)
     weights = None if blocks.weights is None else blocks.weights[~absent]
-    return Blocks(blocks.rows[~absent], weights, ~absent, blocks.names)
+    return Blocks(blocks.rows[~absent], weights, ~absent, blocks.names, blocks.left_out)
 
 
 def _of_array(place: str, array: Any, columns: Sequence[str] | None, weight: str | None) -> Blocks:
@@ -139,7 +139,14 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
     files = _parquet_files(place)
     check_that(place, bool(files), "have at least one .parquet file in it")
     headers = [_parquet_header(file) for file in files]
-    names = [name for name in headers[0][0].names if name != weight] if columns is None else list(columns)
+    names, left_out = list(columns or ()), {}
+    if columns is None:
+        kinds = {name: headers[0][0].field(name).type for name in headers[0][0].names if name != weight}
+        left_out = {
+            name: str(kind) for name, kind in kinds.items() if not _is_number(kind) or name.startswith("__index")
+        }
+        names = [name for name in kinds if name not in left_out]
+        check_that(place, bool(names), "have a column of numbers")
     # The same column may have other types in other files, and a row without a value has NaN for it.
     types = [_type_of(file, schema, name) for file, (schema, _) in zip(files, headers, strict=True) for name in names]
     dtype = np.result_type(*types, *([np.float32] if missing == "drop" else []))
@@ -149,11 +156,11 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
     rows = [partial(_read_group, file, group, names, dtype, missing) for file, group in groups]
     blocks = as_blocks(_joined(rows, lengths, (len(names),), dtype))
     if weight is None:
-        return Blocks(blocks.rows, None, None, tuple(names))
+        return Blocks(blocks.rows, None, None, tuple(names), left_out)
     for file, (schema, _) in zip(files, headers, strict=True):
         _type_of(file, schema, weight)
     weights = [partial(_read_weights, file, group, weight, missing) for file, group in groups]
-    return Blocks(blocks.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names))
+    return Blocks(blocks.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names), left_out)
 
 
 def _parquet_header(place: str) -> tuple[Any, list[int]]:
@@ -176,9 +183,15 @@ def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
 
     check_choice(f"{place}: column", name, schema.names)
     kind = schema.field(name).type
-    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+    is_number = _is_number(kind) or types.is_boolean(kind)
     check_that(f"{place}: column {name!r} of type {kind}", is_number, "be of numbers; name the columns to use")
     return np.dtype(kind.to_pandas_dtype())
+
+
+def _is_number(kind: Any) -> bool:
+    from pyarrow import types
+
+    return bool(types.is_integer(kind) or types.is_floating(kind))
 
 
 def _parquet_files(place: str) -> list[str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -33,12 +34,15 @@ class Blocks:
         Which rows of a file are in `rows`, if some may have been left out; in the same blocks.
     names : tuple of str
         Names of the columns, if they come from a file.
+    left_out : dict of str
+        Why columns of the file were left out that nobody chose, such as ``{"name": "text"}``.
     """
 
     rows: Array
     weights: Array | None = None
     kept: Array | None = None
     names: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         weighted = "" if self.weights is None else ", weighted"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -31,12 +31,15 @@ COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 def cluster(given: Given) -> Todo:
     """Cluster the rows of tables: find the N means that represent them with the least error.
 
-    A table is text with commas, semicolons or tabs (.csv) or a NumPy array (.npy). Columns go by their names, or by
-    col0, col1 and so on where the table has none. Without -o and --out-dir, one table is written to NAME-clusters.csv
-    beside it: all its columns as they are, and "cluster", the number of the cluster of each row, from 0; empty where
-    the row is dropped. --labels-only writes NAME-labels.csv, a line "label" and a line for each row. A .npy or .parquet
-    file holds labels alone, -1 or null in rows that are dropped. Means are in the units of the table; the energy is in
-    those of the standardized columns if --standardize is given.
+    A table is text (.csv, .txt, .csv.gz and the like), a NumPy array (.npy), a file of Arrow (.feather, .arrow) or a
+    sheet of Excel (.xlsx). Columns go by their names, or by col0, col1 and so on where the table has none. Columns that
+    are not of numbers, or only number the rows, are left out and named; --columns chooses.
+
+    Without -o and --out-dir, one table is written to NAME-clusters.csv beside it: all its columns as they are, and
+    "cluster", the number of the cluster of each row, from 0; empty where the row is dropped. --labels-only writes
+    NAME-labels.csv, a line "label" and a line for each row. A .npy or .parquet file holds labels alone, -1 or null in
+    rows that are dropped. Means are in the units of the table; the energy is in those of the standardized columns if
+    --standardize is given.
 
     Parquet files, Zarr arrays, and .npy files of more than 1 GiB may be larger than memory: they are read in blocks,
     with --dask by all workers of a cluster. A folder called NAME.parquet is one table. Labels, alone, go to
@@ -55,14 +58,34 @@ def cluster(given: Given) -> Todo:
 
 
 def reading(given: Given) -> dict[str, Any]:
-    """Return the arguments of `read_table` that options give."""
+    """Return the arguments of `read_table` and `open_blocks` that options give; `given.dialect` is that of text."""
+    from cvtimg.tables import Dialect
+
     names = None
     if given.columns is not None:
-        # Like a line of CSV, because names may contain commas.
-        names = [name.strip() for name in next(csv.reader([given.columns], skipinitialspace=True), [])]
+        names = _parts(given.columns)
         if not all(names) or not names:
             raise WrongUsageError(f"--columns: {given.columns!r} must be names with commas between them")
+    delimiter = {"tab": "\t", "\\t": "\t", "space": " "}.get(given.delimiter, given.delimiter)
+    if delimiter is not None and len(delimiter) != 1:
+        raise WrongUsageError(f"--delimiter: {delimiter!r} must be one letter, or tab or space")
+    marks = _parts(given.missing_values or "")
+    given.dialect = Dialect(delimiter, given.decimal, given.encoding, given.header, marks)
     return {"columns": names, "weight": given.weight, "missing": given.missing}
+
+
+def _parts(text: str) -> list[str]:
+    """Read texts with commas between them like a line of CSV, because names may contain commas."""
+    return [part.strip() for part in next(csv.reader([text], skipinitialspace=True), [])]
+
+
+def told_left_out(left_out: Mapping[str, str]) -> dict[str, Any]:
+    """Return the columns of a row that tell which columns of a table were left out."""
+    if not left_out:
+        return {}
+    names = ", ".join(f"{name} ({why})" for name, why in list(left_out.items())[:8])
+    more = f" and {len(left_out) - 8} more" if len(left_out) > 8 else ""
+    return {"columns_left_out": dict(left_out), "warning": f"left out: {names}{more}; --columns chooses"}
 
 
 def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -82,6 +105,7 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "explained": 1 - result.energy / total if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
+        **told_left_out(found.left_out),
     }
 
 
@@ -94,13 +118,14 @@ class _Found:
     n_rows: int
     total: float
     curve: EnergyCurve | None
+    left_out: Mapping[str, str]
 
 
 def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
     from cvtimg import tessellate
     from cvtimg.tables import Spread, read_table, write_clusters, write_row_labels
 
-    table = read_table(task.source, **given.read)
+    table = read_table(task.source, **given.read, dialect=given.dialect)
     spread = Spread.of(table.rows, table.weights)
     stopwatch.lap("read")
     scaling = spread.scaling if given.standardize else None
@@ -111,10 +136,11 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
     if given.labels_only or task.output.suffix.lower() != ".csv":
         write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
     else:
-        write_clusters(task.output, task.source, result.labels, table.kept, overwrite=given.overwrite)
+        how = {"dialect": given.dialect, "overwrite": given.overwrite}
+        write_clusters(task.output, task.source, result.labels, table.kept, **how)
     _write_means(task, table.names, result, scaling, given.overwrite)
     _plot(task, rows, result, given.overwrite)
-    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve)
+    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve, table.left_out)
 
 
 def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
@@ -137,7 +163,7 @@ def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         if "--plot" in task.outputs:
             _plot(task, sample_rows(blocks, given.seed)[0], result, given.overwrite)
     _write_means(task, blocks.names, result, scaling, given.overwrite)
-    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve)
+    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve, opened.left_out)
 
 
 def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:

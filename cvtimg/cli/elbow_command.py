@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.runner import INTERRUPTED
-from cvtimg.cli.cluster_command import reading
+from cvtimg.cli.cluster_command import reading, told_left_out
 from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
@@ -29,7 +29,6 @@ EXAMPLES = """\
 """
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
 #: Tables; all other inputs are images. A table of blocks has no curve.
-TABLE_SUFFIXES = (".csv", ".tsv", ".npy")
 
 
 def elbow(given: Given) -> Todo:
@@ -57,10 +56,10 @@ def _found(path: str) -> list[Path]:
     try:
         return find_images(path)
     except FileNotFoundError:
-        from cvtimg.tables.files import find_tables
+        from cvtimg.tables.files import find_tables, is_table
 
         with suppress(FileNotFoundError):
-            if tables := [table for table in find_tables(path) if table.suffix.lower() in TABLE_SUFFIXES]:
+            if tables := list(filter(is_table, find_tables(path))):
                 return tables
         raise
 
@@ -92,7 +91,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.plotting.energy_curves import Plotted
     from cvtimg.segmentation import segment_curve
 
-    samples, image, weights = _read(task.source, given)
+    samples, image, weights, left_out = _read(task.source, given)
     stopwatch.lap("read")
     curve = given.arguments
     if not given.segments:
@@ -115,25 +114,36 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "elbow": result.elbows(),
         "n_max": result.n_max,
         "energies": result.energies.tolist(),
+        **told_left_out(left_out),
         "_plotted": Plotted(task.source.stem, result, k, shown, given.space),
     }
 
 
-def _read(source: Path, given: Given) -> tuple[NDArray[Any], NDArray[Any] | None, NDArray[Any] | None]:
-    """Read the samples, the image if the file is one, and the weights of the rows of a table."""
+def _read(source: Path, given: Given) -> tuple[Any, NDArray[Any] | None, NDArray[Any] | None, Mapping[str, str]]:
+    """Read the samples, the image if the file is one, the weights of rows, and why columns were left out."""
     from cvtimg.pictures.stacks import read_whole
     from cvtimg.tables import Spread, read_table
+    from cvtimg.tables.files import is_table
 
-    if source.suffix.lower() not in TABLE_SUFFIXES:
+    if not is_table(source):
         if wrong := given.chosen("columns", "weight", "standardize"):
             raise ValueError(f"{' and '.join(wrong)} must not be given for images, only for tables")
         image = read_whole(source)
-        return image, image, None
+        return image, image, None, {}
     if given.space != "rgb":
         raise ValueError(f"--space {given.space} is for images; a table has no color space")
-    table = read_table(source, **given.read)
-    rows = Spread.of(table.rows, table.weights).scaling.apply(table.rows) if given.standardize else table.rows
-    return rows, None, table.weights
+    from cvtimg.blocks import open_blocks
+    from cvtimg.tables.blocked import is_large_table, sample_rows
+
+    if is_large_table(source):
+        blocks = open_blocks(source, **given.read)
+        found: tuple[Any, Any] = sample_rows(blocks, given.seed)
+        left_out = blocks.left_out
+    else:
+        table = read_table(source, **given.read, dialect=given.dialect)
+        found, left_out = (table.rows, table.weights), table.left_out
+    rows, weights = found
+    return Spread.of(rows, weights).scaling.apply(rows) if given.standardize else rows, None, weights, left_out
 
 
 def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:

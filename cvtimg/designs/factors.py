@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_in_range
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
+from cvtimg.tables.columns import Dialect, open_columns
 
 #: Runs of a design, and whole numbers that are levels, at most.
 MAX_RUNS = 1 << 16
@@ -120,10 +120,10 @@ def read_factors(path: StrPath) -> list[Factor]:
     >>> [factor.header for factor in factors]
     ['speed [m/s]', 'heat [C]']
     """
-    header, *lines = _read_rows(path) or [[]]
-    if not lines:
-        raise OSError(f"{path}: must have a line for each axis after the first")
     try:
+        header, *lines = _read_rows(path, header=True)
+        if not lines:
+            raise ValueError("must have a line for each axis after the first")
         factors = [_factor(dict(zip(header, line, strict=False))) for line in lines]
         check_names(factors)
         return factors
@@ -139,12 +139,11 @@ def check_names(factors: Sequence[Factor]) -> None:
         raise ValueError(f"there must be one axis named {twice[0]}, not {len(twice)}")
 
 
-def _read_rows(path: StrPath) -> list[list[str]]:
-    """Read the rows of a text table; empty ones are left out."""
-    delimiter = "\t" if str(path).lower().endswith(".tsv") else ","
+def _read_rows(path: StrPath, header: bool | None = None) -> list[list[str]]:
+    """Read the rows of a table as texts, as `cvtimg.tables.read_table` does, that of names first if there is one."""
     with local_copy(path) as file:
-        lines = csv.reader(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=delimiter)
-        return [[value.strip() for value in line] for line in lines if line]
+        source = open_columns(file, Dialect(header=header))
+        return [*([source.names] if source.named else []), *map(source.plain, source.cells())]
 
 
 def _factor(fields: Mapping[str, str]) -> Factor:

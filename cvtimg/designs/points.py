@@ -21,6 +21,7 @@ from cvtimg._shared.checks import (
     refuse,
 )
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
@@ -246,7 +247,7 @@ def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]
 def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Floats:
     if existing is None or np.size(existing) == 0:
         return np.empty((0, len(factors)))
-    array = np.asarray(existing)
+    array = array_of(existing)
     fits = array.ndim == 2 and array.shape[1] == len(factors)
     check_shape("existing", array.shape, fits, f"(L, {len(factors)}), a row for each point")
     low, high = (np.array([getattr(factor, end) for factor in factors]) for end in ("low", "high"))

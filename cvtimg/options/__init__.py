@@ -43,7 +43,8 @@ PANELS = {
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
     "line_width subpixel simplify properties width marks pen_width order cells outline scale measures keep_metadata "
     "optimize overwrite as_json quiet report dry_run",
-    "Reading": "mask nodata weight_map columns weight missing page channel_axis axes channel t z pixel_size max_pixels",
+    "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
+    "channel_axis axes channel t z pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "volume_power passes seed method init",
 }

@@ -17,16 +17,33 @@ def _labels() -> Sequence[str]:
 
 #: How tables are read.
 _TABLE = (
-    Option("columns", Text(), "Columns of tables to use; by default all but the weight.", metavar="A,B,C"),
+    Option(
+        "columns",
+        Text(),
+        "Columns of tables to use; by default all of numbers but the weight and those that only number the rows.",
+        metavar="A,B,C",
+    ),
     Option("weight", Text(), "Column with the weight of each row.", metavar="COLUMN"),
     switch("standardize", "Scale each column to mean 0 and variance 1."),
     common.MISSING,
+    Option(
+        "delimiter", Text(), "Letter between the values of a text table, or tab; by default as it seems.", metavar="C"
+    ),
+    Option("decimal", Choice((".", ",")), "Decimal sign of a text table; by default as it seems."),
+    Option("encoding", Text(), "Encoding of a text table, such as cp1252; by default as it seems.", metavar="NAME"),
+    Option(
+        "header",
+        Switch(),
+        "The first row has the names of columns, or none; by default as it seems.",
+        "--header/--no-header",
+    ),
+    Option("missing_values", Text(), "More marks of missing values, such as '-999,unknown'.", metavar="A,B,C"),
 )
 
 CLUSTER = (
     common.IMAGES._replace(
-        help="Tables (.csv, .tsv, .npy, .parquet, .zarr), URLs of them, folders, patterns like 'a/*.csv', - for "
-        "standard input, or @FILE for a list of names.",
+        help="Tables (.csv, .csv.gz and the like, .npy, .parquet, .feather, .xlsx, .zarr), URLs of them, folders, "
+        "patterns like 'a/*.csv', - for standard input, or @FILE for a list of names.",
         metavar="TABLE...",
     ),
     Option(
@@ -52,7 +69,7 @@ CLUSTER = (
 )
 
 ELBOW = (
-    common.IMAGES._replace(help="Images, tables (.csv, .tsv, .npy), folders or patterns like 'a/*.png'."),
+    common.IMAGES._replace(help="Images, tables (as cvtimg cluster reads), folders or patterns like 'a/*.png'."),
     Option("k_max", Whole(1, 4096), "Largest number of generators to try.", default=64, keyword="n_max"),
     Option(
         "rule",

@@ -356,9 +356,7 @@ class Merged(NamedTuple):
     n_pixels: float
 
 
-def merged_colors(
-    palette: Palette, n_colors: int, fixed: NDArray[Any], samples: ColorSamples | None = None
-) -> Merged:
+def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any], samples: ColorSamples | None = None) -> Merged:
     """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay.
 
     A palette that has all colors is merged by the samples that it is of.

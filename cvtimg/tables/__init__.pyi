@@ -1,3 +1,4 @@
+from .columns import Dialect as Dialect
 from .estimator import CVT as CVT
 from .files import Table as Table
 from .files import find_tables as find_tables

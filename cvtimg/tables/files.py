@@ -1,12 +1,13 @@
 """Tables of numbers on disk: rows and weights are read, labels and generators written.
 
-A table is text with a delimiter, such as CSV, or a NumPy array in a ``.npy`` file. Its columns have names.
+A table is text with a delimiter, such as CSV, a NumPy array in a ``.npy`` file, a file of Arrow or a sheet of Excel.
+Its columns have names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -22,14 +23,18 @@ from cvtimg.files.finding import check_name, find_images, find_remote
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.tables.columns import Columns, open_columns
+from cvtimg.tables.columns import Columns, Dialect, open_columns
 
+#: Suffixes of packed text.
+PACKED = (".gz", ".bz2", ".xz", ".zip")
 #: What to do with rows that have missing values.
 MISSING = ("error", "drop")
 #: Suffixes of files of labels.
 LABEL_SUFFIXES = (".csv", ".npy", ".parquet")
 #: Suffixes of the tables in a folder; a file that is named is read whatever its suffix.
-TABLE_SUFFIXES = (".csv", ".tsv", ".npy", ".parquet", ".zarr")
+TABLE_SUFFIXES = (".csv", ".tsv", ".npy", ".parquet", ".zarr", ".feather", ".arrow", ".xlsx")
+#: Suffixes of tables that are files; packed text ends in one of the last.
+_NAMED = (*(suffix for suffix in TABLE_SUFFIXES if suffix != ".zarr"), ".txt", ".dat", ".ipc", ".xlsm", *PACKED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,12 +51,15 @@ class Table(ReadOnly):
         Finite and >= 0, if a column of weights was selected.
     kept : (M,) bool array
         Whether each row of the file is in `rows`; the others have missing values.
+    left_out : dict of str
+        Why columns were left out that nobody chose, such as ``{"name": "text"}``.
     """
 
     names: tuple[str, ...]
     rows: NDArray[np.float64]
     weights: NDArray[np.float64] | None
     kept: NDArray[np.bool_]
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Tell the size and the columns in one line."""
@@ -61,22 +69,33 @@ class Table(ReadOnly):
 
 
 def read_table(
-    path: StrPath, *, columns: Sequence[str] | None = None, weight: str | None = None, missing: str = "error"
+    path: StrPath,
+    *,
+    columns: Sequence[str] | None = None,
+    weight: str | None = None,
+    missing: str = "error",
+    dialect: Dialect | None = None,
 ) -> Table:
     r"""Read a table of numbers.
 
     Parameters
     ----------
     path : path or URL
-        A ``.npy`` file with an (N,), (N, D) or structured array; any other file is UTF-8 text with commas, semicolons
-        or tabs between values, which may be in double quotes. Empty lines are ignored.
+        A ``.npy`` file with an (N,), (N, D) or structured array; ``.feather``, ``.arrow`` or ``.parquet``, which need
+        pyarrow; the first sheet of an ``.xlsx``, which needs openpyxl. Any other file is text, also packed as .gz,
+        .bz2, .xz or .zip, with tabs, semicolons, bars, commas or spaces between values, which may be in double quotes.
+        Empty lines, comments after ``#`` and a line ``sep=;`` are no rows.
     columns : sequence of str, optional
-        Names of the columns to read, in this order; all but `weight` by default. Columns without names are called
-        col0, col1, ..., or 0, 1, ... for short.
+        Names of the columns to read, in this order. By default these are all columns of numbers but `weight`, without
+        those that count rows from 0 or 1 and, if there are ten rows, identifiers: whole numbers in order, all
+        different, in the first column or in one called id. `Table.left_out` tells which were left out. Columns without
+        names are called col0, col1, ..., or 0, 1, ... for short; a name that occurs again gets a number, as in a.1.
     weight : str, optional
         Column of weights.
     missing : {"error", "drop"}
-        What to do with rows in which a selected value is missing: empty, NaN, NA, null or none.
+        What to do with rows in which a selected value is missing: empty, NaN, NA, null, none, ?, - or the like.
+    dialect : cvtimg.tables.Dialect, optional
+        How text is written, where it does not tell.
 
     Returns
     -------
@@ -85,7 +104,10 @@ def read_table(
     Notes
     -----
     The first line of text names the columns if none of its values is a number, or if in some column it has no number
-    but the second line has one. The decimal separator is ``.``.
+    but the second line has one. Whole numbers in equal steps, such as years, are names if no number below them is
+    whole, or if all of them are ten times smaller or larger. The encoding is that of the byte order mark, UTF-8, or
+    else Windows-1252. The decimal sign is a comma if some number can be read with a comma alone, and a point otherwise;
+    the other sign, spaces and apostrophes may be between groups of three digits.
 
     Examples
     --------
@@ -101,11 +123,13 @@ def read_table(
     """
     check_choice("missing", missing, MISSING)
     with local_copy(path) as file:
-        return _read_table(file, columns, weight, missing)
+        return _read_table(file, columns, weight, missing, dialect)
 
 
-def _read_table(path: Path, columns: Sequence[str] | None, weight: str | None, missing: str) -> Table:
-    source = open_columns(path)
+def _read_table(
+    path: Path, columns: Sequence[str] | None, weight: str | None, missing: str, dialect: Dialect | None
+) -> Table:
+    source = open_columns(path, dialect)
     chosen = _choose(source, columns, weight)
     names = [source.names[number] for number in chosen]
     values = source.values(chosen)
@@ -124,11 +148,12 @@ def _read_table(path: Path, columns: Sequence[str] | None, weight: str | None, m
     values = values if kept.all() else values[kept]
     if not len(values):
         raise ValueError(f"{path}: has no rows" if not len(kept) else f"{path}: has no row without a missing value")
+    left_out = {} if columns is not None else {n: why for n, why in source.reasons.items() if n != weight}
     if weight is None:
-        return Table(tuple(names), values, None, kept)
+        return Table(tuple(names), values, None, kept, left_out)
     if not values[:, -1].any():
         raise ValueError(f"{path}: column {names[-1]!r}: the weights must not all be 0")
-    return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept)
+    return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept, left_out)
 
 
 def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
@@ -153,13 +178,19 @@ def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_
 
 
 def write_clusters(
-    path: StrPath, table: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False
+    path: StrPath,
+    table: StrPath,
+    labels: NDArray[Any],
+    kept: NDArray[np.bool_],
+    *,
+    dialect: Dialect | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Write all columns of a table as a .csv, and one more, ``cluster``: labels as `write_row_labels` takes them."""
     clusters = np.full(len(kept), "", object)
     clusters[kept] = labels
     with local_copy(table) as file:
-        source = open_columns(file)
+        source = open_columns(file, dialect)
         rows = ((*row, cluster) for row, cluster in zip(source.cells(), clusters.tolist(), strict=True))
         write_csv(path, _with_more(source.names, "cluster"), rows, overwrite=overwrite)
 
@@ -211,6 +242,11 @@ def write_generators(
     write_csv(path, _with_more(names, "mass", "share"), rows, overwrite=overwrite)
 
 
+def is_table(path: Path) -> bool:
+    """Whether a file is a table by its suffix, and no image."""
+    return path.suffix.lower() in _NAMED
+
+
 def find_tables(path: StrPath) -> list[Path]:
     """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for images."""
     check_name(path)
@@ -233,9 +269,6 @@ def find_tables(path: StrPath) -> list[Path]:
 def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) -> list[int]:
     """Return the numbers of the columns to read, that of the weights last."""
     places = {name: number for number, name in enumerate(source.names)}
-    for number, name in enumerate(source.names):
-        if places[name] != number:
-            raise ValueError(f"{source.path}: column name {name!r} occurs more than once")
     if not source.named:
         places.update({str(number): number for number in range(len(source.names))})
 
@@ -246,9 +279,14 @@ def _choose(source: Columns, columns: Sequence[str] | None, weight: str | None) 
         return places[name]
 
     last = [] if weight is None else [place(weight)]
-    chosen = [n for n in range(len(source.names)) if n not in last] if columns is None else list(map(place, columns))
+    if columns is None:
+        reasons = source.reasons
+        chosen = [number for number, name in enumerate(source.names) if number not in last and name not in reasons]
+    else:
+        reasons, chosen = {}, list(map(place, columns))
     if not chosen:
-        raise ValueError(f"{source.path}: has no column to read")
+        others = "; ".join(f"{name}: {why}" for name, why in reasons.items())
+        raise ValueError(f"{source.path}: has no column of numbers" + (f" ({others})" if others else ""))
     for number, name in zip(chosen, columns or (), strict=False):
         if number in last:
             raise ValueError(f"{source.path}: column {name!r} is the weight, and cannot be read as a value too")

@@ -126,7 +126,7 @@ palette trees.csv | is a table and not an image; cvtimg cluster trees.csv -k aut
 quantize wrong.geojson -k 4 | is no image; if it has outlines, cvtimg mesh wrong.geojson
 info ball.stl | is a surface and not an image; cvtimg surface ball.stl
 info wrong.gpl | is a palette and not an image; cvtimg palette wrong.gpl
-cluster a.png -k 2 | is not text in UTF-8; for images there is cvtimg segment
+cluster a.png -k 2 | is not text; for images there is cvtimg segment
 quantize none.png -k 4 | none.png: no such file
 quantize a.png -k 300 -o a.gif | a.png: .gif holds images of at most 256 colors, and this one has 300
 quantize a.png -k 4 --mask black.png | the mask black.png must have 32 x 24 pixels, as the image, and has 40 x 20
@@ -163,7 +163,7 @@ palette six.tif | has 6 bands, which are not colors
 elbow a.png --columns a | --columns must not be given for images
 elbow numbers.csv --edge-weight 3 | for images, not for tables
 elbow a.png --max-pixels 99 | has over 99 pixels
-cluster trees.csv -k 3 | choose columns of numbers (--columns height,girth,count)
+cluster trees.csv -k 3 --columns site | trees.csv: line 2, column 'site': 'S0' is not a number
 cluster trees.csv -k 41 --columns height | n_generators=41 must be in 1..4, the number of samples
 design -n 3 --bounds none.csv | none.csv: no such file
 design -n 3 -d 2 --existing none.csv -o a.csv | none.csv: no such file
