@@ -27,6 +27,7 @@ cdef extern from "nearest.h" nogil:
             const void *tiles, const void *boxes, int n_tiles, int dims, const void *columns, Py_ssize_t width,
             const void *generators, const void *half_norms, int n_generators, int32_t *nearest,
             void *gap) noexcept nogil
+        void (*squares)(const void *tile, int dims, const void *places, int n_places, void *distances) noexcept nogil
         void (*sum)(const void *tile, int dims, const double *density, const int32_t *labels, double *sums) noexcept nogil
     const nearest_functions *nearest_at(int level, int exact)
 
@@ -254,25 +255,16 @@ def descend_sets(
 
 
 def cross_sets(
-    const real[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
-    const double[::1] density,        # IN (n_tiles * LANES,)
     const double[:, :, ::1] elders,   # IN (n_elders, K, D): sets of generators
     const int64_t[:, ::1] pairs,      # IN (n, 2): parents of each child, two of the elders
     const uint8_t[:, ::1] inherited,  # IN (n, K): whether a generator is of the first parent
-    const int64_t[::1] replaced,      # IN (n,): a free generator
-    const double[::1] heights,        # IN (n,): 0 to 1, where in the energies summed up the point in its place is
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
     double[:, :, ::1] children,       # OUT (n, K, D)
-    real[:, ::1] single,             # OUT (K, D): scratch
-    real[::1] half_norms,            # OUT (K,): scratch
     uint8_t[::1] paired,              # OUT (K,): scratch
-    double[::1] energies,             # OUT (n_tiles * LANES,): scratch
 ):
-    """Pair the generators of two parents, inherit one of each pair, and replace one by a point drawn by its energy."""
-    cdef Py_ssize_t n_cells = elders.shape[1], n_tiles = tiles.shape[0], s, k, j, t, p, i, d, first, other, best
-    cdef int dims = tiles.shape[1]
-    cdef double least, total, step, square
-    cdef int32_t nearest[LANES]
+    """Pair the generators of two parents, the nearest that are left, and inherit one of each pair."""
+    cdef Py_ssize_t n_cells = elders.shape[1], s, k, j, d, first, other, best
+    cdef double least, step, square
     with nogil:
         for s in range(children.shape[0]):
             first, other = pairs[s, 0], pairs[s, 1]
@@ -284,36 +276,183 @@ def cross_sets(
                     if paired[j]:
                         continue
                     square = 0
-                    for d in range(dims):
+                    for d in range(elders.shape[2]):
                         step = elders[first, k, d] - elders[other, j, d]
                         square = square + step * step
                     if least < 0 or square < least:
                         least = square
                         best = j
                 paired[best] = 1
-                total = 0
-                for d in range(dims):
+                for d in range(elders.shape[2]):
                     children[s, k, d] = elders[first, k, d] if inherited[s, k] else elders[other, best, d]
-                    single[k, d] = <real>children[s, k, d]
-                    total = total + <double>single[k, d] * single[k, d]
-                half_norms[k] = <real>(0.5 * total) if real is float else 0
-            half_norms[replaced[s]] = 1e30
-            total = 0
-            for t in range(n_tiles):
-                search[sizeof(real) == 8].one(
-                    &tiles[t, 0, 0], dims, &single[0, 0], &half_norms[0], <int>n_cells, nearest, NULL)
-                for i in range(LANES):
-                    square = 0
+
+
+def seed_sets(
+    const real[:, :, ::1] tiles,      # IN (n_tiles, D, LANES)
+    const double[::1] density,        # IN (n_tiles * LANES,)
+    Py_ssize_t n_given,               # IN: the first generators of each set are given
+    Py_ssize_t n_locked,              # IN: of these, the first that are never replaced
+    const double[:, :, ::1] heights,  # IN (n_sets, n_steps, L): 0 to 1, where in the energies summed up each draw is
+    double worthwhile,                # IN: a replacement must leave less than this part of the energy
+    double[:, :, ::1] generators,     # INOUT (n_sets, K, D)
+    int64_t[::1] n_seeded,            # OUT (n_sets,): generators that there are; fewer if all energy is gone
+    int32_t[:, ::1] cells,            # OUT (2, (n_tiles + 1) * LANES): scratch, the nearest and the next generator
+    real[:, ::1] squares,             # OUT (2, (n_tiles + 1) * LANES): scratch, the squared distances to these
+    real[:, :, ::1] apart,            # OUT (n_tiles, L, LANES): scratch, those to the draws
+    double[::1] shares,               # OUT (n_tiles,): scratch, energies of tiles
+    real[:, ::1] places,              # OUT (K + L, D): scratch, all generators and the draws
+    real[::1] half_norms,             # OUT (K,): scratch
+    real[:, ::1] some,                # OUT (D, LANES): scratch, points whose generators went
+    double[:, ::1] losses,            # OUT (L, K + 1): scratch; what a draw adds if a generator goes, and the rest
+):
+    """Draw points by their energy, and put a generator at the draw that leaves the lowest.
+
+    Once there are K, the generator that is then missed least is replaced: the local search of S. Lattanzi, C. Sohler, ICML
+    2019, PMLR 97, 3662-3671.
+    """
+    cdef Py_ssize_t n_tiles = tiles.shape[0], n_points = density.shape[0], n_cells = generators.shape[1]
+    cdef Py_ssize_t n_draws = heights.shape[2], s, n, k, t, i, p, d, draw, best, gone, found, n_some
+    cdef int dims = tiles.shape[1]
+    cdef double total, least, energy
+    cdef real first, square
+    cdef int32_t own
+    cdef Py_ssize_t members[LANES]
+    with nogil:
+        for s in range(generators.shape[0]):
+            found = 0
+            cells[:, :] = -1
+            squares[:, :] = 1e38
+            while found < n_given:
+                _set_place(places, half_norms, found, &generators[s, found, 0])
+                found += 1
+            for t in range(n_tiles if found > 0 else 0):
+                _find_two(&tiles[t, 0, 0], places, half_norms, found, cells, squares, t * LANES, heights.shape[1] > 1)
+            for n in range(heights.shape[1]):
+                energy = 0
+                for t in range(n_tiles):
+                    shares[t] = 0
+                    for p in range(t * LANES, (t + 1) * LANES):
+                        shares[t] += density[p] * (squares[0, p] if found else 1)
+                    energy = energy + shares[t]
+                if energy <= 0:
+                    break
+                for draw in range(n_draws):
+                    total = heights[s, n, draw] * energy
+                    t = p = 0
+                    while t < n_tiles - 1 and total >= shares[t]:
+                        total = total - shares[t]
+                        t += 1
+                    for i in range(t * LANES, (t + 1) * LANES):
+                        least = density[i] * (squares[0, i] if found else 1)
+                        if least > 0:
+                            p = i
+                            total = total - least
+                            if total < 0:
+                                break
                     for d in range(dims):
-                        step = tiles[t, d, i] - children[s, nearest[i], d]
-                        square = square + step * step
-                    total = total + density[t * LANES + i] * square
-                    energies[t * LANES + i] = total
-            p = 0
-            while energies[p] < heights[s] * total:
-                p += 1
-            for d in range(dims):
-                children[s, replaced[s], d] = tiles[p // LANES, d, p % LANES]
+                        places[n_cells + draw, d] = tiles[p // LANES, d, p % LANES]
+                losses[:, :] = 0
+                for t in range(n_tiles):
+                    search[sizeof(real) == 8].squares(
+                        &tiles[t, 0, 0], dims, &places[n_cells, 0], <int>n_draws, &apart[t, 0, 0])
+                    for draw in range(n_draws):
+                        for i in range(LANES):
+                            p = t * LANES + i
+                            square = apart[t, draw, i]
+                            first = min(squares[0, p], square)
+                            losses[draw, n_cells] += density[p] * first
+                            if found == n_cells:
+                                losses[draw, cells[0, p]] += density[p] * (min(squares[1, p], square) - first)
+                best = gone = -1
+                least = energy * worthwhile if found == n_cells else 1e308
+                for draw in range(n_draws):
+                    for k in range(n_locked if found == n_cells else found, min(found + 1, n_cells)):
+                        total = losses[draw, n_cells] + losses[draw, k]
+                        if total < least:
+                            least = total
+                            best = draw
+                            gone = k
+                if best < 0:
+                    continue
+                for d in range(dims):
+                    places[gone, d] = places[n_cells + best, d]
+                _set_norm(places, half_norms, gone)
+                found = min(found + 1, n_cells)
+                if n == heights.shape[1] - 1:
+                    break
+                n_some = 0
+                for p in range(n_points):
+                    own = cells[0, p]
+                    square = apart[p // LANES, best, p % LANES]
+                    if own == gone or cells[1, p] == gone:
+                        for d in range(dims):
+                            some[d, n_some] = tiles[p // LANES, d, p % LANES]
+                        members[n_some] = p
+                        n_some += 1
+                    elif square < squares[0, p]:
+                        cells[1, p] = own
+                        squares[1, p] = squares[0, p]
+                        cells[0, p] = <int32_t>gone
+                        squares[0, p] = square
+                    elif square < squares[1, p]:
+                        cells[1, p] = <int32_t>gone
+                        squares[1, p] = square
+                    if n_some == LANES or (n_some > 0 and p == n_points - 1):
+                        _find_two(&some[0, 0], places, half_norms, found, cells, squares, n_points, True)
+                        for i in range(n_some):
+                            for k in range(2):
+                                cells[k, members[i]] = cells[k, n_points + i]
+                                squares[k, members[i]] = squares[k, n_points + i]
+                        n_some = 0
+            n_seeded[s] = found
+            for k in range(found):
+                for d in range(dims):
+                    generators[s, k, d] = places[k, d]
+
+
+cdef inline void _set_place(
+    real[:, ::1] places, real[::1] half_norms, Py_ssize_t k, const double *place
+) noexcept nogil:
+    cdef Py_ssize_t d
+    for d in range(places.shape[1]):
+        places[k, d] = <real>place[d]
+    _set_norm(places, half_norms, k)
+
+
+cdef inline void _set_norm(real[:, ::1] places, real[::1] half_norms, Py_ssize_t k) noexcept nogil:
+    cdef double norm = 0
+    cdef Py_ssize_t d
+    for d in range(places.shape[1]):
+        norm = norm + <double>places[k, d] * places[k, d]
+    half_norms[k] = <real>(0.5 * norm) if real is float else 0
+
+
+cdef inline void _find_two(
+    const real *tile, real[:, ::1] places, real[::1] half_norms, Py_ssize_t n_places, int32_t[:, ::1] cells,
+    real[:, ::1] squares, Py_ssize_t first, bint named
+) noexcept nogil:
+    """Find the two places nearest to each point of a tile, from that number on, and the squared distances; perhaps not the second's name."""
+    cdef int dims = places.shape[1]
+    cdef Py_ssize_t i, d
+    cdef real step
+    cdef real gaps[LANES]
+    cdef real total[LANES]
+    cdef const real *own[LANES]
+    search[sizeof(real) == 8].one(
+        tile, dims, &places[0, 0], &half_norms[0], <int>n_places, &cells[0, first], gaps)
+    if n_places > 1 and named:
+        search[sizeof(real) == 8].next(
+            tile, dims, &places[0, 0], &half_norms[0], <int>n_places, NULL, NULL, &cells[0, first], &cells[1, first], gaps)
+    for i in range(LANES):
+        own[i] = &places[cells[0, first + i], 0]
+        total[i] = 0
+    for d in range(dims):
+        for i in range(LANES):
+            step = tile[d * LANES + i] - own[i][d]
+            total[i] += step * step
+    for i in range(LANES):
+        squares[0, first + i] = total[i]
+        squares[1, first + i] = total[i] + max(gaps[i], <real>0) if n_places > 1 else <real>1e38
 
 
 def distances_to_own(
@@ -471,27 +610,6 @@ cdef inline double _growth(
         return change
     after = cell_weight((cell_mass + mass) / total, power)
     return after * change + (after - cell_weight(cell_mass / total, power)) * energy
-
-
-def squared_distances(
-    const real[:, :, ::1] tiles,   # IN (n_tiles, D, LANES)
-    const real[::1] generator,     # IN (D,)
-    const real[::1] bound,         # IN (n_tiles * LANES,)
-    real[::1] distances,           # OUT (n_tiles * LANES,): the lesser of bound and squared distance; may be bound
-):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], dims = tiles.shape[1], t, i, d
-    cdef real total[LANES]
-    cdef real step
-    with nogil:
-        for t in range(n_tiles):
-            for i in range(LANES):
-                total[i] = 0
-            for d in range(dims):
-                for i in range(LANES):
-                    step = tiles[t, d, i] - generator[d]
-                    total[i] += step * step
-            for i in range(LANES):
-                distances[t * LANES + i] = min(total[i], bound[t * LANES + i])
 
 
 def divide_cells(

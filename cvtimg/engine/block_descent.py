@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -40,7 +40,8 @@ class Survey:
 
     lengths: NDArray[np.int64]  # (B,) rows of each block
     mass: float  # sum of the weights
-    sums: NDArray[np.float64]  # (D,) sum of weight times row
+    mean: NDArray[np.float64]  # (D,)
+    energy: float  # sum of weight times squared distance to the mean
     low: NDArray[np.float64]  # (D,) limits of the rows
     high: NDArray[np.float64]
     rows: NDArray[Any]  # (n, D) the sample
@@ -49,25 +50,28 @@ class Survey:
     @property
     def frame(self) -> Frame:
         """A frame about the mean of all rows, in which every block is packed."""
-        center = self.sums / self.mass
         if self.rows.dtype.kind == "f":
-            return Frame(center, scale_within(self.low, self.high, center))
-        return Frame(np.rint(center), 1.0)
+            return Frame(self.mean, scale_within(self.low, self.high, self.mean))
+        return Frame(np.rint(self.mean), 1.0)
 
     def fingerprint(self, *options: object) -> str:
         """Name the samples and some options, for `Checkpoint`."""
         digest = hashlib.sha256(repr((self.mass, self.rows.dtype, *options)).encode())
-        for array in (self.lengths, self.sums, self.rows, self.weights):
+        for array in (self.lengths, self.mean, self.rows, self.weights):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
     @staticmethod
     def total(parts: Sequence[Survey]) -> Survey:
         """Join the surveys of consecutive blocks."""
+        masses, means = np.array([part.mass for part in parts]), np.stack([part.mean for part in parts])
+        mean = np.einsum("p,pd->d", masses, means) / (masses.sum() or 1.0)
+        between = np.einsum("p,pd->", masses, (means - mean) ** 2)
         return Survey(
             np.concatenate([part.lengths for part in parts]),
-            sum(part.mass for part in parts),
-            np.sum([part.sums for part in parts], axis=0),
+            float(masses.sum()),
+            mean,
+            float(between) + sum(part.energy for part in parts),
             np.min([part.low for part in parts], axis=0),
             np.max([part.high for part in parts], axis=0),
             np.concatenate([part.rows for part in parts]),
@@ -106,9 +110,14 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     lengths = over_blocks(blocks, _length, np.concatenate) if blocks.lengths is None else blocks.lengths
     check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
-    found = over_blocks(blocks, _survey_block, Survey.total, int(rng.integers(1 << 62)), np.cumsum([0, *lengths]), most)
+    seed, n_rows = int(rng.integers(1 << 62)), int(sum(lengths))
+    found = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)
     check_that("density", found.mass > 0, "not be 0 for all samples")
-    return found
+    if n_rows <= most:
+        return found
+    rule = seed, np.cumsum([0, *lengths]), most / 2, found.mass, found.mean, found.energy
+    rows, weights = over_blocks(blocks, _draw_from_block, _joined, *rule)
+    return replace(found, rows=rows, weights=weights)
 
 
 def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[NDArray[Any], NDArray[np.float64]]:
@@ -192,36 +201,43 @@ def _total(parts: Sequence[RowMoments]) -> RowMoments:
     return RowMoments(*(np.sum(some, axis=0) for some in zip(*parts, strict=True)))
 
 
-def _survey_block(block: Block, seed: int, ends: NDArray[np.int64], most: int) -> Survey:
-    n_rows, n_dims = block.rows.shape
-    mass, sums = 0.0, np.zeros(n_dims)
-    low, high = np.full(n_dims, np.inf), np.full(n_dims, -np.inf)
+def _survey_block(block: Block, all_rows: bool) -> Survey:
+    """Measure a block, and keep all rows of positive weight, or none."""
+    n_dims = block.rows.shape[1]
+    none = as_samples("samples", block.rows[:0]), np.zeros(0)
+    limits = np.full(n_dims, np.inf), np.full(n_dims, -np.inf)
+    found = [Survey(np.zeros(0, np.int64), 0.0, np.zeros(n_dims), 0.0, *limits, *none)]
     for rows, weights in block.pieces():
-        mass += float(weights.sum())
-        sums += np.einsum("n,nd->d", weights, rows)
-        low, high = np.minimum(low, rows.min(axis=0)), np.maximum(high, rows.max(axis=0))
-    members = np.arange(n_rows) if block.weights is None else np.flatnonzero(block.weights)
-    if len(members) and most < ends[-1]:
-        start = int(ends[block.number])
-        drawn = drawn_rows(int(ends[-1]), most, start, start + n_rows, seed) - start
-        # In place of a row without weight, the next that has some.
-        members = members[np.unique(np.minimum(np.searchsorted(members, drawn), len(members) - 1))]
-    weights = np.ones(len(members)) if block.weights is None else block.weights[members].astype(np.float64)
-    return Survey(np.array([n_rows]), mass, sums, low, high, as_samples("samples", block.rows[members]), weights)
+        mass = float(weights.sum())
+        mean = np.einsum("n,nd->d", weights, rows) / (mass or 1.0)
+        energy = float(np.einsum("n,n->", weights, _squares(rows, mean)))
+        kept = (rows[weights > 0], weights[weights > 0]) if all_rows else none
+        found.append(Survey(np.zeros(0, np.int64), mass, mean, energy, rows.min(axis=0), rows.max(axis=0), *kept))
+    return replace(Survey.total(found), lengths=_length(block))
 
 
-def drawn_rows(n_rows: int, most: int, start: int, stop: int, seed: int) -> NDArray[np.int64]:
-    """Draw one of each `most` equal parts of all rows, and return those in start..stop - 1.
+def _draw_from_block(
+    block: Block, seed: int, ends: NDArray[np.int64], half: float, mass: float, mean: NDArray[np.float64], energy: float
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Draw rows, those that are far from the mean more often, with weights that make up for it, as `thin` does."""
+    # By a number for each row of all, so that the sample is the same for any blocks of the same rows.
+    numbers = np.random.Generator(np.random.PCG64(seed).advance(int(ends[block.number])))
+    found = [(as_samples("samples", block.rows[:0]), np.zeros(0))]
+    for rows, weights in block.pieces():
+        chances = half * weights / mass + half * weights * _squares(rows, mean) / (energy or 1.0)
+        drawn = numbers.random(len(rows)) < chances
+        found.append((rows[drawn], weights[drawn] / np.minimum(chances[drawn], 1.0)))
+    return _joined(found)
 
-    So the sample is the same for any blocks of the same rows.
-    """
-    first, last = max(start * most // n_rows - 1, 0), min(stop * most // n_rows + 2, most)
-    parts = np.arange(first, last)
-    begins, ends = parts * n_rows // most, (parts + 1) * n_rows // most
-    # A number for each part, whichever of them are needed.
-    places = np.random.Generator(np.random.PCG64(seed).advance(first)).random(len(parts))
-    rows = begins + (places * (ends - begins)).astype(np.int64)
-    return rows[(rows >= start) & (rows < stop)]
+
+def _joined(parts: Sequence[tuple[NDArray[Any], NDArray[np.float64]]]) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    rows, weights = zip(*parts, strict=True)
+    return np.concatenate(rows), np.concatenate(weights)
+
+
+def _squares(rows: NDArray[Any], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    steps = rows - place
+    return np.asarray(np.einsum("nd,nd->n", steps, steps))
 
 
 def _whole(blocks: Blocks, generators: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,6 @@ Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the childr
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,17 +13,27 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.progress import tell
-from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods import Conditions, Ends
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
-from cvtimg.engine.seeding import SEEDINGS, kmeans_plus_plus, random
+from cvtimg.engine.seeding import SEEDINGS, random, seed_sets
 
 #: When children rest: those that are left descend further afterwards.
 _RESTING = Stopping(tolerance=1e-3, max_iterations=100)
 #: Energies nearer to each other than this fraction, of sets at rest, are taken to be of the same tessellation.
 _SAME = 1e-6
+
+
+#: Energies of the first ends, in that number, are alike within this fraction. So are those of separated clusters.
+_ALIKE, _ENDS_ALIKE = 1e-5, 3
+#: Elders from seeds of k-means++ with swaps, of which there is one for so many generators.
+_SEEDED, _GENERATORS_PER_SWAP = 4, 4
+#: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
+#: milliseconds; from `_LARGE` on, a descent takes so long that there is a seeded one less.
+_QUICK, _LARGE = 1 << 24, 1 << 26
+#: To move generators takes the time of so many products for each number of a table.
+_MOVING = 16
 
 
 class Evolution(NamedTuple):
@@ -33,8 +42,11 @@ class Evolution(NamedTuple):
     n_kept: int  # tessellations that become parents
     n_children: int  # in each generation
     patience: int  # evolution ends after so many children for each of 8 to 16 generators without an improvement,
-    most: int  # and after so many in all,
-    operations: int  # and as many more as this has products of rows, columns and generators
+    # and after so many in all, and as many more as this has products of rows, columns and generators to a power.
+    most: int
+    operations: float
+    power: float
+    hasty_from: int  # from this product on, no other elder is sought if the first ends are alike
 
 
 def evolve(
@@ -43,29 +55,52 @@ def evolve(
     """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
     # Ends of transfers are fewer than those of Lloyd's method, and lower.
     resting = conditions.until(_RESTING)
-    # Those of k-means++ have rare samples that are far away, which others miss; these cost less.
-    seedings = [SEEDINGS[init]] + [partial(kmeans_plus_plus, n_draws=1)] * (effort.n_kept // 8)
-    seedings += [random] * (effort.n_kept - len(seedings))
-    seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
-    elders = transfer_of_sets(points, np.stack([np.concatenate([fixed, some]) for some in seeds]), resting)
-    most = effort.most + effort.operations // (points.tiles.size * n_generators)
+    n_products = points.tiles.size * (n_generators + _MOVING)
+    most = effort.most + int((effort.operations / n_products) ** effort.power)
     patience = effort.patience * min(max(n_generators, 8), 16)
+    elders = _elders(points, fixed, n_generators, init, resting, effort)
     n_idle = n_born = 0
     while True:
         elders = _survivors(elders, effort.n_kept)
         least = float(elders.energies[0])
-        if conditions.watch(least) or n_idle >= patience or n_born >= most or least == 0:
+        if conditions.watch(least) or n_idle >= patience or n_born >= most or least == 0 or len(elders.energies) == 1:
             break
-        children = transfer_of_sets(points, _children(points, elders, effort.n_children, conditions), resting)
+        n_children = min(effort.n_children, most - n_born)
+        children = transfer_of_sets(points, _children(points, elders, n_children, conditions), resting)
         improved = children.energies.min() < least * (1 - _SAME)
-        n_born += effort.n_children
-        n_idle = 0 if improved else n_idle + effort.n_children
+        n_born += n_children
+        n_idle = 0 if improved else n_idle + n_children
         elders = Ends(*(np.concatenate(both) for both in zip(elders, children, strict=True)))
         tell(max(n_idle / patience, n_born / most))
     # The best one at rest need not be the best one at the end. In one order, the same ends have the same labels.
-    ends = transfer_of_sets(points, elders.generators[: effort.n_kept // 4], conditions)
+    n_ends = effort.n_kept // 4 if n_products < _QUICK else 1
+    ends = transfer_of_sets(points, elders.generators[:n_ends], conditions)
     free = ends.generators[ends.energies.argmin(), len(fixed) :]
     return np.concatenate([fixed, free[np.lexsort(free.T)]])
+
+
+def _elders(
+    points: Points, fixed: NDArray[np.float64], n_generators: int, init: str, conditions: Conditions, effort: Evolution
+) -> Ends:
+    """Descend from seeds with swaps, and from others where that takes little time, unless the first ends are alike."""
+    n_products = points.tiles.size * (n_generators + _MOVING)
+    n_swaps = -(-n_generators // _GENERATORS_PER_SWAP)
+    n_seeded = _SEEDED if n_products < _LARGE else _ENDS_ALIKE
+
+    def descend(n_sets: int) -> Ends:
+        given = np.repeat(fixed[None], n_sets, axis=0)
+        return transfer_of_sets(points, seed_sets(points, given, n_generators, n_swaps, conditions.rng), conditions)
+
+    first = descend(_ENDS_ALIKE)
+    alike = first.energies.max() <= first.energies.min() * (1 + _ALIKE)
+    if alike and n_products >= effort.hasty_from:
+        return Ends(first.generators[:1], first.energies[:1])
+    seedings = [random] * (effort.n_kept - _SEEDED if n_products < _QUICK else 0)
+    seedings += [SEEDINGS[init]] if init != "split" else []
+    seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
+    others = [transfer_of_sets(points, np.stack([np.concatenate([fixed, some])]), conditions) for some in seeds]
+    more = [descend(n_seeded - _ENDS_ALIKE)] if n_seeded > _ENDS_ALIKE else []
+    return Ends(*(np.concatenate(all_) for all_ in zip(first, *more, *others, strict=True)))
 
 
 def _survivors(ends: Ends, n_kept: int) -> Ends:
@@ -77,23 +112,13 @@ def _survivors(ends: Ends, n_kept: int) -> Ends:
 
 
 def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> NDArray[np.float64]:
-    """Cross pairs of elders, and replace a free generator of each child by a point that is drawn by its energy."""
-    rng, n_locked = conditions.rng, conditions.n_locked
-    n_generators, n_dims = elders.generators.shape[1:]
+    """Cross pairs of elders, and put a generator of each, the one missed least, at a point drawn by its energy."""
+    rng, n_generators = conditions.rng, elders.generators.shape[1]
     # Each parent is the better of two elders, which are in order.
     pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
     inherited = rng.integers(0, 2, (n_children, n_generators), np.uint8)
-    replaced = rng.integers(n_locked, n_generators, n_children)
-    heights = rng.random(n_children)
-    children = np.empty((n_children, n_generators, n_dims))
-
-    def cross(start: int, stop: int) -> None:
-        drawn = (values[start:stop] for values in (pairs, inherited, replaced, heights))
-        single = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
-        scratch = *single, np.empty(n_generators, np.uint8), np.empty(len(points.density))
-        _kernels.cross_sets(
-            points.tiles, points.density, elders.generators, *drawn, n_locked, children[start:stop], *scratch
-        )
-
-    in_parts(cross, n_children, work=n_children * points.tiles.size * n_generators)
-    return children
+    crossed = np.empty((n_children, *elders.generators.shape[1:]))
+    scratch = np.empty(n_generators, np.uint8)
+    _kernels.cross_sets(elders.generators, pairs, inherited, conditions.n_locked, crossed, scratch)
+    swap = {"n_locked": conditions.n_locked, "n_draws": 1, "worthwhile": np.inf}
+    return seed_sets(points, crossed, n_generators, 1, rng, **swap)

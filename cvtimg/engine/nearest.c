@@ -457,6 +457,20 @@ static void group(const void *tiles, const void *boxes, int n_tiles, int dims, c
     BY_DIMS(dims, NEAREST_IN_GROUP)
 }
 
+static void squares(const void *tile, int dims, const void *places, int n_places, void *distances)
+{
+    const real *restrict x = tile;
+
+    for (int n = 0; n < n_places; n++) {
+        const real *restrict place = (const real *)places + (ptrdiff_t)n * dims;
+        real total[LANES] = {0};
+        for (int d = 0; d < dims; d++)
+            for (int i = 0; i < LANES; i++)
+                total[i] += square(x[(ptrdiff_t)d * LANES + i] - place[d]);
+        memcpy((real *)distances + (ptrdiff_t)n * LANES, total, sizeof total);
+    }
+}
+
 static void sum(const void *tile, int dims, const double *density, const int32_t *labels, double *sums)
 {
     BY_DIMS(dims, SUM)
@@ -468,4 +482,4 @@ static void sum(const void *tile, int dims, const double *density, const int32_t
 #else
 #define NAME(simd) JOIN(nearest_, simd)
 #endif
-const struct nearest_functions NAME(SIMD) = {one, next, group, sum};
+const struct nearest_functions NAME(SIMD) = {one, next, group, squares, sum};

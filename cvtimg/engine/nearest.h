@@ -24,6 +24,8 @@ struct nearest_functions {
     void (*group)(const void *tiles, const void *boxes, int n_tiles, int dims, const void *columns,
                   ptrdiff_t width, const void *generators, const void *half_norms, int n_generators,
                   int32_t *nearest, void *gap);
+    /* Squared distances of the points of a tile to some places, (n_places, LANES), by differences. */
+    void (*squares)(const void *tile, int dims, const void *places, int n_places, void *distances);
     /* Add density times (point, 1) to the sums of each point's cell. */
     void (*sum)(const void *tile, int dims, const double *density, const int32_t *labels, double *sums);
 };

@@ -7,11 +7,12 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies, cell_moments, in_main_subspace
 
@@ -146,24 +147,46 @@ def divide_worst(
     return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
 
 
-def kmeans_plus_plus(
-    points: Points, n_generators: int, rng: np.random.Generator, n_draws: int | None = None
-) -> NDArray[np.float64]:
+def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy."""
     # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
+    return seed_sets(points, np.empty((1, 0, points.n_dims)), n_generators, 0, rng)[0]
+
+
+def seed_sets(
+    points: Points,
+    given: NDArray[np.float64],
+    n_generators: int,
+    n_swaps: int,
+    rng: np.random.Generator,
+    *,
+    n_locked: int | None = None,
+    n_draws: int | None = None,
+    worthwhile: float = 1.0,
+) -> NDArray[np.float64]:
+    """Complete (n, G, D) given generators by greedy k-means++, and try that many swaps: (n, K, D)."""
+    # A swap puts a generator where much energy is in place of the one missed least, and must leave less than a part of
+    # the energy. About K / 4 of them bring the seeds within a constant factor of the lowest energy: D. Choo et al.,
+    # ICML 2020, PMLR 119, 1909-1917. Locked generators are never replaced.
+    (n_sets, n_given), (n_tiles, n_dims, width) = given.shape[:2], points.tiles.shape
     n_draws = n_draws or 2 + int(np.log(n_generators))
-    chosen = [rng.choice(len(points.density), p=points.density / points.density.sum())]
-    nearest = _distances(points, points.rows(chosen)[0], np.full(len(points.density), np.inf, points.tiles.dtype))
-    while len(chosen) < n_generators:
-        cumulative = np.cumsum(points.density * nearest)
-        if cumulative[-1] == 0:
-            raise TooFewSamplesError(n_generators, len(chosen))
-        draws = np.searchsorted(cumulative, cumulative[-1] * rng.random(n_draws), side="right")
-        candidates = [_distances(points, place, nearest) for place in points.rows(draws)]
-        best = int(np.argmin([np.einsum("n,n->", points.density, distances) for distances in candidates]))
-        nearest = candidates[best]
-        chosen.append(draws[best])
-    return points.rows(np.array(chosen))
+    sets, n_seeded = np.empty((n_sets, n_generators, n_dims)), np.empty(n_sets, np.int64)
+    sets[:, :n_given] = given
+    heights = rng.random((n_sets, n_generators - n_given + n_swaps, n_draws))
+    rule = n_given, n_given if n_locked is None else n_locked
+
+    def seed(start: int, stop: int) -> None:
+        kind, more = points.tiles.dtype, (n_tiles + 1) * width
+        scratch = np.empty((2, more), np.int32), np.empty((2, more), kind), np.empty((n_tiles, n_draws, width), kind)
+        scratch += np.empty(n_tiles), np.empty((n_generators + n_draws, n_dims), kind), np.empty(n_generators, kind)
+        scratch += np.empty((n_dims, width), kind), np.empty((n_draws, n_generators + 1))
+        own = heights[start:stop], worthwhile, sets[start:stop], n_seeded[start:stop]
+        _kernels.seed_sets(points.tiles, points.density, *rule, *own, *scratch)
+
+    in_parts(seed, n_sets, work=heights.size * points.tiles.size)
+    if n_seeded.min() < n_generators:
+        raise TooFewSamplesError(n_generators, int(n_seeded.max()))
+    return sets
 
 
 def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -208,10 +231,3 @@ def _divide(
     _kernels.divide_cells(points.tiles, points.density, labels, child_of, axes, offsets, cells.counts, cells.moments)
     cells.counts[chosen] -= cells.counts[children]
     cells.moments[chosen] -= cells.moments[children]
-
-
-def _distances(points: Points, place: NDArray[np.float64], bound: NDArray[Any]) -> NDArray[Any]:
-    """Return squared distances to a place, or `bound` where that is smaller."""
-    distances = np.empty_like(bound)
-    _kernels.squared_distances(points.tiles, place.astype(points.tiles.dtype), bound, distances)
-    return distances

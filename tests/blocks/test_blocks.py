@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -363,11 +362,17 @@ def test_a_checkpoint_of_other_samples_is_refused(tmp_path: Path) -> None:
     assert path.read_bytes() == b"other"
 
 
-def test_rows_are_drawn_evenly_whatever_the_blocks() -> None:
-    whole = block_descent.drawn_rows(100_003, 9001, 0, 100_003, 5)
-    ends = [0, 1, 17, 40_000, 99_990, 100_003]
-    parts = [block_descent.drawn_rows(100_003, 9001, *pair, 5) for pair in pairwise(ends)]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
-    assert len(whole) == 9001
-    assert np.diff(whole).max() <= 2 * 100_003 / 9001 + 1
-    assert not np.array_equal(whole, block_descent.drawn_rows(100_003, 9001, 0, 100_003, 6))
+@pytest.mark.usefixtures("small_sample")
+def test_the_same_rows_are_drawn_whatever_the_blocks_and_far_ones_always() -> None:
+    rows = RNG.integers(0, 256, (20_000, 2)).astype(np.float64)
+    rows[777] = 1e6
+    surveys = [
+        block_descent.survey(as_blocks(da.from_array(rows, chunks=n)), 3, np.random.default_rng(1))
+        for n in (333, 4000, 20_000)
+    ]
+    for found in surveys:
+        np.testing.assert_array_equal(found.rows, surveys[0].rows)
+        assert len(found.rows) < 2000
+        assert found.weights[found.rows[:, 0] == 1e6] == 1
+        np.testing.assert_allclose(found.weights.sum(), 20_000, rtol=0.1)
+        np.testing.assert_allclose(found.energy, ((rows - rows.mean(axis=0)) ** 2).sum(), rtol=1e-9)
