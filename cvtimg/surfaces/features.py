@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,6 +26,12 @@ class Seen:
     shortest: float = 3.0  # creases that are shorter in all are left out
     breadth: float = 1.0  # the surfaces on both sides of a crease, so far,
     broad: float = 0.9  # meet at this part of the angle at least
+    grain: float = 1 / 8  # faces this near to each other that look one way are one there: 1/4 rounds creases off
+    coarse: float = 1 / 3  # grains of this size tell where there is only noise:
+    flat: float = 0.6  # where halves of the surface around meet at less than this part of the angle, however they are cut
+    turns: int = 8  # in so many directions,
+    away: float = 0.1  # and no more than this part of it is turned away
+    block: int = 1024  # creases looked at at once: more take more memory, up to 1000 grains around each
     corner: float = 40.0  # a curve has a corner where it turns by the angle of creases or, if that is less, by this
     reach: float = 0.5  # over this part of the distance as well: the steps of a scan do not
     most_loss: float = 0.05  # curves get points until twice as many make them longer by less than this
@@ -65,36 +72,103 @@ def _is_broad(
 
     Between junctions, a crease is one if it is along half of its length, but not if it is short and has a free end.
     """
-    from scipy.spatial import KDTree
-
-    halves, ends = np.flatnonzero(creased), mesh.edges[creased]
+    halves = np.flatnonzero(creased)
     broad = np.zeros(len(creased), bool)
     if not len(halves):
         return broad
-    a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
-    centers, weighted = (a + b + c) / 3, np.cross(b - a, c - a)
-    middles, lengths = mesh.points[ends].mean(axis=1), mesh.edge_lengths()[creased]
-    sides = halves // 3, mesh.twins.ravel()[halves] // 3
+    halves = halves[~_is_flat(mesh, sizes, _SEEN.flat * angle)[halves // 3]]
+    ends = mesh.edges[halves]
+    centers, areas = mesh.points[mesh.triangles].mean(axis=1), mesh.areas()
+    grains = _Grains.of(mesh, _SEEN.grain * sizes[mesh.triangles].mean(axis=1), by_axis=True)
+    middles, lengths, apart = mesh.points[ends].mean(axis=1), mesh.edge_lengths()[halves], sizes[ends].mean(axis=1)
+    sides, outward = (halves // 3, mesh.twins.ravel()[halves] // 3), unit(grains.vectors)
     # Faces around are on the side of that face at the crease to which the way from its middle leads.
-    near = KDTree(centers).query_ball_point(middles, _SEEN.breadth * sizes[ends].mean(axis=1), return_sorted=False)
-    of = np.arange(len(halves)).repeat([len(one) for one in near])
-    face = np.concatenate(near).astype(np.intp)
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
-    is_first = np.einsum("ij,ij->i", centers[face] - middles[of], way[of]) > 0
-    means = []
-    for side, chosen in zip(sides, (is_first, ~is_first), strict=True):
-        # Faces of another sheet, turned away, are left out.
-        chosen &= np.einsum("ij,ij->i", normals[face], normals[side[of]]) > 0
-        chosen &= face != side[of]
-        means.append(unit(weighted[side] + sum_by_label(of[chosen], weighted[face[chosen]], len(halves))))
+    sums = [2 * areas[side, None] * normals[side] for side in sides]
+    for own, of, grain in grains.near(middles, _SEEN.breadth * apart):
+        is_first = np.einsum("ij,ij->i", grains.centers[grain] - middles[of], way[of]) > 0
+        for side, chosen, total in zip(sides, (is_first, ~is_first), sums, strict=True):
+            # Faces of another sheet, turned away, are left out.
+            chosen &= np.einsum("ij,ij->i", outward[grain], normals[side[of]]) > 0
+            chosen &= grain != grains.of_face[side[of]]
+            total[own] += sum_by_label(of[chosen] - own.start, grains.vectors[grain[chosen]], len(total[own]))
+    means = [unit(total) for total in sums]
     passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_SEEN.broad * angle))
-    lengths /= sizes[ends].mean(axis=1)
+    lengths /= apart
     table, n_ends = EdgeTable(ends, len(mesh.points)), np.bincount(mesh.edges[features].ravel())
     for chain in _chains(ends):
         each = table.find(np.stack([chain[:-1], chain[1:]], axis=1))
         is_spur = (n_ends[chain[0]] == 1) != (n_ends[chain[-1]] == 1) and lengths[each].sum() < _SEEN.shortest
         broad[halves[each]] = not is_spur and lengths[each] @ passes[each] >= lengths[each].sum() / 2
     return broad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grains:
+    """Faces that are near to each other, taken together: sums of few grains stand for those of many faces."""
+
+    of_face: Indices  # (T,)
+    centers: Points  # (G, 3)
+    vectors: Points  # (G, 3): sums of normals by area
+
+    @classmethod
+    def of(cls, mesh: SurfaceTriangulation, apart: Values, *, by_axis: bool) -> _Grains:
+        """Join faces in boxes with sides of about `apart` (T,): those that face along one axis, or that are connected.
+
+        By axes, faces at both sides of a crease stay apart; connected ones are those of one sheet, however noisy.
+        """
+        a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
+        centers, weighted, level = (a + b + c) / 3, np.cross(b - a, c - a), np.floor(np.log2(apart))
+        keys = [*np.floor(centers.T / 2**level), level]
+        if by_axis:
+            axis = np.abs(weighted).argmax(axis=1)
+            keys += [axis, weighted[np.arange(len(axis)), axis] < 0]
+        places = np.array(keys).astype(np.int64)
+        places -= places.min(axis=1, keepdims=True)
+        of_face = np.unique(np.ravel_multi_index(places, places.max(axis=1) + 1), return_inverse=True)[1].ravel()
+        if not by_axis:
+            one = np.flatnonzero(mesh.twins.ravel() >= 0)
+            links = one // 3, mesh.twins.ravel()[one] // 3
+            same = of_face[links[0]] == of_face[links[1]]
+            of_face = connected_parts((links[0][same], links[1][same]), len(centers))[1].astype(np.intp)
+        areas = np.linalg.norm(weighted, axis=1, keepdims=True)
+        rows = np.concatenate([areas, areas * centers, weighted], axis=1)
+        total = sum_by_label(of_face, rows, int(of_face.max()) + 1)
+        return cls(of_face, total[:, 1:4] / total[:, :1], total[:, 4:])
+
+    def near(self, places: Points, reach: Values) -> Iterator[tuple[slice, Indices, Indices]]:
+        """Find the grains nearer to places (M, 3) than `reach` (M,): blocks of places, and pairs of both."""
+        from scipy.spatial import KDTree
+
+        tree = KDTree(self.centers)
+        for first in range(0, len(places), _SEEN.block):
+            own = slice(first, first + _SEEN.block)
+            lists = tree.query_ball_point(places[own], reach[own], return_sorted=False)
+            of = first + np.arange(len(lists)).repeat([len(each) for each in lists])
+            yield own, of, np.concatenate(lists).astype(np.intp)
+
+
+def _is_flat(mesh: SurfaceTriangulation, sizes: Values, angle: float) -> Mask:
+    """Tell which faces (T,) have no crease around, whatever noise: halves of the surface there meet at a less angle."""
+    apart = sizes[mesh.triangles].mean(axis=1)
+    grains = _Grains.of(mesh, _SEEN.coarse * apart, by_axis=False)
+    outward, reach = unit(grains.vectors), np.zeros(len(grains.centers))
+    np.maximum.at(reach, grains.of_face, _SEEN.breadth * apart)
+    least = np.ones(len(reach))
+    for own, of, grain in grains.near(grains.centers, reach):
+        at, n, vectors = of - own.start, len(least[own]), grains.vectors[grain]
+        is_away, areas = np.einsum("ij,ij->i", outward[of], vectors) <= 0, np.linalg.norm(vectors, axis=1)
+        away, all_of_it = (np.bincount(at, weights, n) for weights in (is_away * areas, areas))
+        normal = unit(sum_by_label(at, vectors, n))
+        x = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
+        way = grains.centers[grain] - grains.centers[own][at]
+        along = [np.einsum("ij,ij->i", way, axis[at]) for axis in (x, np.cross(normal, x))]
+        for turn in np.arange(_SEEN.turns) * np.pi / _SEEN.turns:
+            first = along[0] * np.cos(turn) + along[1] * np.sin(turn) > 0
+            halves = [unit(sum_by_label(at[chosen], vectors[chosen], n)) for chosen in (first, ~first)]
+            least[own] = np.minimum(least[own], np.einsum("ij,ij->i", *halves))
+        least[own][away > _SEEN.away * all_of_it] = -1
+    return np.asarray((least > np.cos(np.radians(angle)))[grains.of_face])
 
 
 def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
