@@ -35,7 +35,7 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import cvtimg
     from cvtimg.surfaces import read_surface, read_vertex_density
 
-    shape = read_surface(task.source)
+    shape = read_surface(task.source, given.weld)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
     found = cvtimg.surface_points(
@@ -60,4 +60,5 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "components": measures.pop("n_components"),
         "borders": measures.pop("n_borders"),
         **measures,
+        **asdict(shape.repairs),
     }

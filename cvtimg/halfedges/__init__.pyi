@@ -7,5 +7,6 @@ from .half_edges import edge_keys as edge_keys
 from .half_edges import edges_around as edges_around
 from .half_edges import find_twins as find_twins
 from .half_edges import half_edges_out as half_edges_out
+from .half_edges import joined_points as joined_points
 from .half_edges import measure_triangles as measure_triangles
 from .half_edges import unique_edges as unique_edges

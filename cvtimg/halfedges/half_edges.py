@@ -101,6 +101,22 @@ def unique_edges(edges: NDArray[np.integer[Any]]) -> tuple[NDArray[Any], NDArray
     return np.stack([keys // n, keys % n], axis=1).astype(edges.dtype), which, counts
 
 
+def joined_points(points: Points, apart: float) -> NDArray[np.intp]:
+    """Return the point (N,) that each is when those nearer than `apart` to one before them are that one."""
+    from scipy.spatial import KDTree
+
+    _, first, own = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    joined = first[own.ravel()]
+    if apart > 0:
+        pairs = np.sort(first[KDTree(points[first]).query_pairs(apart, output_type="ndarray")], axis=1)
+        which = np.arange(len(points))
+        for a, b in pairs[np.lexsort(pairs.T[::-1])].tolist():
+            if which[a] == a and which[b] == b:
+                which[b] = a
+        joined = which[joined]
+    return joined
+
+
 def boundary_edges(triangles: Triangles) -> Triangles:
     """Return the (B, 2) edges that only one triangle has, as it goes around."""
     edges = edges_around(triangles)

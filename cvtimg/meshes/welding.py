@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_non_negative, check_that
 from cvtimg._shared.extras import shapely
-from cvtimg.halfedges import unique_edges
+from cvtimg.halfedges import joined_points, unique_edges
 from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import ON_LINE
 
@@ -105,14 +105,7 @@ class Network:
 
     def joined(self, apart: float) -> Network:
         """Let points nearer than `apart` to one before them, from left to right, be that one."""
-        from scipy.spatial import cKDTree
-
-        pairs = cKDTree(self.points).query_pairs(apart, output_type="ndarray")
-        first = np.arange(len(self.points))
-        for a, b in pairs[np.lexsort(pairs.T[::-1])].tolist():
-            if first[a] == a and first[b] == b:
-                first[b] = a
-        return Network(self.points, first[self.edges]).once()
+        return Network(self.points, joined_points(self.points, apart)[self.edges]).once()
 
     def bent(self, point: Index, edge: Index) -> Network:
         """Lead edges over the points that touch them."""

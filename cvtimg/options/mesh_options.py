@@ -118,6 +118,12 @@ SURFACE = (
         metavar="DEGREES",
         default=40.0,
     ),
+    Option(
+        "weld",
+        Real(0),
+        "Join vertices that are nearer than this, to close cracks. Default: a millionth of the diagonal.",
+        metavar="TOL",
+    ),
     file("plot", "Plot the triangles, .png or .svg, colored by quality and shaded.", common.PLOTS),
     Option(
         "view",

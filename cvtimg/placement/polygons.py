@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_finite, check_in_range, check_shape, check_that, refuse_type
+from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg.labels.contours import find_contours
+from cvtimg.labels.files import one_band
 from cvtimg.placement.densities import Points
 from cvtimg.placement.regions import Geometry, Region
 
@@ -336,13 +337,28 @@ def _border(mask: NDArray[np.bool_]) -> Points:
     return np.stack(np.unravel_index(np.flatnonzero(mask ^ inner), mask.shape)[::-1], axis=1) + np.float64(0.5)
 
 
+def _as_mask(image: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return where an image of 0 and one more value, perhaps in equal bands, is not 0."""
+    if image.dtype == np.bool_:
+        return image
+    check_numbers("region", image.dtype)
+    has_bands = image.ndim == 3 and image.shape[2] in (3, 4)
+    plain = one_band(image) if has_bands and (image[..., :3] == image[..., :1]).all() else image
+    values = np.unique(plain)
+    is_mask = (len(values) == 2 and values[0] == 0) or (len(values) == 1 and values[0] > 0)
+    allowed = "0 and one more value to be a mask; give labels to mesh_labels, and a mask as region > limit"
+    check_that(f"region of shape {image.shape} and values from {values[0]} to {values[-1]}", is_mask, f"have {allowed}")
+    return np.asarray(plain != 0)
+
+
 def as_region(region: Any) -> Region:
     """Make a region of what stands for one.
 
     Parameters
     ----------
-    region : Region, bool array, coordinates, GeoJSON or shapely geometry
-        A Region as it is; a bool array (H, W) or (L, H, W) for the pixels of a mask; (N, 2) coordinates of a polygon,
+    region : Region, mask, coordinates, GeoJSON or shapely geometry
+        A Region as it is; a mask: a bool array (H, W) or (L, H, W), or an image of 0 and one more value, perhaps in
+        three or four equal bands; (N, 2) coordinates of a polygon,
         or a sequence of such rings, the outer one first; a GeoJSON mapping; a shapely Polygon or MultiPolygon.
 
     Returns
@@ -361,8 +377,8 @@ def as_region(region: Any) -> Region:
         return region
     if isinstance(region, Mapping) or hasattr(region, "geom_type"):
         return PolygonRegion(region)
-    if isinstance(region, np.ndarray) and region.dtype == np.bool_:
-        return PictureRegion(region)
+    if isinstance(region, np.ndarray) and (region.dtype == np.bool_ or (region.ndim > 1 and region.shape[-1] > 2)):
+        return PictureRegion(_as_mask(region))
     if not isinstance(region, (list, tuple, np.ndarray)) or not len(region):
         allowed = "a Region, a bool array, polygon coordinates, GeoJSON or a shapely geometry"
         refuse_type("region", type(region).__name__, allowed)

@@ -10,5 +10,6 @@ from .result import SurfaceMeasures as SurfaceMeasures
 from .result import SurfacePoints as SurfacePoints
 from .result import measure_surface as measure_surface
 from .surface import Surface as Surface
+from .surface import SurfaceRepairs as SurfaceRepairs
 from .surface import TriangulatedSurface as TriangulatedSurface
 from .surface import VertexDensity as VertexDensity

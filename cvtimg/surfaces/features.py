@@ -28,7 +28,9 @@ class Seen:
     broad: float = 0.9  # meet at this part of the angle at least
     grain: float = 1 / 8  # faces this near to each other that look one way are one there: 1/4 rounds creases off
     coarse: float = 1 / 3  # grains of this size tell where there is only noise:
-    flat: float = 0.6  # where halves of the surface around meet at less than this part of the angle, however they are cut
+    flat: float = (
+        0.6  # where halves of the surface around meet at less than this part of the angle, however they are cut
+    )
     turns: int = 8  # in so many directions,
     away: float = 0.1  # and no more than this part of it is turned away
     block: int = 1024  # creases looked at at once: more take more memory, up to 1000 grains around each

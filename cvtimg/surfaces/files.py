@@ -7,19 +7,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_that, refuse_type
+from cvtimg._shared.checks import check_choice, check_in_range, check_places, check_that, check_triangles, refuse_type
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
-from cvtimg.surfaces.surface import Surface, TriangulatedSurface, VertexDensity
+from cvtimg.halfedges import connected_parts, edges_around, joined_points, measure_triangles, unique_edges
+from cvtimg.surfaces.surface import Surface, SurfaceRepairs, TriangulatedSurface, VertexDensity
 
 #: Suffixes of files that surfaces are read from.
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
 
 
-def as_surface(surface: Any) -> Surface:
+#: Vertices nearer to each other than this part of the diagonal are one: more closes what scanners resolve, less leaves
+#: the cracks that writing numbers of seven digits makes.
+_WELD = 1e-6
+
+
+def as_surface(surface: Any, weld: float | None = None) -> Surface:
     """Make a surface of what stands for one.
 
     Parameters
@@ -31,31 +38,80 @@ def as_surface(surface: Any) -> Surface:
     if isinstance(surface, Surface):
         return surface
     if isinstance(surface, (str, os.PathLike)):
-        return read_surface(surface)
+        return read_surface(surface, weld)
     if hasattr(surface, "vertices") and hasattr(surface, "faces"):
-        return TriangulatedSurface(surface.vertices, surface.faces)
+        return mended(surface.vertices, surface.faces, weld)
     if isinstance(surface, (tuple, list)) and len(surface) == 2:
-        return TriangulatedSurface(*surface)
+        vertices, faces = surface
+        return mended(vertices, faces, weld)
     return refuse_type(
         "surface", type(surface).__name__, "a Surface, a path, (vertices, faces), or a mesh that has them"
     )
 
 
-def read_surface(path: StrPath) -> TriangulatedSurface:
-    """Read a surface; vertices at the same place are merged, and faces without area are left out.
+def read_surface(path: StrPath, weld: float | None = None) -> TriangulatedSurface:
+    """Read a surface and mend it: `TriangulatedSurface.repairs` counts what was wrong.
+
+    Vertices at the same place are one, faces are there once and go around in one direction, and those without area are
+    left out.
 
     Parameters
     ----------
     path : str or path-like
         .stl, .obj, .ply or .off.
+    weld : float, optional
+        Vertices nearer to each other than this are one, so that cracks are closed: a millionth of the diagonal by
+        default. With 0, only those at the same place are; with -1 none, so that a surface may be split.
 
     Returns
     -------
     TriangulatedSurface
     """
-    found = _loaded(path, process=True)
-    vertices, faces = np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64)
-    return TriangulatedSurface(vertices, faces)
+    found = _loaded(path)
+    try:
+        return mended(found.vertices, found.faces, weld)
+    except ValueError as error:
+        raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
+
+
+def mended(vertices: ArrayLike, faces: ArrayLike, weld: float | None = None) -> TriangulatedSurface:
+    """Join vertices, leave out faces that are there twice or have no area, and turn those that are flipped."""
+    points = check_places("vertices", vertices, 3)
+    given = triangles = check_triangles("faces", faces, len(points))
+    apart = _WELD * float(np.linalg.norm(np.ptp(points, axis=0))) if weld is None else float(weld)
+    check_in_range("weld", weld, apart == -1 or 0 <= apart < np.inf, "a finite number >= 0, or -1")
+    joined = joined_points(points, apart) if apart >= 0 else np.arange(len(points))
+    triangles = joined[triangles].astype(np.int32)
+    has_area = measure_triangles(points, triangles).areas > 0
+    has_area &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    check_that("faces", has_area.any(), "have an area")
+    triangles = triangles[has_area]
+    first = np.sort(np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1])
+    n_doubled, triangles = len(triangles) - len(first), triangles[first]
+    is_flipped = _flipped(triangles)
+    triangles[is_flipped] = triangles[is_flipped, ::-1]
+    n_joined = len(np.unique(given)) - len(np.unique(joined[given]))
+    repairs = SurfaceRepairs(n_joined, int((~has_area).sum()), n_doubled, int(is_flipped.sum()))
+    return TriangulatedSurface(points, triangles, repairs)
+
+
+def _flipped(triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Tell which of (T, 3) triangles go around in another direction than most of those that they are connected to."""
+    n, steps = len(triangles), edges_around(triangles)
+    _, which, counts = unique_edges(steps)
+    order = np.argsort(which, kind="stable")
+    order = order[counts[which[order]] == 2].reshape(-1, 2)
+    a, b = order.T // 3
+    # Each triangle is there twice, as it is and turned; those that fit together are connected.
+    turned = n * (steps[order[:, 0], 0] == steps[order[:, 1], 0])
+    links = np.concatenate([a, a + n]), np.concatenate([b + turned, b + n - turned])
+    n_parts, part = connected_parts(links, 2 * n)
+    size = np.bincount(part[:n], minlength=n_parts)  # how many are as they are
+    as_is, other = size[part[:n]], size[part[n:]]
+    # Of equal parts, the one with the first triangle is as it is.
+    is_first = np.full(n_parts, 2 * n)
+    np.minimum.at(is_first, part, np.arange(2 * n))
+    return np.asarray((as_is < other) | ((as_is == other) & (is_first[part[:n]] > is_first[part[n:]])))
 
 
 def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
@@ -70,7 +126,7 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     """
     suffix = Path(path).suffix.lower()
     check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")
-    found = _loaded(path, process=False)
+    found = _loaded(path)
     data = found.metadata["_ply_raw"]["vertex"]["data"]
     names = [*(data if isinstance(data, dict) else data.dtype.names)]
     check_choice("vertex property", name, names)
@@ -78,17 +134,13 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     return VertexDensity(np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64), values)
 
 
-def _loaded(path: StrPath, *, process: bool) -> Any:
-    """Return a mesh of trimesh, with vertices merged and faces turned in one direction if it is to be processed."""
+def _loaded(path: StrPath) -> Any:
+    """Return a mesh of trimesh, as it is in the file."""
     trimesh = optional("trimesh", "surfaces", f"{path}: needs")
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
     with local_copy(path) as copy, copy.open("rb") as file:
         try:
-            found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=process)
-            if process:
-                found.merge_vertices(merge_tex=True, merge_norm=True)
-                found.update_faces(found.nondegenerate_faces(height=0))
-                trimesh.repair.fix_winding(found)
+            found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=False)
         except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
             raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
     if not len(found.faces):

@@ -68,6 +68,7 @@ def surface_points(
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,
     feature_angle: float = 40.0,
+    weld: float | None = None,
     effort: EffortName = "balanced",
 ) -> SurfacePoints:
     """Place points on a surface as generators of a centroidal Voronoi tessellation, and join them by triangles.
@@ -76,7 +77,7 @@ def surface_points(
     ----------
     surface : Surface, path, pair of arrays or mesh
         What `cvtimg.surfaces.as_surface` takes: an implicit surface, the path of an STL, OBJ, PLY or OFF file, arrays
-        (vertices, faces), or a mesh of trimesh.
+        (vertices, faces), or a mesh of trimesh. Triangles are mended, as `cvtimg.surfaces.read_surface` says.
     n : int
         Number of points.
     density : callable or float, optional
@@ -85,6 +86,8 @@ def surface_points(
         Creases, where faces of a triangulated surface meet at more than this angle from flat, in degrees in 0..180, are
         kept: their corners are points, and edges of triangles lie along them. 180 keeps none. Boundaries are kept in
         the same way.
+    weld : float, optional
+        Vertices nearer to each other than this are one: a millionth of the diagonal by default; -1 for none.
     effort : {"fast", "balanced", "best"}
         How long points are moved.
 
@@ -114,7 +117,7 @@ def surface_points(
     >>> found, found.measures().euler_characteristic, found.measures().least_angle > 30
     (SurfacePoints(500 points, 1000 triangles), 0, True)
     """
-    shape = as_surface(surface)
+    shape = as_surface(surface, weld)
     n = check_at_least("n", n, 4, "the corners of a tetrahedron")
     if n > _MOST_POINTS:
         raise ValueError(f"n={n} must be at most {_MOST_POINTS}")

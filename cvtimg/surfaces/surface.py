@@ -38,6 +38,26 @@ class Surface(ABC):
         """
 
 
+@dataclass(frozen=True, slots=True)
+class SurfaceRepairs:
+    """What was mended when a surface was read.
+
+    Attributes
+    ----------
+    n_joined : int
+        Vertices that were joined to others.
+    n_degenerate, n_doubled : int
+        Faces that were left out, since they had no area or were there already.
+    n_flipped : int
+        Faces that were turned over, to go around in the direction of those beside them.
+    """
+
+    n_joined: int = 0
+    n_degenerate: int = 0
+    n_doubled: int = 0
+    n_flipped: int = 0
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
 class TriangulatedSurface(Surface):
     """A surface of triangles, closed or with a boundary; more than two may meet at an edge.
@@ -47,7 +67,9 @@ class TriangulatedSurface(Surface):
     vertices : (V, 3) array
     faces : (F, 3) integer array
         Indices of vertices. All go around in one direction; where they go clockwise, as seen from outside of a closed
-        surface, they are turned.
+        surface, they are turned. `as_surface` mends what does not.
+    repairs : SurfaceRepairs, optional
+        What was mended before.
 
     Examples
     --------
@@ -59,8 +81,9 @@ class TriangulatedSurface(Surface):
     """
 
     _triangulation: SurfaceTriangulation
+    repairs: SurfaceRepairs
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike, repairs: SurfaceRepairs | None = None) -> None:
         points = check_places("vertices", vertices, 3)
         triangles = check_triangles("faces", faces, len(points))
         check_have_area("faces", measure_triangles(points, triangles).areas)
@@ -69,6 +92,7 @@ class TriangulatedSurface(Surface):
         if mesh.is_closed and np.linalg.det(mesh.points[mesh.triangles] - points.mean(axis=0)).sum() < 0:
             mesh = SurfaceTriangulation(mesh.points, mesh.triangles[:, ::-1])
         object.__setattr__(self, "_triangulation", mesh)
+        object.__setattr__(self, "repairs", repairs or SurfaceRepairs())
 
     def __repr__(self) -> str:
         kind = "closed" if self.triangulation.is_closed else "with a boundary"

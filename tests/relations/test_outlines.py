@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 from numpy.typing import NDArray
 from reference import ring
@@ -96,3 +98,11 @@ def test_simpler_outlines_keep_their_areas_and_straight_sides() -> None:
     np.testing.assert_allclose(mesh.area, shapely.Polygon(outline).area, rtol=1e-6)
     assert len(mesh.points) < 0.8 * len(all_of_it.points)
     assert (mesh.points[:, 0] == 0).sum() > 10
+
+
+@pytest.mark.parametrize(
+    "form", [lambda m: m * np.uint8(255), lambda m: m * 1, lambda m: m * 0.5, lambda m: np.dstack([m * 9] * 3)]
+)
+def test_a_mask_is_one_in_any_numbers(form: Callable[[NDArray[np.bool_]], NDArray[Any]]) -> None:
+    disk = np.hypot(*(np.mgrid[:30, :40] - 14.6)) < 12
+    assert (mesh_region(form(disk), n=80).points == mesh_region(disk, n=80).points).all()

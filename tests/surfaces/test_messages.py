@@ -11,7 +11,7 @@ import pytest
 from reference import cube
 
 from cvtimg import surface_points
-from cvtimg.surfaces import ImplicitSurface, VertexDensity, torus
+from cvtimg.surfaces import ImplicitSurface, TriangulatedSurface, VertexDensity, torus
 
 CORNERS, FACES = cube()
 
@@ -29,8 +29,9 @@ def implicit(function: Callable[[Any], Any], **options: Any) -> Callable[[], Any
     [
         (placed((CORNERS * np.nan, FACES)), "vertices must be finite"),
         (placed((CORNERS, FACES + 1)), r"faces in 1\.\.8 must be in 0\.\.7"),
-        (placed((CORNERS, np.concatenate([FACES, [[0, 1, 1]]]))), r"faces\[12\] must have an area > 0"),
-        (placed((CORNERS, np.concatenate([FACES[:1, ::-1], FACES[1:]]))), "at the edge from .* must go around"),
+        (lambda: TriangulatedSurface(CORNERS, np.concatenate([FACES, [[0, 1, 1]]])), r"faces\[12\] must have an area"),
+        (lambda: TriangulatedSurface(CORNERS, np.concatenate([FACES[:1, ::-1], FACES[1:]])), "must go around"),
+        (placed((CORNERS, FACES), weld=-2), "weld=-2 must be"),
         (placed("a.xyz"), r"suffix='\.xyz' must be one of"),
         (placed(3), "surface of type int must be a Surface, a path"),
         (placed(cube(), 3), "n=3 must be an integer >= 4"),
