@@ -21,9 +21,11 @@ from starlette.websockets import WebSocket
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
+from cvtimg.explore.collection import Collection
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
 from cvtimg.explore.opened import most_pixels
+from cvtimg.explore.pasted import settings_of
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
@@ -48,6 +50,7 @@ class Server:
 
     def __init__(self, credentials: Credentials, paths: Sequence[Path] = (), keep: bool = True) -> None:
         self.store = Store()
+        self.collection = Collection(self.store)
         self._own, self._paths, self._keep = credentials, paths, keep
         self._n_pages, self._last_used = 0, time.monotonic()
         files = static_files()
@@ -58,6 +61,10 @@ class Server:
             Route("/picture", self._open_picture, methods=["POST"]),
             Route("/picture/{key}", self._describe_picture),
             Route("/palette", self._open_palette, methods=["POST"]),
+            Route("/thumbnail/{key}", self._thumbnail),
+            Route("/all", self._add_to_all, methods=["POST"]),
+            Route("/all.zip", self._all),
+            Route("/command", self._read_command, methods=["POST"]),
             Route("/sample", self._open_sample, methods=["POST"]),
             Route("/forget", self._forget, methods=["POST"]),
             Route("/given/{number:int}", self._open_given, methods=["POST"]),
@@ -104,6 +111,35 @@ class Server:
 
     async def _open_palette(self, request: Request) -> Response:
         return await self._sent(request, self.store.open_palette)
+
+    async def _thumbnail(self, request: Request) -> Response:
+        try:
+            content = await run_in_threadpool(self.store.thumbnail, request.path_params["key"])
+        except UnfitRequestError as error:
+            return PlainTextResponse(str(error), 422)
+        return Response(content, media_type="image/png")
+
+    async def _add_to_all(self, request: Request) -> Response:
+        """Add the result for a picture to the archive of all; the first empties it."""
+
+        def added(name: str, content: bytes) -> dict[str, Any]:
+            try:
+                asked = json.loads(content)
+                if asked.get("first"):
+                    self.collection.begin()
+            except (ValueError, AttributeError, RecursionError) as error:
+                raise UnfitRequestError("this request is not understood") from error
+            return self.collection.add(asked)
+
+        return await self._sent(request, added)
+
+    async def _all(self, request: Request) -> Response:
+        content = await run_in_threadpool(self.collection.content)
+        sent = {"content-disposition": "attachment; filename=results.zip"}
+        return Response(content, media_type="application/zip", headers=sent)
+
+    async def _read_command(self, request: Request) -> Response:
+        return await self._sent(request, lambda name, content: settings_of(content.decode(errors="replace")))
 
     async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
         """Take a file that a page sends, up to the limit."""

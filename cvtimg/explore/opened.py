@@ -232,6 +232,7 @@ class Picture:
             "height": self.size[0],
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
+            "durations": getattr(self.frames, "durations", None),
             "distinct": self.samples.n_colors,
             "exact": self.array.dtype == np.uint8,
         }

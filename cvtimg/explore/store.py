@@ -10,11 +10,13 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from cvtimg import read_palette
 from cvtimg._shared.messages import one_line
@@ -31,6 +33,8 @@ _MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
 _MOST_SENT = 1 << 32
 #: Pixels of all pictures in memory together; a picture takes about 12 bytes for each.
 _MOST_PIXELS = 1 << 28
+#: Greatest width and height of a thumbnail, and pixels of the picture that it is made of.
+_SMALL, _ENOUGH = (144, 96), 1 << 18
 #: Longest name that is kept.
 _LONGEST_NAME = 120
 
@@ -51,8 +55,10 @@ class Store:
     def __init__(self) -> None:
         _remove_left()
         self._folder = tempfile.TemporaryDirectory(prefix=own_prefix())
+        self.archive = Path(self._folder.name, "results.zip")  # of results for all pictures
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._files: dict[str, tuple[str, Path]] = {}  # name and file of each picture, in memory or not
+        self._thumbnails: dict[str, bytes] = {}
         self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
@@ -66,7 +72,7 @@ class Store:
     def forget(self) -> None:
         """Forget all that was opened and made; files of the command line can be opened again."""
         with self._lock:
-            for kept in (self._pictures, self._files, self._palettes, self._results):
+            for kept in (self._pictures, self._files, self._thumbnails, self._palettes, self._results):
                 kept.clear()
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
@@ -79,6 +85,18 @@ class Store:
         if key not in self._files:
             raise UnfitRequestError("this image is no longer open; open it again")
         return self._add(*self._files[key], key)
+
+    def thumbnail(self, key: str) -> bytes:
+        """Return a small picture as PNG, which is made once."""
+        if key not in self._thumbnails:
+            picture = self.picture(key)
+            small = Image.fromarray(picture.seen(picture.whole(_ENOUGH)).pixels.squeeze())
+            small.thumbnail(_SMALL)
+            stream = BytesIO()
+            small.save(stream, "PNG")
+            with self._lock:
+                self._thumbnails[key] = stream.getvalue()
+        return self._thumbnails[key]
 
     def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
         """Return the name and the colors of the palette that was chosen."""
@@ -95,7 +113,7 @@ class Store:
         return self.picture(same) if same else self._add(str(path), path, secrets.token_hex(8))
 
     def open_sent(self, name: str, content: bytes) -> Picture:
-        held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir())
+        held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir() if file != self.archive)
         if held + len(content) > _MOST_SENT:
             raise UnfitRequestError(
                 f"{_plain(name)}: {_MOST_SENT / 1e9:.1f} GB are open, as much as the page takes; "

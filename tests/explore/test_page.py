@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -104,6 +105,44 @@ def test_a_small_picture_begins_with_as_many_tiles_as_fit(visit: Go, tmp_path: P
     page.select_option("#pictures", label="photo.png")
     one.settled()
     assert "-n 1000 " in page.inner_text("#command") or "-n" not in page.inner_text("#command")
+
+
+def test_an_animation_plays_and_a_command_that_is_pasted_sets_its_tab(visit: Go, tmp_path: Path) -> None:
+    one = visit()
+    page = one.page
+    frames = [Image.new("RGB", (40, 30), color) for color in ("red", "green", "blue")]
+    frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:], duration=40)
+    page.set_input_files("#open", tmp_path / "film.gif")
+    one.settled()
+    page.click("#play")
+    one.until("document.querySelector('#framename').textContent.startsWith('3')")
+    page.click("#play")
+    page.evaluate(
+        """text => {
+            const data = new DataTransfer();
+            data.setData("text", text);
+            dispatchEvent(new ClipboardEvent("paste", {clipboardData: data}));
+        }""",
+        "cvtimg mosaic film.gif -n 7 --shape triangles -o film.svg",
+    )
+    one.until("document.querySelector('#tab-mosaic').ariaSelected === 'true'")
+    one.settled()
+    assert "-n 7 --shape triangles" in page.inner_text("#command")
+
+
+def test_all_images_are_seen_small_and_get_the_settings_of_the_tab_in_one_archive(visit: Go, folder: Path) -> None:
+    one = visit()
+    page = one.page
+    page.set_input_files("#open", [folder / "scan_0.png", folder / "scan_1.png"])
+    one.settled()
+    page.click("#showall")
+    one.until("[...document.querySelectorAll('#thumbnails img')].filter(one => one.naturalWidth).length === 3")
+    with page.expect_download() as download:
+        page.click("#applyall")
+    with zipfile.ZipFile(download.value.path()) as archive:
+        names = {"photo-quantized.png", "scan_0-quantized.png", "scan_1-quantized.png"}
+        assert set(archive.namelist()) == names
+    assert page.inner_text("#allstate") == "3 of 3 made"
 
 
 def test_a_link_in_a_tab_of_its_own_is_let_in_by_an_open_page(visit: Go) -> None:

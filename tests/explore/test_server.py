@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event, Timer
@@ -219,7 +220,7 @@ def test_no_path_leads_out_of_the_page(path: str, page: TestClient) -> None:
 
 def test_the_page_is_small_and_names_nothing_outside() -> None:
     files = {address: path.read_bytes().decode("latin-1") for address, path in static_files().items()}
-    assert sum(map(len, files.values())) <= 110_000
+    assert sum(map(len, files.values())) <= 120_000
     for text in files.values():
         outside = text.replace("http://www.w3.org/2000/svg", "")
         assert "http" not in outside
@@ -349,6 +350,54 @@ def test_messages_speak_of_controls(page: TestClient) -> None:
     )
     cells = {"way": "superpixels", "cells": 21}
     assert "Superpixels: 21 must be" in request(page, key, tab="segments", settings=cells).about["error"]
+
+
+def test_one_archive_has_the_results_of_all_pictures(page: TestClient) -> None:
+    keys = [opened(page, png(np.full((4, 5), level)))["id"] for level in (7, 99)]
+    asked = {"tab": "colors", "settings": {"k": 2}, "output": "o.png"}
+    sizes = [
+        page.post("/all", content=json.dumps({**asked, "picture": key, "first": not number})).json()
+        for number, key in enumerate(keys)
+    ]
+    with zipfile.ZipFile(io.BytesIO(page.get("/all.zip").content)) as archive:
+        assert [(file.filename, file.file_size) for file in archive.infolist()] == [
+            (one["name"], one["bytes"]) for one in sizes
+        ]
+        images = [cvtimg.read_image(io.BytesIO(archive.read(name))) for name in archive.namelist()]
+    assert [image.min() for image in images] == [image.max() for image in images] == [7, 99]
+    wrong = {**asked, "settings": {"k": 0}, "picture": keys[0]}
+    assert page.post("/all", content=json.dumps(wrong)).status_code == 422
+
+
+def test_a_thumbnail_is_small(page: TestClient) -> None:
+    picture = opened(page, png(np.tile(np.arange(200, dtype=np.uint8), (300, 2))))
+    image = cvtimg.read_image(io.BytesIO(page.get(f"/thumbnail/{picture['id']}").content))
+    assert image.shape[:2] == (96, 128)
+
+
+@pytest.mark.parametrize(
+    ("command", "tab", "settings"),
+    [
+        ("cvtimg quantize a.png -k 12 --lock '#ff0000' --lock '#00ff00' -o b.png", "colors", {"k": 12}),
+        ("$ cvtimg quantize a.png -k auto --space=lab", "colors", {"aim": "auto", "space": "lab"}),
+        ("cvtimg quantize a.png --max-bytes 60kB", "colors", {"aim": "max_bytes", "max_bytes": 60}),
+        ("cvtimg segment a.png -k 300 --superpixels", "segments", {"way": "superpixels", "cells": 300}),
+        ("cvtimg segment -k 4 --objects a.png", "segments", {"way": "segments", "k": 4, "pieces": "objects"}),
+        ("cvtimg mesh l.png --edge-length 5 -o m.vtu", "mesh", {"by": "edge", "edge_length": 5}),
+    ],
+)
+def test_a_command_that_is_pasted_sets_the_controls(
+    page: TestClient, command: str, tab: str, settings: dict[str, Any]
+) -> None:
+    answer = page.post("/command", content=command.encode()).json()
+    assert answer["tab"] == tab
+    assert answer["settings"] | settings == answer["settings"]
+    assert answer["left"] == []
+
+
+@pytest.mark.parametrize("command", ["cvtimg info a.png", "rm -r x", "cvtimg quantize 'a", "cvtimg quantize a -k many"])
+def test_a_text_that_is_no_command_of_a_tab_is_refused(page: TestClient, command: str) -> None:
+    assert page.post("/command", content=command.encode()).status_code == 422
 
 
 def test_a_file_that_is_no_image_is_told_by_its_name(page: TestClient) -> None:

@@ -3,9 +3,10 @@
 import {Controls, defaults, element, fitted, inEffect} from "/controls.js";
 import {Curve} from "/curve.js";
 import {Editor} from "/editor.js";
+import {Gallery} from "/gallery.js";
 import {Globe} from "/globe.js";
 import {Link, admitted, get, send} from "/link.js";
-import {Recipes} from "/recipes.js";
+import {Recipes, save} from "/recipes.js";
 import {Shades, hex} from "/shades.js";
 import {arrived, linkTo, taken} from "/sharing.js";
 import {Steps} from "/steps.js";
@@ -36,6 +37,7 @@ const steps = new Steps($("undo"), $("redo"), () => ({tab: state.tab, settings: 
 const recipes = new Recipes(report);
 const editor = new Editor(viewer, () => settings()[editor.control.name], text => change(editor.control.name, [...settings()[editor.control.name], text], false));
 Object.assign(controls, {editor, edit});
+const gallery = new Gallery(() => recipes.list.length && !sheet() ? {tab: state.tab, settings: settings(), output: recipes.chosen.key} : null, show, report, save);
 const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
 const tools = {globe};
 const subject = () => sheet() ?? state.picture;
@@ -325,6 +327,34 @@ function takeShared() {
 	} catch (error) { report(error.message); }
 }
 
+async function takeCommand(text) { // sets what a command says, and the rest as usual
+	try {
+		const {tab, settings, left} = await send("/command", text), {controls} = state.tabs.find(one => one.name === tab);
+		steps.remember();
+		state.settings[tab] = {...defaults(controls), ...state.fitted[tab], ...settings};
+		showTab(tab);
+		if (left.length) report(`The page does not have ${left.join(", ")}.`);
+	} catch (error) { report(error.message); }
+}
+
+function play(on) { // frame after frame, each as soon as it is there and the one before has had its time
+	clearTimeout(play.timer);
+	$("play").ariaPressed = on;
+	$("play").textContent = on ? "Pause" : "Play";
+	if (!on || !state.picture) return;
+	const {frames, durations} = state.picture;
+	play.timer = setTimeout(() => {
+		if (!link.drafting && !started) showFrame((state.frame + 1) % frames);
+		play(true);
+	}, durations?.[state.frame] || 100);
+}
+
+function showFrame(number) {
+	setFrame(number);
+	link.ask("before", original(), {main: true});
+	want();
+}
+
 function showTab(name) {
 	if (editor.mode) edit(editor.control, editor.mode);
 	state.tab = name;
@@ -390,6 +420,7 @@ function added(picture) {
 	state.pictures.push(picture);
 	$("pictures").append(Object.assign(new Option(picture.name, picture.id), {title: picture.path}));
 	$("pictures").hidden = false;
+	$("showall").hidden = state.pictures.length < 2;
 	$("against").append(new Option(picture.name, picture.id));
 	const isVersion = state.tab === "restore" && state.picture && sameSize().includes(picture);
 	if (isVersion) change("versions", [...settings().versions, picture.id], false); else show(picture);
@@ -397,6 +428,7 @@ function added(picture) {
 
 function show(picture) {
 	state.picture = picture;
+	play(false);
 	setFrame(0);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
@@ -480,7 +512,8 @@ $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
 $("again").onclick = () => change("start", "image", false, {k: Math.max(settings().colors.length, 1)});
 $("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
-$("frame").oninput = () => { setFrame(Number($("frame").value)); link.ask("before", original(), {main: true}); want(); };
+$("frame").oninput = () => { play(false); showFrame(Number($("frame").value)); };
+$("play").onclick = () => play($("play").ariaPressed !== "true");
 $("fill").onchange = repaint;
 $("cancel").onclick = cancel;
 $("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
@@ -488,6 +521,7 @@ $("copylink").onclick = async () => { await navigator.clipboard.writeText(linkTo
 addEventListener("hashchange", takeShared);
 addEventListener("pagehide", keep);
 $("forget").onclick = forget;
+$("showall").onclick = () => gallery.open(state.pictures);
 $("help").onclick = () => $("keys").showModal();
 for (const button of document.querySelectorAll("[data-copy]")) {
 	button.onclick = async () => { await navigator.clipboard.writeText($(button.dataset.copy).textContent); button.textContent = "Copied"; };
@@ -496,7 +530,10 @@ for (const button of document.querySelectorAll("[data-copy]")) {
 addEventListener("dragover", event => { event.preventDefault(); $("stage").classList.add("over"); });
 addEventListener("dragleave", () => $("stage").classList.remove("over"));
 addEventListener("drop", event => { event.preventDefault(); $("stage").classList.remove("over"); open([...event.dataTransfer.files]); });
-addEventListener("paste", event => { const files = [...event.clipboardData.files]; if (files.length) open(files); });
+addEventListener("paste", event => {
+	const files = [...event.clipboardData.files], text = event.clipboardData.getData("text");
+	if (files.length) open(files); else if (/^\s*(\$ )?cvtimg\s/.test(text)) takeCommand(text);
+});
 
 const KEYS = {
 	"0": () => $("fit").click(), "1": () => $("one").click(), "+": () => $("in").click(), "=": () => $("in").click(), "-": () => $("out").click(),
@@ -512,7 +549,7 @@ addEventListener("keydown", event => {
 		event.preventDefault();
 		return act();
 	}
-	if (event.altKey || $("keys").open || event.target.matches("input:not([type=range], [type=checkbox]), select, textarea")) return;
+	if (event.altKey || document.querySelector("dialog[open]") || event.target.matches("input:not([type=range], [type=checkbox]), select, textarea")) return;
 	if (key === "b" && state.picture && !viewer.peek) { viewer.peek = true; viewer.place(); return; }
 	if (KEYS[key] && subject() || key === "?") { event.preventDefault(); KEYS[key](); }
 });

@@ -78,7 +78,7 @@ function write(place, text) {
 	place.replaceChildren(...parts);
 }
 
-function save(download, blob) {
+export function save(download, blob) {
 	const href = URL.createObjectURL(blob);
 	element("a", {href, download}).click();
 	setTimeout(() => URL.revokeObjectURL(href), 60_000);

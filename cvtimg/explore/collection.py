@@ -1,0 +1,58 @@
+"""The settings of a tab for all pictures that are open: one archive of their results, made picture by picture."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cvtimg.explore.controls import UnfitRequestError, parse_settings
+from cvtimg.explore.layers import Window
+from cvtimg.explore.store import Store
+from cvtimg.explore.tabs import TABS
+from cvtimg.explore.tabs.base import Request
+
+
+class Collection:
+    """An archive on the disk that results are added to, so that only one of them is in memory."""
+
+    def __init__(self, store: Store) -> None:
+        self._store, self._path = store, store.archive
+
+    def begin(self) -> dict[str, Any]:
+        """Empty the archive."""
+        self._path.unlink(missing_ok=True)
+        return {}
+
+    def add(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Add the file ``output`` that the settings of a tab make of a picture; return its name and its size."""
+        tab = TABS.get(str(asked.get("tab")))
+        if tab is None or tab.sheet:
+            raise UnfitRequestError("there is no such tab for pictures")
+        picture = self._store.picture(str(asked.get("picture"))).frame(0)
+        settings = parse_settings(tab.controls, asked.get("settings"))
+        request = Request(picture, settings, self._store, Window.of(None, picture.size, 1), tab.for_frames)
+        try:
+            file = tab.exact(request).file(str(asked.get("output")))
+        except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+            raise UnfitRequestError(f"{Path(picture.name).name}: {tab.worded(str(error))}") from error
+        if file is None:
+            raise UnfitRequestError(f"{Path(picture.name).name}: there is no such file of this picture")
+        with zipfile.ZipFile(self._path, "a") as archive:  # files are compressed already
+            name = _free(file[0], archive.namelist())
+            archive.writestr(name, file[1])
+        return {"name": name, "bytes": len(file[1])}
+
+    def content(self) -> bytes:
+        """Return the archive."""
+        return self._path.read_bytes() if self._path.exists() else b""
+
+
+def _free(name: str, taken: list[str]) -> str:
+    """Return a name that no file has yet: pictures of two folders may have the same."""
+    stem, dot, suffix = name.partition(".")
+    number = 2
+    while name in taken:
+        name, number = f"{stem}-{number}{dot}{suffix}", number + 1
+    return name
