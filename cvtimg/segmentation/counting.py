@@ -28,7 +28,9 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
+from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
+from cvtimg.segmentation.necks import join_at_ripples
 from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, numbers_of, split_at_saddles, with_own_borders
@@ -63,8 +65,18 @@ class Settings:
     blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
     small: float = 9.0  # objects of a smaller radius in pixels are divided on a grid twice as fine
     least_size: float = 0.12  # of the usual object's pixels
+    most_discs: float = 4.0  # size of the usual object, in largest discs in it: a rod has three, a ring about all more
+    max_fields: int = 2  # fields of view, one in another
+    outline: float = 2.5  # noise of outlines, in pixels, per noise of contrast and pixel of blur: one over their slope
+    clipped: float = 3.0  # times the noise of the ground above which what varies is no ground ...
+    clippings: int = 3  # ... in each of its measurements; more take dimmer objects for objects
+    explained: float = 0.9  # of the variance around one generator, what two leave at most
+    bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
 
+#: Mean distance of half of a normal distribution from its median, and median difference of two of its values, in
+#: standard deviations.
+_SPREAD_OF_HALF, _MEDIAN_STEP = 0.4742, 0.9539
 #: Those of `count_objects`.
 SETTINGS = Settings()
 
@@ -124,17 +136,28 @@ def count_objects(
     least = None if min_size is None else check_non_negative("min_size", min_size)
     bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
-    if not inside.all():
-        gray[~inside] = np.median(gray[inside])
-    smooth, blur, noise = denoised(gray, size)
+    inside = within_margins(gray, inside)
+    for left_to_try in range(SETTINGS.max_fields, -1, -1):
+        if not inside.all():
+            gray[~inside] = np.median(gray[inside])
+        smooth, blur, noise = denoised(gray, inside, size)
+        contrast, step = contrast_of(smooth, inside, background)
+        near = int(2 * blur) + 1
+        outside = surroundings(gray, (contrast > 0.5) & inside, inside, near) if left_to_try else None
+        if outside is None:
+            break
+        inside = inside & ~outside
+        gray = evenly_lit(gray, inside, outside)
     del gray
-    contrast, step = contrast_of(smooth, inside, background)
     radius = _radius((contrast > 0.5) & inside, size)
-    if not radius or abs(step) <= SETTINGS.significant * noise:
+    white = noise / abs(step) if step else 0.0
+    if not radius or not _are_two(contrast, inside) or SETTINGS.significant * white >= 1:
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
-        threshold = float(np.clip(SETTINGS.above_noise * noise / abs(step), SETTINGS.dimmest, 0.5))
-        labels, least = sieved(_in_tiles(contrast, inside, threshold, radius, size), least)
+        noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
+        threshold = float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5))
+        outline = SETTINGS.outline * noise * blur
+        labels, least = sieved(_in_tiles(contrast, inside, threshold, radius, size, outline), least)
     return measured(labels, bands, counting=Counting(step < 0, blur, radius, least))
 
 
@@ -162,8 +185,20 @@ def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.
     sizes = np.bincount(objects.ravel())
     sizes[0] = 0
     if least is None:
-        least = float(SETTINGS.least_size * np.average(sizes, weights=sizes)) if sizes.any() else 0.0
+        compact = np.sort(np.minimum(sizes, _most_compact(objects, len(sizes))))
+        pixels = np.cumsum(compact)
+        least = float(SETTINGS.least_size * compact[np.searchsorted(pixels, pixels[-1] / 2)])
     return numbers_of(sizes >= max(least, 1))[objects], least
+
+
+def _most_compact(objects: NDArray[np.int32], n: int) -> NDArray[np.float64]:
+    """Return some times the size of the largest disc in each object of a plane, which a long one does not reach."""
+    from scipy.ndimage import distance_transform_edt, maximum
+
+    if objects.ndim != 2 or n < 2:
+        return np.full(n, np.inf)
+    radii = np.append(0.0, maximum(distance_transform_edt(objects), objects, np.arange(1, n)))
+    return SETTINGS.most_discs * np.pi * radii**2
 
 
 def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
@@ -181,14 +216,14 @@ def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
 
 
 def _in_tiles(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...]
+    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], outline: float
 ) -> NDArray[np.int32]:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
     from scipy.ndimage import center_of_mass
 
     objects, last = np.zeros(inside.shape, np.int32), 0
     for tile, core in _tiles(inside.shape, round(SETTINGS.overlap * radius)):
-        found = split(contrast[tile], inside[tile], threshold, radius, size)
+        found = split(contrast[tile], inside[tile], threshold, radius, size, outline)
         found = with_own_borders(found, contrast[tile][..., None], np.zeros(1, np.float32))
         middles = center_of_mass(found > 0, found, np.arange(1, int(found.max()) + 1))
         own = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
@@ -213,14 +248,15 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
         yield (..., *map(slice, top, bottom)), np.array([first - top, last - top])
 
 
-def denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
+def denoised(gray: _Floats, inside: _Inside, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
     from scipy.ndimage import gaussian_filter
     from skimage.filters import threshold_otsu
 
     planes = gray.reshape(-1, *gray.shape[-2:])
-    some = planes[:: -(-len(planes) // SETTINGS.some_planes)]
-    noise = float(np.median([estimate_noise(plane)[0] for plane in some]))
+    every = -(-len(planes) // SETTINGS.some_planes)
+    some, known = planes[::every], inside.reshape(planes.shape)[::every]
+    noise = min(float(np.median([estimate_noise(plane)[0] for plane in some])), _most_noise(some[known]))
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
     bright = first > threshold_otsu(first.ravel())  # type: ignore[no-untyped-call]
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0
@@ -228,6 +264,43 @@ def denoised(gray: _Floats, size: tuple[float, ...]) -> tuple[_Floats, float, fl
     sigmas = [blur / side for side in size]
     left = [min(1.0, (2 * np.sqrt(np.pi) * sigma) ** -0.5) for sigma in sigmas]
     return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
+
+
+def _most_noise(values: _Floats) -> float:
+    """Return the noise that would explain all that values of two classes vary within these: dots are no noise."""
+    from skimage.filters import threshold_otsu
+
+    if not values.size or np.ptp(values) == 0:
+        return 0.0
+    bright = values > threshold_otsu(values)  # type: ignore[no-untyped-call]
+    away = np.where(bright, values - np.median(values[bright]), values - np.median(values[~bright]))
+    return float(np.abs(away).mean()) / _SPREAD_OF_HALF
+
+
+def _noise_of_ground(contrast: _Floats, inside: _Inside, radius: float) -> float:
+    """Return the noise of the ground after the blur, in contrasts: what varies over less than the size of an object."""
+    lag, noise, top = max(round(radius), 1), 0.0, 0.5
+    for _ in range(SETTINGS.clippings):  # dim objects are no ground
+        ground, steps = inside & (contrast < top), []
+        for values, known in ((contrast, ground), (contrast.T, ground.T)):
+            steps.append(np.abs(values[lag:] - values[:-lag])[known[lag:] & known[:-lag]])
+        some = np.concatenate(steps)
+        noise = float(np.median(some[:: max(some.size >> 20, 1)])) / _MEDIAN_STEP if some.size else 0.0
+        top = min(top, SETTINGS.clipped * noise)
+    return noise
+
+
+def _are_two(contrast: _Floats, inside: _Inside) -> bool:
+    """Tell whether fewer pixels lie halfway between ground and objects than at the ground: noise has most there."""
+    values = contrast[inside]
+    values = values[:: max(values.size >> 20, 1)]
+    ground = values[values < 0.5]
+    if not 0 < ground.size < values.size:
+        return False
+    width = SETTINGS.bin
+    levels = np.append(np.arange(float(np.quantile(ground, 0.01)), 0.01, width), 0.0)
+    most = max(np.count_nonzero(np.abs(values - level) < width) for level in levels)
+    return bool(np.count_nonzero(np.abs(values - 0.5) < width) < most)
 
 
 def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats, float]:
@@ -256,7 +329,7 @@ def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floa
         before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
         if (objects != before).mean() < 1e-4:
             break
-    if generators is None:
+    if generators is None or not _explains(some, generators, objects, counts, reach):
         return np.zeros_like(image), 0.0
     planes = image.reshape(-1, *image.shape[-2:])
     blocks = [field.reshape(-1, *field.shape[-2:]) for field in generators]
@@ -267,21 +340,34 @@ def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floa
     return image, step
 
 
+def _explains(
+    some: _Floats, generators: tuple[_Floats, _Floats], objects: _Inside, counts: _Inside, reach: Sequence[float]
+) -> bool:
+    """Tell whether two generators that vary across an image explain more of it than one does: of shaded noise, not."""
+    ground, above = (spread(field, some.shape) for field in generators)
+    plain = spread(local_mean(some, counts, reach, SETTINGS.ground_prior), some.shape)
+    left, of_one = (np.square(some - mean)[counts].mean(dtype=np.float64) for mean in (ground + objects * above, plain))
+    return bool(left < SETTINGS.explained * of_one)
+
+
 def split(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...]
+    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], outline: float
 ) -> NDArray[np.int32]:
     """Return labels of the objects, touching ones split at their necks."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
 
     fine = 2 if radius < SETTINGS.small and contrast.ndim == 2 else 1
     if fine > 1:
-        contrast = zoom(contrast, fine, order=1, grid_mode=True, mode="nearest")
+        contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
     objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine * SETTINGS.thin, 1), size)
     sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
     distance = gaussian_filter(distance_transform_edt(objects, size).astype(np.float32), sigmas, mode="nearest") / fine
     height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
-    return split_at_saddles(height, objects, SETTINGS.depth)[(slice(None, None, fine),) * contrast.ndim]
+    parts = split_at_saddles(height, objects, SETTINGS.depth)
+    if parts.ndim == 2:
+        parts = join_at_ripples(parts, distance * fine, outline, fine)
+    return parts[(slice(None, None, fine),) * contrast.ndim]
 
 
 def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[float, ...]) -> _Inside:
@@ -304,10 +390,10 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
 
 def _whole(objects: _Inside) -> _Inside:
     """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background."""
-    from scipy.ndimage import binary_fill_holes, label
+    from scipy.ndimage import label
     from skimage.measure import regionprops
 
-    filled = np.asarray(binary_fill_holes(objects))
+    filled = ~_ground(objects)
     pieces, n_pieces = label(filled)
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
@@ -315,3 +401,30 @@ def _whole(objects: _Inside) -> _Inside:
         if region.solidity > SETTINGS.convex:
             whole[region.slice] |= region.image
     return whole
+
+
+def _ground(objects: _Inside) -> _Inside:
+    """Return what is no hole: open to the border, the widest, or around several objects thinner than the space there.
+
+    The last is the inside of a ring, or of a dish.
+    """
+    from scipy.ndimage import distance_transform_edt, label, maximum
+
+    pores, n_pores = label(~objects)
+    is_ground = np.zeros(n_pores + 1, np.bool_)
+    for axis in range(objects.ndim):
+        for end in (0, -1):
+            is_ground[np.unique(pores.take(end, axis))] = True
+    sizes = np.bincount(pores.ravel(), minlength=n_pores + 1)
+    sizes[0] = 0
+    is_ground[sizes.argmax()] = True
+    if not is_ground[1:].all():
+        pieces, n_pieces = label(objects, np.ones((3,) * objects.ndim))
+        firsts = np.unique(pieces, return_index=True)[1][-n_pieces:]  # in reading order: what is before is around
+        around = pores.ravel()[np.maximum(firsts - 1, 0)]
+        thick = maximum(distance_transform_edt(objects), pieces, np.arange(1, n_pieces + 1))
+        free = np.append(0, maximum(distance_transform_edt(~objects), pores, np.arange(1, n_pores + 1)))
+        for pore in np.flatnonzero((np.bincount(around, minlength=n_pores + 1) >= SEVERAL) & ~is_ground):
+            is_ground[pore] = free[pore] > np.sort(thick[around == pore])[-SEVERAL]
+    is_ground[0] = False
+    return is_ground[pores]

@@ -1,0 +1,150 @@
+"""What an image shows beside its subject: margins of one value, and what lies around the field of a lens or a dish."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Floats = NDArray[np.float32]
+_Inside = NDArray[np.bool_]
+
+#: Share of the pixels next to a margin that have its value, above which it is no margin but the ground.
+_GROUND = 0.1
+#: Width of what hangs on to a field without being part of it, of the shorter side.
+_HANGING = 0.02
+#: Least share of its convex hull that a field fills: if its surroundings are objects, which may lie at its rim, and if
+#: it is an object itself, which a clump, scalloped by the objects in it, shall not pass for.
+_CONVEX, _SMOOTH = 0.93, 0.97
+#: Least number of objects on a field that is itself brighter or darker than the ground: fewer are holes of an object.
+SEVERAL = 3
+#: Least shares of the image that a field has and what is around it, and of the rim of the image that this has.
+_LEAST_FIELD, _LEAST_AROUND, _LEAST_RIM = 0.1, 0.005, 0.25
+#: Pixels of the least thing that counts as an object in a field.
+_SPECK = 9
+#: Degree of the polynomial of light, rounds of its fit, and pixels that are enough for it.
+_DEGREE, _ROUNDS, _ENOUGH_PIXELS = 4, 20, 1 << 16
+
+
+def within_margins(gray: _Floats, inside: _Inside) -> _Inside:
+    """Leave out margins, each row, column or plane of one value: frames, bars and padding, several if one in another.
+
+    Where a tenth or more of the pixels next to a margin have its value, it is the ground.
+    """
+    kept = [slice(0, length) for length in gray.shape]
+    for axis in range(gray.ndim):
+        for end in (0, -1):
+            kept[axis] = _without_margin(gray[tuple(kept)], axis, end, kept[axis])
+    margins = np.ones(gray.shape, np.bool_)
+    margins[tuple(kept)] = False
+    rest = gray[tuple(kept)]
+    return inside if np.ptp(rest) == 0 or not (inside & ~margins).any() else inside & ~margins
+
+
+def _without_margin(gray: _Floats, axis: int, end: int, kept: slice) -> slice:
+    """Return what is kept of an axis if the margin at its first (0) or last (-1) end is left out."""
+    lines = np.moveaxis(gray, axis, 0).reshape(gray.shape[axis], -1)
+    lines = lines[::-1] if end else lines
+    flat = lines.min(axis=1) == lines.max(axis=1)
+    width = int(np.argmin(flat)) if not flat.all() else 0
+    # The last lines of a margin may be ground: noise-free images have much of it, of one value.
+    while width and np.mean(lines[width] == lines[width - 1, 0]) >= _GROUND:
+        value = lines[width - 1, 0]
+        while width and lines[width - 1, 0] == value:
+            width -= 1
+    return slice(kept.start, kept.stop - width) if end else slice(kept.start + width, kept.stop)
+
+
+def surroundings(gray: _Floats, objects: _Inside, inside: _Inside, near: int) -> _Inside | None:
+    """Return what lies around the convex field of view of an image, with `near` pixels at its rim; None without one.
+
+    The field is the largest part of the ground, of the objects, or of what has not the one value of all corners, its
+    holes filled. In the last two cases it has several of the other class on it, and more borders for its size than its
+    surroundings: optics cut smoothly, and what they cut off is empty.
+    """
+    from scipy.ndimage import binary_dilation, find_objects
+
+    box = find_objects(inside.view(np.uint8))[0] if inside.any() else ()
+    if objects.ndim != 2 or min(objects[box].shape) < 3:
+        return None
+    beyond = np.zeros_like(inside)
+    gray, objects, inside = gray[box], objects[box], inside[box]
+    corners = (slice(None, None, objects.shape[0] - 1), slice(None, None, objects.shape[1] - 1))
+    candidates = [(inside & ~objects, None), (objects, ~objects)]
+    if inside.all() and np.ptp(gray[corners]) == 0:
+        candidates.append((gray != gray[0, 0], objects))
+    for region, others in candidates:
+        field = _largest_part(region)
+        if field is None or field[corners].any() or (inside & ~field).sum() <= _LEAST_AROUND * inside.sum():
+            continue
+        if _is_view(field, others, inside, near):
+            beyond[box] = inside & binary_dilation(~field, iterations=near)
+            return beyond
+    return None
+
+
+def _largest_part(region: _Inside) -> _Inside | None:
+    """Return the largest part of a region, its holes filled, without what hangs on by a narrow bridge."""
+    from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
+
+    wide = max(_HANGING * min(region.shape), 2.0)
+    filled = np.asarray(binary_fill_holes(region))
+    # Beyond the image lies neither.
+    core, n_parts = label(distance_transform_edt(np.pad(filled, 1, mode="edge"))[1:-1, 1:-1] > wide)
+    if not n_parts:
+        return None
+    sizes = np.bincount(core.ravel())
+    sizes[0] = 0
+    return np.asarray(filled & (distance_transform_edt(core != sizes.argmax()) <= wide))
+
+
+def _is_view(field: _Inside, others: _Inside | None, inside: _Inside, near: int) -> bool:
+    """Tell whether a field is one of view, with others on it that are to be there: see `surroundings`."""
+    from scipy.ndimage import binary_dilation, binary_erosion, label
+    from skimage.morphology import convex_hull_image
+
+    around = np.asarray(label(~field | ~inside, np.ones((3, 3)))[0])
+    rim = np.ones(field.shape, np.bool_)
+    rim[1:-1, 1:-1] = False
+    corners = around[:: len(around) - 1, :: around.shape[1] - 1]
+    if field.mean() < _LEAST_FIELD or np.isin(around[rim], corners).mean() < _LEAST_RIM:
+        return False
+    hull = convex_hull_image(field)  # type: ignore[no-untyped-call]
+    if field.sum() < (_CONVEX if others is None else _SMOOTH) * hull.sum():
+        return False
+    if others is None:
+        return True
+    within = field & binary_erosion(field, iterations=near + 2)
+    outer = inside & ~binary_dilation(field, iterations=near + 2)
+    if np.count_nonzero(np.bincount(label(within & others)[0].ravel())[1:] > _SPECK) < SEVERAL:
+        return False
+    edges = np.zeros(field.shape, np.bool_)
+    edges[1:] |= others[1:] != others[:-1]
+    edges[:, 1:] |= others[:, 1:] != others[:, :-1]
+    return not outer.any() or bool(edges[outer].mean() < edges[within].mean())
+
+
+def evenly_lit(gray: _Floats, inside: _Inside, outside: _Inside) -> _Floats:
+    """Divide a field of view that is brighter than what is around it by its light, which is brightest in the middle.
+
+    The light is a polynomial in the logarithm of values, at the least mean distance, which objects hardly move. What is
+    around the field has more than one value behind a lens, but not where an image was cut out or turned.
+    """
+    if (
+        np.quantile(gray[inside], 0.05) <= np.median(gray[outside])
+        or np.ptp(gray[:: len(gray) - 1, :: gray.shape[1] - 1]) == 0
+    ):
+        return gray
+    least = float(gray[inside].min())
+    logs = np.log(np.maximum(gray if least > 0 else gray + np.float32(1 - least), np.finfo(np.float32).tiny))
+    every = max(int(np.sqrt(gray.size / _ENOUGH_PIXELS)), 1)
+    y, x = np.nonzero(inside[::every, ::every])
+    down, right = (np.linspace(-1, 1, length) for length in gray.shape)
+    powers = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+    terms = np.stack([down[y * every] ** i * right[x * every] ** j for i, j in powers], axis=1)
+    some, weights = logs[y * every, x * every].astype(np.float64), np.ones(len(y))
+    for _ in range(_ROUNDS):
+        factors = np.linalg.lstsq(terms * weights[:, None], some * weights)[0]
+        misses = np.abs(some - terms @ factors)
+        weights = np.maximum(misses, 0.1 * np.median(misses) + 1e-6) ** -0.5
+    light = sum(factor * down[:, None] ** i * right**j for factor, (i, j) in zip(factors, powers, strict=True))
+    return np.where(inside, np.exp(logs - light + np.median(some)), gray).astype(np.float32)

@@ -1,0 +1,125 @@
+"""What must not change in counts when a picture of objects gets a frame, other values or another form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from relations.relation import Relation, equal, quick_and_wide
+from scipy import ndimage
+from scipy.optimize import linear_sum_assignment
+from skimage.filters import threshold_otsu
+from skimage.measure import label
+
+from cvtimg.segmentation import count_objects
+
+Image = NDArray[Any]
+SIDE = 220
+DOWN, RIGHT = np.mgrid[:SIDE, :SIDE]
+
+
+def truth(rng: np.random.Generator) -> NDArray[np.int32]:
+    """Label discs and rods of up to four times their width, apart from each other, in cells of 55 pixels."""
+    labels = np.zeros((SIDE, SIDE), np.int32)
+    for index, (y, x) in enumerate(np.mgrid[27:SIDE:55, 27:SIDE:55].reshape(2, -1).T):
+        radius, turn = rng.uniform(4, 6), rng.uniform(0, np.pi)
+        along = (RIGHT - x) * np.cos(turn) + (DOWN - y) * np.sin(turn)
+        across = (DOWN - y) * np.cos(turn) - (RIGHT - x) * np.sin(turn)
+        labels[np.hypot(np.maximum(abs(along) - radius * rng.choice([0, 3]), 0), across) < radius] = index + 1
+    return labels
+
+
+def picture(rng: np.random.Generator) -> Image:
+    """Draw them in 8 bits, with noise of a twentieth of their contrast."""
+    level = ndimage.gaussian_filter(70 + 100.0 * (truth(rng) > 0), 0.8)
+    return np.uint8((level + rng.normal(0, 5, level.shape)).clip(0, 255).round())
+
+
+def empty(rng: np.random.Generator) -> Image:
+    """Return noise alone."""
+    return rng.normal(100, 8, (SIDE, SIDE))
+
+
+def number(image: Image) -> int:
+    return count_objects(image).n_segments
+
+
+def in_a_well(image: Image) -> Image:
+    """Put it in a round well in a plate that is as bright as objects."""
+    well = np.pad(image, 50, mode="reflect")
+    y, x = np.mgrid[: len(well), : len(well)] - len(well) / 2
+    ground = np.random.default_rng(0).normal(70, 5, well.shape)
+    inner = np.where(np.pad(np.ones(image.shape, bool), 50), well, ground)
+    return np.where(np.hypot(y, x) < len(well) / 2 - 4, inner, ground + 110)
+
+
+def enlarged(image: Image) -> Image:
+    return ndimage.zoom(image.astype(float), 1.5, order=1, grid_mode=True, mode="nearest")
+
+
+def with_truth(rng: np.random.Generator) -> tuple[Image, NDArray[np.int32]]:
+    """Return a picture and its labels."""
+    seed = int(rng.integers(1 << 30))
+    return picture(np.random.default_rng(seed)), truth(np.random.default_rng(seed))
+
+
+def matched(labels: NDArray[Any], right: NDArray[np.int32]) -> int:
+    """Return how many objects have a label that shares half of the union with them."""
+    shared = np.histogram2d(right.ravel(), labels.ravel(), [np.arange(n + 2) for n in (right.max(), labels.max())])[0]
+    union = shared.sum(axis=1)[:, None] + shared.sum(axis=0) - shared
+    overlap = (shared / np.maximum(union, 1))[1:, 1:] > 0.5
+    return int(overlap[linear_sum_assignment(overlap, maximize=True)].sum())
+
+
+def by_otsu(pair: tuple[Image, NDArray[np.int32]]) -> int:
+    """Match labels of what Otsu's threshold finds in an image that is blurred a little."""
+    smooth = ndimage.gaussian_filter(pair[0].astype(float), 1)
+    return matched(label(smooth > threshold_otsu(smooth)), pair[1])
+
+
+def not_fewer(result: int, rival: int) -> None:
+    assert result >= rival
+
+
+CHANGES = {
+    "a frame of a pixel": lambda image: np.pad(image, 1, constant_values=255),
+    "a frame of the least value": lambda image: np.pad(image, 2),
+    "a frame in a frame": lambda image: np.pad(np.pad(image, 3), 9, constant_values=255),
+    "bars above and below": lambda image: np.pad(image, ((20, 30), (0, 0)), constant_values=255),
+    "a well in a plate": in_a_well,
+    "turned by a quarter": np.rot90,
+    "mirrored": np.fliplr,
+    "turned by 30 degrees": lambda image: ndimage.rotate(image.astype(float), 30, order=1, cval=0),
+    "scaled and with an offset": lambda image: image * 1e-3 - 7,
+    "16 bits": lambda image: image.astype(np.uint16) * 257,
+    "integers below 0": lambda image: image.astype(np.int16) - 3000,
+    "in negative": lambda image: 255 - image,
+    "larger by half": enlarged,
+    "three equal bands": lambda image: np.dstack([image] * 3),
+}
+#: However noise is treated, it holds no objects.
+TREATMENTS = {
+    "nothing": lambda image: image,
+    "a blur": lambda image: ndimage.gaussian_filter(image, 1),
+    "a median": lambda image: ndimage.median_filter(image, 3),
+    "half a pixel": lambda image: ndimage.shift(image, 0.5, order=1, mode="nearest"),
+    "larger by half": enlarged,
+    "shade": lambda image: image + np.linspace(0, 60, SIDE),
+}
+SINCE = "2026-11-27"
+RELATIONS = [
+    *(Relation("count_objects", name, picture, number, change, equal, SINCE) for name, change in CHANGES.items()),
+    *(Relation("count_objects, empty", name, empty, number, how, equal, SINCE) for name, how in TREATMENTS.items()),
+    Relation(
+        "count_objects",
+        "Otsu's threshold, with labels",
+        with_truth,
+        lambda pair: matched(count_objects(pair[0]).labels, pair[1]),
+        lambda pair: pair,
+        not_fewer,
+        SINCE,
+        rival=by_otsu,
+    ),
+]
+test_a_count_follows_its_picture, test_a_count_follows_any_picture = quick_and_wide(RELATIONS)
