@@ -90,3 +90,11 @@ def test_a_full_standard_output_is_named(tmp_path: Path, command: str) -> None:
             cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=120, env=environ,
         )  # fmt: skip
     assert (done.returncode, done.stderr) == (1, "cvtimg: standard output: no space left on device\n")
+
+
+@pytest.mark.parametrize("function", [cvtimg.restore, cvtimg.denoise])
+def test_warnings_name_the_line_of_the_caller(function: Callable[..., object]) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (32, 32), np.uint8)
+    with pytest.warns(UserWarning, match="has nothing to align") as caught:
+        function([image], align=True)
+    assert {warning.filename for warning in caught} == {__file__}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ _KIND = "reduced basis"
 KINDS = ("pod", "cvt", "cvod")
 #: Modes that "auto" chooses from.
 _MOST_AUTO_MODES = 32
+#: Modes at most that explain a share of the variance.
+_MOST_BY_SHARE = 1000
 #: Coordinates beyond those that are used, which make these precise.
 _OVERSAMPLING = 24
 #: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
@@ -243,7 +245,7 @@ def read_basis(path: StrPath) -> Basis:
 @hints_at_keywords
 def reduced_basis(
     snapshots: Any,
-    n_modes: int | Literal["auto"],
+    n_modes: int | float | Literal["auto"],
     *,
     kind: str = "pod",
     n_cells: int = 8,
@@ -256,8 +258,9 @@ def reduced_basis(
     ----------
     snapshots : array-like, Frames, path, or sequence of paths
         (N, ...) frames, fields or images, as `as_snapshots` takes them. They may be larger than memory.
-    n_modes : int or "auto"
-        Modes n, at most N - 1 and D (for "cvt" at most N). "auto" takes the elbow of the energy, at most 32.
+    n_modes : int, float or "auto"
+        Modes n, at most N - 1 and D (for "cvt" at most N). A number in 0..1, both excluded, takes as few modes of "pod"
+        as explain this share of the variance, at most 1000. "auto" takes the elbow of the energy, at most 32.
     kind : {"pod", "cvt", "cvod"}
         "pod", proper orthogonal decomposition: principal components, the modes that leave the least energy. "cvt":
         generators of a tessellation of the snapshots, orthonormalized, the heaviest cell first. "cvod": a tessellation
@@ -265,7 +268,8 @@ def reduced_basis(
     n_cells : int
         Cells of "cvod", at most N; other kinds take no account of it.
     passes : int
-        How often the snapshots are read, an even number; 2 are enough where few modes explain nearly everything.
+        How often the snapshots are read, an even number; 2 are enough where few modes explain nearly everything. Small
+        arrays, of up to 2^25 values and of 2^10 snapshots or values in each, are read twice, and "pod" is exact.
     rng : int or numpy.random.Generator
         Seed of what is drawn.
 
@@ -301,14 +305,22 @@ def reduced_basis(
     given = as_snapshots(snapshots)
     most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
     asked = min(_MOST_AUTO_MODES, most)
-    if n_modes != "auto":
-        asked = check_count("n_modes", n_modes, most, f"for {given.n_snapshots} snapshots of {given.n_dims} values")
+    share = float(n_modes) if isinstance(n_modes, float) and 0 < n_modes < 1 else None
+    if share:
+        check_in_range("n_modes", n_modes, kind == "pod", "a whole number or 'auto', unless kind is 'pod'")
+        asked = min(_MOST_BY_SHARE, most)
+    elif n_modes != "auto":
+        asked = check_count(
+            "n_modes", cast("int", n_modes), most, f"for {given.n_snapshots} snapshots of {given.n_dims} values"
+        )
     check_count("n_cells", n_cells, 1 << 16, "the most cells")
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
     reduced_snapshots = sketch(given, rank, passes, generator)
     make = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind]
+    if share:
+        asked = _fewest(reduced_snapshots, share, asked)
     if n_modes == "auto":
         try:
             trial = make(reduced_snapshots, asked, cells, generator)
@@ -325,6 +337,16 @@ def reduced_basis(
         wrong = f"n_modes={n_modes}" if kind == "cvt" else f"n_cells={n_cells}"
         raise ValueError(f"{wrong} must be in 1..{error.n_distinct}, the number of snapshots that differ") from error
     return _in_space(given, reduced_snapshots, kind, reduced)
+
+
+def _fewest(snapshots: Sketch, share: float, most: int) -> int:
+    """Return the fewest modes of POD, 1 at least, that explain a share of the variance."""
+    explained = np.cumsum((snapshots.coordinates**2).sum(axis=0))[:most]
+    n_modes = int(np.searchsorted(explained, share * snapshots.variance * (1 - 1e-12))) + 1
+    reached = explained[-1] / snapshots.variance if snapshots.variance else 1.0
+    if n_modes > len(explained) and snapshots.variance:
+        raise ValueError(f"n_modes={share:g} must be at most {reached:.4g}, the share that {most} modes explain")
+    return min(n_modes, len(explained))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

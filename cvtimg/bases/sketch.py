@@ -17,6 +17,10 @@ from numpy.typing import NDArray
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg.bases.snapshots import Snapshots
 
+#: Snapshots or values in each, the fewer of them, and values in all, up to which all directions are found: the cost of
+#: at most 2^45 products, some seconds.
+_EXACT_RANK, _EXACT_VALUES = 1 << 10, 1 << 25
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
@@ -35,20 +39,26 @@ class Sketch:
 
 @one_blas_thread
 def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generator) -> Sketch:
-    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number."""
-    rank = min(rank, snapshots.n_snapshots, snapshots.n_dims)
-    directions = rng.standard_normal((snapshots.n_dims, rank), np.float32).astype(snapshots.dtype)
+    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number.
+
+    Of arrays that are small all directions are found, and the coordinates are those of a singular value decomposition.
+    """
+    whole = min(snapshots.n_snapshots, snapshots.n_dims)
+    rank = min(rank, whole)
+    is_exact = whole <= _EXACT_RANK and snapshots.n_snapshots * snapshots.n_dims <= _EXACT_VALUES
+    width, dtype = (whole, np.dtype(np.float64)) if is_exact else (rank, snapshots.dtype)
+    directions = rng.standard_normal((snapshots.n_dims, width), np.float32).astype(dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.
-    center = np.asarray(snapshots.read(0, 1), snapshots.dtype).reshape(-1)
-    for _ in range(passes // 2):
+    center = np.asarray(snapshots.read(0, 1), dtype).reshape(-1)
+    for _ in range(1 if is_exact else passes // 2):
         values, mean, variance = _products(snapshots, directions, center)
-        center = mean.astype(snapshots.dtype)
+        center = mean.astype(dtype)
         basis = np.linalg.qr(values)[0]
-        rows = _combined(snapshots, basis.astype(snapshots.dtype), center)
-        directions = np.linalg.qr(rows.T)[0].astype(snapshots.dtype)
+        rows = _combined(snapshots, basis.astype(dtype), center)
+        directions = np.linalg.qr(rows.T)[0].astype(dtype)
     left, lengths, right = np.linalg.svd(rows, full_matrices=False)
-    coordinates = (basis @ left) * lengths
-    return Sketch(coordinates, right.astype(snapshots.dtype), mean, variance)
+    coordinates = ((basis @ left) * lengths)[:, :rank]
+    return Sketch(coordinates, right[:rank].astype(snapshots.dtype), mean, variance)
 
 
 def _products(

@@ -171,6 +171,8 @@ def _below(path: Path, root: Path) -> Path:
 
 def check_suffix(option: str, path: Path | None, allowed: Iterable[str]) -> None:
     """Raise WrongUsageError unless the suffix of a file is allowed."""
+    if path and path.is_dir() and path.suffix.lower() != ".zarr":
+        raise WrongUsageError(f"{option}: {path} is a folder, and must be a file; for a folder there is --out-dir")
     if path and path.suffix.lower() not in (suffixes := list(allowed)):
         raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}")
 
@@ -207,7 +209,9 @@ def check_no_clash(plan: Plan, report: Path | None = None, *, in_place: bool = F
         place = os.path.normcase(os.path.realpath(path))
         if place in owners:
             who = f"two outputs of {owner}" if owners[place] == owner else f"{owners[place]} and {owner}"
-            raise WrongUsageError(f"{who} would both become {url_of(path)}")
+            above = os.path.commonpath([owners[place], owner]) if plan.out_dir and not is_remote(owner) else ""
+            hint = f"; give {above}, which has both, to keep their folders" if above and Path(above).is_dir() else ""
+            raise WrongUsageError(f"{who} would both become {url_of(path)}{hint}")
         owners[place] = owner
 
 

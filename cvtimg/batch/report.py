@@ -81,7 +81,7 @@ class Report:
 
     def say(self, *lines: str) -> None:
         """Print lines to stdout; if nobody reads them any more, end the run unless it has files to write."""
-        if self._is_heard:
+        if lines and self._is_heard:
             try:
                 print(*lines, sep="\n", flush=True)
             except BrokenPipeError:

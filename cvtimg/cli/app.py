@@ -33,8 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         sys.stdout, sys.stderr = sys.stdout or StringIO(), sys.stderr or StringIO()
     try:
-        if given in ([], ["-h"], ["--help"], ["help"], ["--version"]) and "_CVTIMG_COMPLETE" not in os.environ:
-            print(version() if given == ["--version"] else overview(), flush=True)
+        if given in ([], ["-h"], ["--help"], ["help"], ["--version"], ["-V"]) and "_CVTIMG_COMPLETE" not in os.environ:
+            print(version() if given in (["--version"], ["-V"]) else overview(), flush=True)
             return 0
         from cvtimg.cli.commands import command_of
 

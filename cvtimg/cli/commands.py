@@ -139,7 +139,7 @@ _Shell = Literal["bash", "zsh", "fish"]
 
 @app.callback()
 def _cvtimg(
-    version: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True)] = False,
+    version: Annotated[bool, typer.Option("--version", "-V", callback=_show_version, is_eager=True)] = False,
     install: Annotated[
         _Shell | None, typer.Option("--install-completion", callback=install_callback, is_eager=True)
     ] = None,

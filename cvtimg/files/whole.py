@@ -22,11 +22,13 @@ def whole_file(path: StrPath, *, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Open a file that appears under its name when the block succeeds, and not at all if it fails.
 
     Until then it has a temporary name in the same folder. With `overwrite`, an existing file is replaced, and keeps its
-    permissions; else `FileExistsError` says so, even if it was created in the meantime. A symbolic link is followed. A
-    URL is written once the whole file is here.
+    permissions, and its owner and group as far as the program may set them; else `FileExistsError` says so, even if it
+    was created in the meantime. A symbolic link is followed. A URL is written once the whole file is here.
 
     Notes
     -----
+    Other hard links to a file that is replaced keep its old content.
+
     This protects against programs that fail or are killed, but not against power failures: the file is not synced to
     disk (fsync), which would make batches of small images several times slower. A killed program leaves a hidden
     unfinished file, which `remove_leftovers` deletes.
@@ -217,6 +219,10 @@ def _check_target(path: StrPath, target: Path, overwrite: bool) -> None:
 def _publish(path: StrPath, part: Path, target: Path, overwrite: bool) -> None:
     if overwrite:
         if target.exists():
+            before = target.stat()
+            for owner in ((before.st_uid, -1), (-1, before.st_gid)):
+                with suppress(OSError, AttributeError):  # who may not give a file away; Windows
+                    os.chown(part, *owner)
             shutil.copymode(target, part)
         part.replace(target)
         return

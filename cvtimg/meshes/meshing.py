@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from typing import Any
-from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +20,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.extras import optional
+from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each, part
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
@@ -364,4 +364,4 @@ def _warn_of_small_angles(mesh: Mesh) -> None:
     wrong = angles[angles < _NARROW][(is_longer & ~on_border).any(axis=1)]
     if len(wrong):
         about = f"the least angle is {wrong.min():.1f} degrees; leave n out for as many as it needs"
-        warn(f"the border needs more than n={mesh.n_wanted} vertices: {about}", stacklevel=4)
+        warn(f"the border needs more than n={mesh.n_wanted} vertices: {about}")

@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from cvtimg.options import common
 from cvtimg.options.common import file
-from cvtimg.options.record import Choice, Option, Whole, passed
+from cvtimg.options.record import Choice, Option, Real, Text, Whole, passed
+
+
+def _modes(text: str) -> int | float | str:
+    """Return a number of modes, or a share of the variance in 0..1."""
+    try:
+        return (
+            float(Real(above=0, high=0.999999).parse(text)) if "." in text else Whole(1, 1 << 16, auto=True).parse(text)
+        )
+    except ValueError as error:
+        raise ValueError(
+            f"{text!r} must be auto, a whole number in 1..65536, or a share in 0..1 such as 0.99"
+        ) from error
+
 
 BASIS = (
     common.IMAGES._replace(
@@ -12,9 +25,11 @@ BASIS = (
     ),
     Option(
         "number",
-        Whole(1, 1 << 16, auto=True),
-        "Number of modes, of each cell for cvod; auto picks it at the elbow of the energy.",
+        Text(_modes),
+        "Number of modes, of each cell for cvod; auto picks it at the elbow of the energy; a share such as 0.99 "
+        "takes as few as explain it of the variance.",
         "--modes -n",
+        metavar="N|SHARE|auto",
         required=True,
         keyword="n_modes",
     ),

@@ -50,8 +50,10 @@ def n_bytes(text: str | int) -> int:
 
 
 def quality(text: str | float | Sequence[float]) -> float | tuple[float, float]:
-    """Parse a quality such as 80, or a range such as 60-80."""
-    parts = str(text).split("-") if isinstance(text, str | float | int) else list(text)
+    """Parse a quality such as 80, or a range such as 60-80, 60- for 60-100 or -80 for 0-80."""
+    parts: list[Any] = str(text).split("-") if isinstance(text, str | float | int) else list(text)
+    if len(parts) == 2 and parts != ["", ""]:
+        parts = [parts[0] or 0, parts[1] or 100]
     with suppress(ValueError):
         ends = [float(part) for part in parts]
         if len(ends) in (1, 2) and 0 <= ends[0] <= ends[-1] <= 100:
@@ -196,7 +198,7 @@ ENGINE = (
 RUN = (
     switch("overwrite", "Replace existing outputs; inputs are replaced only by commands with --in-place."),
     switch("as_json", "Print one JSON object per line and input, not a table.", flags="--json", excludes=("quiet",)),
-    switch("quiet", "Print nothing but errors."),
+    switch("quiet", "Print nothing but errors.", flags="--quiet -q"),
     file("report", "Write a row for each input, .csv or .jsonl, as it is done.", (".csv", ".jsonl"), role=""),
     switch("dry_run", "Print which files would be written, INPUT -> OUTPUT, and do nothing.", excludes=("quiet",)),
 )

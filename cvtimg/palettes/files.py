@@ -19,7 +19,7 @@ from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
 from cvtimg.palettes.formats.picture import read_picture, write_picture
-from cvtimg.palettes.known import known_palette
+from cvtimg.palettes.known import known_palette, known_palettes
 from cvtimg.palettes.swatches import Swatches
 from cvtimg.pictures.formats.opening import reading
 
@@ -85,6 +85,8 @@ def read_palette(path: StrPath) -> NDArray[np.uint8]:
     """
     if (given := known_palette(str(path))) is not None and not Path(path).exists():
         return given
+    if "." not in str(path) and not Path(path).exists():
+        raise FileNotFoundError(f"{path}: is no file, and no known palette: {', '.join(known_palettes())}")
     form = PALETTE_FORMATS.get(Path(path).suffix.lower(), PALETTE_FORMATS[".png"])
     with reading(path) as file:
         return form.read(file.read())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,6 +25,7 @@ from cvtimg._shared.checks import (
     refuse,
 )
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
+from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import first_few, part
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
@@ -319,7 +319,7 @@ def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) 
         least = f"at least {source.size(fewest)}, for the fewest colors, {_most_colors(fewest)}"
         refuse("max_bytes", max_bytes, least)
     if found.n_distinct > 1 and _most_colors(found) == 1:
-        warnings.warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}", UserWarning, stacklevel=4)
+        warn(f"max_bytes={max_bytes} leaves one color of {found.n_distinct}")
     return found
 
 
@@ -331,7 +331,7 @@ def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
         colors = f"{_most_colors(result)} colors"
         if quality < least:
             refuse("quality", least, f"at most {quality:.1f} at its lower end, which {colors} reach")
-        warnings.warn(f"quality={wanted:g} is out of reach of {colors}: {quality:.1f}", UserWarning, stacklevel=4)
+        warn(f"quality={wanted:g} is out of reach of {colors}: {quality:.1f}")
     return judged(source, result)
 
 

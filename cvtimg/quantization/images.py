@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal, Unpack
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
+from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
@@ -167,11 +167,7 @@ class PictureSource:
         n_channels = array.shape[2] if array.ndim == 3 else 1
         has_alpha = check_alpha(alpha, image, n_channels)
         if alpha is None and not has_alpha and n_channels == 4 and array.dtype == np.uint8:
-            warnings.warn(
-                "image has 4 channels that all count: give alpha=True if the last is alpha, else alpha=False",
-                UserWarning,
-                stacklevel=3,
-            )
+            warn("image has 4 channels that all count: give alpha=True if the last is alpha, else alpha=False")
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
         self.image = seen
@@ -217,7 +213,7 @@ class PictureSource:
         found = self._content(result)
         pixels, notes = as_stored(found["images"][0], self._suffix)
         for note in notes:
-            warnings.warn(note, UserWarning, stacklevel=3)
+            warn(note)
         return {**found, "images": [pixels]}
 
     def _content(self, result: Quantized) -> dict[str, Any]:

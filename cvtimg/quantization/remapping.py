@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
+from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
@@ -296,7 +296,7 @@ def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[An
     if n_given in _FULL and len(idle):
         said += f", in place of entry {idle[-1] - 1} (from 0), which no pixel has"
         colors, labels = np.delete(colors, idle[-1], axis=0), labels - (labels > idle[-1])
-    warnings.warn(said, UserWarning, stacklevel=4)
+    warn(said)
     return colors, labels
 
 

@@ -7,7 +7,6 @@ gain and an offset for their exposures.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import blur, in_stripes, side_by_side
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
@@ -89,7 +89,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     if stuck:
         why = "one of them is of one color, or they know no pixels in common"
         names = ", ".join(stuck)
-        warnings.warn(f"{names} cannot be aligned with images[0] and stay in place: {why}", UserWarning, stacklevel=4)
+        warn(f"{names} cannot be aligned with images[0] and stay in place: {why}")
     return replace(versions, stack=tuple(values), known=known), Alignment(found.transforms, tuple(models))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
+from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import part
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import MODELS, Alignment
@@ -67,7 +67,7 @@ def prepare(
     model = check_choice("align", "auto" if align is True else align, ("auto", *MODELS)) if align else None
     level = None if level is None else check_positive("noise", level) * given.level(space)
     if model and given.n_versions == 1:
-        warnings.warn(f"align={model!r} has nothing to align: there is one version", UserWarning, stacklevel=3)
+        warn(f"align={model!r} has nothing to align: there is one version")
     with part(0, 0.4):
         placed, alignment = align_versions(given, model) if model else (given, Alignment.none(given.n_versions))
     if model and not channels:
@@ -106,7 +106,7 @@ def that_tell(versions: Versions) -> Versions:
             continue
         known[:, :, number] = False
     if reasons:
-        warnings.warn("; ".join(reasons), UserWarning, stacklevel=3)
+        warn("; ".join(reasons))
     return replace(versions, known=known) if reasons else versions
 
 

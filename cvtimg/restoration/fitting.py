@@ -10,7 +10,6 @@ Exposure and white balance are a gain and an offset for each band, to the first 
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.messages import warn
 from cvtimg._shared.threads import side_by_side
 from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
@@ -124,11 +124,7 @@ def fitting(
     leaves_out = hidden != "none"
     done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
     why = "no alignment was found" if aligned else "align=True moves them into place"
-    warnings.warn(
-        f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}",
-        UserWarning,
-        stacklevel=4,
-    )
+    warn(f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}")
     return (replace(versions, known=versions.known & ~is_out) if leaves_out else versions), apart[reference]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +17,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
+from cvtimg._shared.messages import warn
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
@@ -147,8 +147,7 @@ def sphere_grid(
     if scaled is not None and scaled.share_of_zeros > _MOST_ZEROS and not isinstance(weight, GlobePicture):
         warn(
             f"the density is 0 on {scaled.share_of_zeros:.0%} of the sphere: cells there are 100 times as wide as the "
-            "finest, and triangles at their border are bad; a density that falls gradually makes better grids",
-            stacklevel=2,
+            "finest, and triangles at their border are bad; a density that falls gradually makes better grids"
         )
     plan = _Plan(scaled, settings, polish, random, Watch(callback))
     if start is not None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.messages import warn
 from cvtimg.meshes.trees import limited_along_edges
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces.surface import VertexDensity
@@ -48,7 +48,7 @@ class Sizes:
         check_that("density", self._top > 0, "be > 0 somewhere on the surface")
         if (zeros := float((values <= 0).mean())) > _GRADING.most_zeros:
             gap = f"cells there are up to {_GRADING.sparsest:g} times as wide as the finest"
-            warn(f"the density is 0 on about {zeros:.0%} of the surface: {gap}", stacklevel=5)
+            warn(f"the density is 0 on about {zeros:.0%} of the surface: {gap}")
         areas, relative = mesh.vertex_areas(), self.relative(mesh.points)
         self.distance = _scale(areas, relative, n)
         wanted = self.distance * relative

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
+from cvtimg._shared.messages import warn
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
@@ -260,11 +260,10 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         density = np.bincount(inverse.reshape(-1), weights[weighted]).astype(np.float64, copy=False)
         n_found = min(self.n_clusters, len(distinct))
         if n_found < self.n_clusters:
-            warnings.warn(
+            warn(
                 f"n_clusters={self.n_clusters} is more than the {n_found} distinct samples of positive weight: "
                 f"there are {n_found} clusters",
                 ConvergenceWarning,
-                stacklevel=3,
             )
         result = self._tessellate(distinct, density, n_found)
         return result if n_found < len(distinct) else replace(result, generators=distinct.astype(np.float64))

@@ -157,3 +157,24 @@ def test_snapshots_that_differ_limit_modes_and_cells() -> None:
     with pytest.raises(ValueError, match=r"^n_cells=4 must be in 1\.\.2, the number of snapshots that differ"):
         reduced_basis(same, 1, kind="cvod", n_cells=4)
     assert reduced_basis(same, "auto", kind="cvt").n_modes <= 2
+
+
+@pytest.mark.parametrize("shape", [(60, 300), (300, 60), (40, 6, 7)])
+def test_small_arrays_have_the_modes_of_a_singular_value_decomposition(shape: tuple[int, ...]) -> None:
+    rows = np.random.default_rng(1).normal(size=shape) + 5  # energies that fall slowly
+    flat = rows.reshape(len(rows), -1)
+    lengths = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False) ** 2
+    basis = reduced_basis(rows, 10)
+    np.testing.assert_allclose(basis.energies, lengths.sum() - np.r_[0, lengths[:10].cumsum()], rtol=1e-10)
+    missed = ((rows - basis.reconstruct(basis.project(rows))) ** 2).sum()
+    np.testing.assert_allclose(missed, lengths[10:].sum(), rtol=1e-10)
+
+
+def test_a_share_of_the_variance_takes_as_few_modes_as_explain_it() -> None:
+    rows = np.diag([8.0, 4, 2, 1, 0.5, 0.25])
+    for share in (0.5, 0.9, 0.99):
+        n_modes = reduced_basis(rows, share).n_modes
+        assert reduced_basis(rows, n_modes).explained >= share - 1e-12
+        assert n_modes == 1 or reduced_basis(rows, n_modes - 1).explained < share
+    with pytest.raises(ValueError, match=r"n_modes=0\.9 must be a whole number"):
+        reduced_basis(rows, 0.9, kind="cvt")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from cvtimg import find_images, write_image
 from cvtimg.batch import WrongUsageError, find
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
+from cvtimg.options.common import quality
 from cvtimg.options.record import File
 from cvtimg.tables import find_tables
 
@@ -136,3 +139,46 @@ def test_a_palette_that_is_read_is_not_replaced(verb: str, run: Run) -> None:
     assert outcome.status == 2
     assert "house.hex is an input, which is never replaced" in outcome.err
     assert Path("house.hex").read_text() == "ff0000\n"
+
+
+def test_a_file_that_is_replaced_keeps_its_mode_owner_and_times_and_other_names_their_content(run: Run) -> None:
+    path, other = Path("in/a.png"), Path("other.png")
+    before = path.read_bytes()
+    path.chmod(0o640)
+    os.utime(path, (10**9, 10**9))
+    other.hardlink_to(path)
+    if os.geteuid() == 0:
+        os.chown(path, 1234, 2345)
+    owner = path.stat().st_uid, path.stat().st_gid
+    assert run("quantize", path, "-k", "4", "--in-place", "--preserve").status == 0
+    status = path.stat()
+    assert (status.st_mode & 0o777, (status.st_uid, status.st_gid), status.st_mtime) == (0o640, owner, 10**9)
+    assert other.read_bytes() == before != path.read_bytes()
+    assert run("quantize", path, "-k", "3", "--in-place").status == 0
+    assert path.stat().st_mtime > 10**9
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("quantize in/a.png -o in", "in is a folder, and must be a file; for a folder there is --out-dir"),
+        ("quantize in/a.png --palette gameboy", "gameboy: is no file, and no known palette: pico-8, game-boy"),
+        ("quantize up/x/a.png up/y/a.png -k 4 --out-dir o", "give up, which has both, to keep their folders"),
+    ],
+)
+def test_what_was_likely_meant_is_said(words: str, said: str, run: Run) -> None:
+    for folder in ("up/x", "up/y"):
+        Path(folder).mkdir(parents=True)
+        shutil.copy("in/a.png", folder)
+    outcome = run(*words.split())
+    assert outcome.status == 2
+    assert said in outcome.err
+
+
+def test_usual_short_forms_are_taken(run: Run) -> None:
+    assert run("-V").out == run("--version").out != ""
+    assert run("palette", "in/a.png", "-k", "2", "-q").out == ""
+    assert [quality(text) for text in ("80-", "-80", "60-80", "80")] == [(80, 100), (0, 80), (60, 80), 80]
+    for wrong in ("-", "80-60", "a-", "--"):
+        with pytest.raises(ValueError, match="or a range such as 60-80"):
+            quality(wrong)
