@@ -26,7 +26,7 @@ N_MAX = 64
 SIGMAS = (2, 5, 10)
 SEPARATIONS = (6, 4)
 FIXED = range(2, 9)
-RULES = ("chord", "chord-linear", "kneedle", "variance")
+RULES = ("chord", "variance")
 
 
 def curves(given: argparse.Namespace) -> Rows:

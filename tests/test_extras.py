@@ -20,7 +20,7 @@ from cvtimg import read_image, write_image
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
-    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "kneed", "matplotlib", "meshio", "netCDF4"),
+    *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "matplotlib", "meshio", "netCDF4"),
     *("numexpr", "oxipng", "psutil", "pyarrow", "pythoncdt", "rawpy", "roifile", "shapely", "sklearn"),
     *("starlette", "trimesh", "uvicorn", "websockets", "zarr"),
 )
@@ -150,7 +150,6 @@ NEED_EXTRAS = [
     ),
     ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
     ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
-    ("elbow a.png --rule kneedle", 1, "needs kneed: pip install 'cvtimg[kneedle]'"),
     ("elbow a.png --plot plot.svg", 2, "--plot needs matplotlib: pip install 'cvtimg[plot]'"),
     ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
     ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),

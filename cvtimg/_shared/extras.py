@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 #: Extras of the package, as in pyproject.toml.
 Extra: TypeAlias = Literal[
-    "codecs", "dask", "designs", "excel", "explore", "fits", "globe", "kneedle", "mesh", "microscopes", "microscopy",
+    "codecs", "dask", "designs", "excel", "explore", "fits", "globe", "mesh", "microscopes", "microscopy",
     "oxipng", "parquet", "plot", "raw", "regions", "remote", "sklearn", "surfaces", "zarr",
 ]  # fmt: skip
 

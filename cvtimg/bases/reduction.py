@@ -14,7 +14,7 @@ from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import Snapshots, as_snapshots
-from cvtimg.elbow.rules import Scale, chord_linear
+from cvtimg.elbow.rules import chord_linear
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.arrays import load_arrays, save_arrays
@@ -326,11 +326,7 @@ def reduced_basis(
             trial = make(reduced_snapshots, asked, cells, generator)
         except TooFewSamplesError as error:
             trial = make(reduced_snapshots, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
-        asked = (
-            chord_linear(trial.energies[1:] + reduced_snapshots.missed, Scale(1.0, None))
-            if trial.energies[0] > 0
-            else 1
-        )
+        asked = chord_linear(trial.energies[1:] + reduced_snapshots.missed) if trial.energies[0] > 0 else 1
     try:
         reduced = make(reduced_snapshots, asked, cells, generator)
     except TooFewSamplesError as error:

@@ -52,7 +52,7 @@ def cluster(given: Given) -> Todo:
     ends = {".parquet": "-labels.parquet", ".zarr": "-labels.npy"}
     usual = "-labels.csv" if given.labels_only else "-clusters.csv"
     plan = plan_of(given, lambda source: "{}" + ends.get(source.suffix.lower(), usual), expand=find_tables)
-    columns = (*COLUMNS[:3], "elbow", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))
 
@@ -101,6 +101,7 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "columns": found.names,
         "k": len(result.generators),
         "elbow": found.curve.elbows() if found.curve else None,
+        **({"verdict": found.curve.verdict} if found.curve else {}),
         "energy": result.energy,
         "explained": 1 - result.energy / total if total else 1.0,
         "n_iter": result.n_iter,

@@ -27,7 +27,7 @@ EXAMPLES = """\
   cvtimg elbow photos/ --k-max 32 --csv curves.csv --plot curves.png
   cvtimg elbow photo.jpg --rule psnr --target 30
 """
-COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow")
+COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow", "verdict")
 #: Tables; all other inputs are images. A table of blocks has no curve.
 
 
@@ -112,6 +112,8 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "explained": float(result.explained[k - 1]),
         "psnr": psnr[k - 1] if psnr else None,
         "elbow": result.elbows(),
+        "clear": result.is_clear,
+        "verdict": result.verdict,
         "n_max": result.n_max,
         "energies": result.energies.tolist(),
         **told_left_out(left_out),

@@ -17,7 +17,7 @@ from cvtimg.engine import _kernels
 from cvtimg.engine.methods import Conditions, Ends
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
-from cvtimg.engine.seeding import SEEDINGS, random, seed_sets
+from cvtimg.engine.seeding import SEEDINGS, Seeding, random, seed_sets
 
 #: When children rest: those that are left descend further afterwards.
 _RESTING = Stopping(tolerance=1e-3, max_iterations=100)
@@ -95,7 +95,7 @@ def _elders(
     alike = first.energies.max() <= first.energies.min() * (1 + _ALIKE)
     if alike and n_products >= effort.hasty_from:
         return Ends(first.generators[:1], first.energies[:1])
-    seedings = [random] * (effort.n_kept - _SEEDED if n_products < _QUICK else 0)
+    seedings: list[Seeding] = [random] * (effort.n_kept - _SEEDED if n_products < _QUICK else 0)
     seedings += [SEEDINGS[init]] if init != "split" else []
     seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     others = [transfer_of_sets(points, np.stack([np.concatenate([fixed, some])]), conditions) for some in seeds]
@@ -120,5 +120,5 @@ def _children(points: Points, elders: Ends, n_children: int, conditions: Conditi
     crossed = np.empty((n_children, *elders.generators.shape[1:]))
     scratch = np.empty(n_generators, np.uint8)
     _kernels.cross_sets(elders.generators, pairs, inherited, conditions.n_locked, crossed, scratch)
-    swap = {"n_locked": conditions.n_locked, "n_draws": 1, "worthwhile": np.inf}
-    return seed_sets(points, crossed, n_generators, 1, rng, **swap)
+    n_locked = conditions.n_locked
+    return seed_sets(points, crossed, n_generators, 1, rng, n_locked=n_locked, n_draws=1, worthwhile=np.inf)

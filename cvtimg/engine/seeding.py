@@ -7,7 +7,7 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,6 +177,7 @@ def seed_sets(
 
     def seed(start: int, stop: int) -> None:
         kind, more = points.tiles.dtype, (n_tiles + 1) * width
+        scratch: tuple[NDArray[Any], ...]
         scratch = np.empty((2, more), np.int32), np.empty((2, more), kind), np.empty((n_tiles, n_draws, width), kind)
         scratch += np.empty(n_tiles), np.empty((n_generators + n_draws, n_dims), kind), np.empty(n_generators, kind)
         scratch += np.empty((n_dims, width), kind), np.empty((n_draws, n_generators + 1))

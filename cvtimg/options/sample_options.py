@@ -71,12 +71,7 @@ CLUSTER = (
 ELBOW = (
     common.IMAGES._replace(help="Images, tables (as cvtimg cluster reads), folders or patterns like 'a/*.png'."),
     Option("k_max", Whole(1, 4096), "Largest number of generators to try.", default=64, keyword="n_max"),
-    Option(
-        "rule",
-        Choice(("chord", "chord-linear", "kneedle", "variance", "psnr")),
-        "Rule that picks the number of generators.",
-        default="chord",
-    ),
+    Option("rule", Choice(("chord", "variance", "psnr")), "Rule that picks the number of generators.", default="chord"),
     Option(
         "target",
         Real(0),

@@ -91,7 +91,7 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
         first = item.curve.energies[0] or 1.0
         shares = np.where(item.curve.energies > 0, item.curve.energies / first, np.nan)
         color = f"C{number % 10}"
-        label = f"{item.name}: {item.k} by {rule}"
+        label = f"{item.name}: " + (item.curve.verdict if rule == "chord" else f"{item.k} by {rule}")
         axes.plot(np.arange(1, len(shares) + 1), shares, color=color, marker=".", markersize=4, label=label)
         if np.isfinite(shares[item.k - 1]):
             axes.plot(item.k, shares[item.k - 1], "o", color=color, markersize=11, markerfacecolor="none", mew=2)
