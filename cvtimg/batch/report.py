@@ -152,11 +152,11 @@ def _cell(column: str, value: Any) -> str:
 
 
 def _size(n_bytes: int) -> str:
-    """Format a size to three digits, in powers of 1024 bytes."""
-    value, units = float(n_bytes), "BKMGT"
-    while value >= 1000 and len(units) > 1:
-        value, units = value / 1024, units[1:]
-    return f"{value:.3g}{units[0]}" if units[0] != "B" else f"{n_bytes}B"
+    """Format a size to three digits, in powers of 1000 bytes."""
+    value, units = float(n_bytes), ["B", "kB", "MB", "GB", "TB"]
+    while value >= 999.5 and len(units) > 1:
+        value, units = value / 1000, units[1:]
+    return f"{value:.3g}{units[0]}"
 
 
 def reason(path: str | Path, error: Exception) -> str:

@@ -46,7 +46,7 @@ def n_bytes(text: str | int) -> int:
         unit = (1000 if match[3] else 1024) ** " KMG".index(match[2].upper() or " ")
         if 1 <= (size := int(float(match[1]) * unit)) < 1 << 62:
             return size
-    raise ValueError(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60K or 1.5M")
+    raise ValueError(f"{str(text)!r} must be a number of bytes >= 1, such as 60000, 60kB or 1.5M")
 
 
 def quality(text: str | float | Sequence[float]) -> float | tuple[float, float]:

@@ -112,7 +112,7 @@ QUANTIZE = (
     passed(
         "max_bytes",
         Text(common.n_bytes),
-        "Use as many colors, up to 256 or -k, as fit into a file of this size, such as 60000, 60K or 1.5M.",
+        "Use as many colors, up to 256 or -k, as fit into a file of this size: 60000, 60kB (of 1000) or 60K (of 1024).",
         metavar="SIZE",
         excludes=("number=auto",),
     ),

@@ -74,7 +74,8 @@ def write_pages(app: Any, config: Any) -> None:
         write_changed(folder / f"{command.name}.md", as_markdown(command))
     index = Path(__file__).with_name("commands.md.in").read_text()
     names = "\n".join(f"commands/{name}" for name in COMMANDS)
-    write_changed(folder.parent / "commands.md", index.replace("@COMMANDS@", names))
+    lines = "\n".join(f"| [cvtimg {name}](commands/{name}.md) | {_escaped(text)} |" for name, text in COMMANDS.items())
+    write_changed(folder.parent / "commands.md", index.replace("@COMMANDS@", names).replace("@LINES@", lines))
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -175,7 +175,7 @@ def test_sizes_are_in_table_json_and_report(here: Path, capsys: pytest.CaptureFi
     row = json.loads(Path("r.jsonl").read_text())
     assert row["input_bytes"] == Path("a.png").stat().st_size
     assert row["output_bytes"] == Path("o.png").stat().st_size
-    assert float(shown["before"].rstrip("K")) == pytest.approx(row["input_bytes"] / 1024, rel=0.01)
+    assert float(shown["before"].rstrip("kB")) == pytest.approx(row["input_bytes"] / 1000, rel=0.01)
     assert shown["after"] == f"{row['output_bytes']}B"
 
 
