@@ -18,7 +18,7 @@ from cvtimg.options.record import Given
 Todo: TypeAlias = Callable[[], int]
 _Read = TypeVar("_Read")
 #: Options that choose within files.
-CHOICES = ("page", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
+CHOICES = ("page", "series", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
 
 
 def plan_of(

@@ -190,10 +190,10 @@ def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 def _needs_tiles(task: Task) -> bool:
     """Return whether to segment in tiles: labels alone of a large image, or any output of a Zarr array."""
-    from cvtimg.pictures.formats.stored import is_ngff
+    from cvtimg.pictures.formats.stored import is_stored
 
     targets = list(task.outputs.values())
-    zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr" and not is_ngff(path)]
+    zarr = [path for path in (task.source, *targets) if path.suffix.lower() == ".zarr" and not is_stored(path)]
     if [kind_of(option) for option in task.outputs] != ["labels"]:
         if zarr:
             raise ValueError(

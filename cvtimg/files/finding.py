@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -15,15 +16,18 @@ from cvtimg.files.whole import StrPath
 # Formats that Pillow identifies but cannot decode, or renders with an external program: Ghostscript should not run on
 # untrusted PostScript.
 NOT_RASTER = frozenset({"BUFR", "EPS", "GRIB", "HDF5", "MPEG", "WMF"})
+#: Ends of the names of outputs that lie beside their inputs: those of this package, and the masks of Cellpose.
+_OUTPUTS = re.compile(r"(.+)(?:-(?:labels|overlay|edges|mean|strengths|masks|mosaic)|_cp_masks)")
 
 
 def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     """List image files given by paths, folders and glob patterns, without duplicates.
 
     Files are listed whatever their suffix. Folders are searched recursively for files with a suffix that Pillow reads;
-    hidden files are skipped. Patterns with ``*``, ``?`` or ``[`` are expanded as in a shell, with ``**`` for any depth.
-    URLs are found by fsspec. The order is the given one, and sorted within each folder or pattern. `FileNotFoundError`
-    names what finds none, and `ValueError` refuses an empty name.
+    hidden files are skipped, and outputs, such as ``a-labels.png`` beside ``a.jpg``. Patterns with ``*``, ``?`` or
+    ``[`` are expanded as in a shell, with ``**`` for any depth. URLs are found by fsspec. The order is the given one,
+    and sorted within each folder or pattern. `FileNotFoundError` names what finds none, and `ValueError` refuses an
+    empty name.
 
     Examples
     --------
@@ -60,7 +64,12 @@ def _expand(path: StrPath) -> list[Path]:
         )
         if not inside:
             raise FileNotFoundError(f"{path}: no images in this folder")
-        return inside
+        inputs = {file.with_suffix("") for file in inside}
+        return [
+            file
+            for file in inside
+            if not ((name := _OUTPUTS.fullmatch(file.stem)) and file.with_name(name[1]) in inputs)
+        ]
     if given.exists():
         return [given]
     if not glob.has_magic(str(path)):

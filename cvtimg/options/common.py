@@ -124,6 +124,7 @@ SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to
 MAX_PIXELS = Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default.")
 READING = (
     Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages."),
+    Option("series", Whole(1, 1 << 31), "Read only image N of a TIFF of several images, such as the series of OME."),
     Option(
         "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
     ),

@@ -35,11 +35,13 @@ from cvtimg.pictures.formats.tiff import (
     TIFF_MAGICS,
     Layout,
     count_pages,
+    decode_tiff,
     finished,
+    first_page,
     icc_profile,
     is_plain,
-    is_subordinate,
     main_pages,
+    main_series,
     scale_of,
     stack_of,
     tiff_tags,
@@ -188,6 +190,7 @@ class _Decoded:
     kind: str = ""
     scale: Mapping[str, Any] = field(default_factory=dict)
     alpha: bool = False
+    is_chosen: bool = False  # Whether the only image is the page that is chosen
 
     def pages(self, numbers: Sequence[int]) -> list[NDArray[Any]]:
         return [self.images[number] for number in numbers]
@@ -206,7 +209,8 @@ def _chosen(source: _Decoded | StoredStack) -> Pages:
     kind = source.kind or ("imagej" if chosen.pixel_size else "")
     scale = chosen.pixel_size.scale(kind) if chosen.pixel_size else source.scale
     pages = Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, alpha, stack.channels)
-    if chosen.page is None or chosen.page == len(images) == 1:
+    is_chosen = isinstance(source, _Decoded) and source.is_chosen
+    if chosen.page is None or is_chosen or chosen.page == len(images) == 1:
         return pages
     return replace(pages, images=(one_page(pages, chosen.page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 
@@ -242,7 +246,7 @@ def _decode_all(file: BinaryIO) -> _Decoded:
 
     magic = file.read(4)
     size = count_pages(file)
-    if size == 1:
+    if size == 1 and not selected().series:
         file.seek(0)
         image = decode(file)
         one = _Decoded([np.ascontiguousarray(image)], Arrangement("", ()), alpha=says_alpha(image))
@@ -254,13 +258,20 @@ def _decode_all(file: BinaryIO) -> _Decoded:
                 return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), stack=stack)
         return one
     with tifffile.TiffFile(file) as tiff:
-        tags, numbers = tiff_tags(tiff), main_pages(file)
+        first, numbers = first_page(tiff), main_pages(file)
+        tags, page = tiff_tags(first), selected().page
+        if (
+            page
+            and not selected().in_stack
+            and len({(tiff.pages[at].shape, tiff.pages[at].dtype) for at in numbers}) > 1
+        ):
+            return _page_alone(file, numbers, page, tiff)
         layout, kind = Layout.of(tags), _kind_of(tiff)
         scale, stack = scale_of(tiff), stack_of(tiff, size)
-        n_pixels = tiff.pages.first.imagelength * tiff.pages.first.imagewidth
+        n_pixels = first.imagelength * first.imagewidth
         # A file that holds about as much as it claims is large, and no trap.
         check_size(n_pixels * (size if size * n_pixels > _PIXELS_PER_BYTE * tiff.filehandle.size else 1))
-        known = tiff.pages.first.compression in tifffile.TIFF.DECOMPRESSORS
+        known = first.compression in tifffile.TIFF.DECOMPRESSORS
         images = []
         if is_plain(tags) and (known or not layout.for_pillow):
             images = [_in_srgb(finished(page, tags), icc_profile(tags)) for page in _values_of_pages(tiff)]
@@ -271,6 +282,18 @@ def _decode_all(file: BinaryIO) -> _Decoded:
         stack = Arrangement("Q", (len(images),))
     whole = [np.ascontiguousarray(image) for image in images]
     return _Decoded(whole, stack, kind, scale, layout.alpha and whole[0].ndim == 3)
+
+
+def _page_alone(file: BinaryIO, numbers: Sequence[int], page: int, tiff: tifffile.TiffFile) -> _Decoded:
+    """Read the page that is chosen of pages of several sizes or types."""
+    if page > len(numbers):
+        raise UnfitContentError(f"has {len(numbers)} pages, and no page {page}")
+    number = numbers[page - 1]
+    by_pillow = Layout.of(tiff_tags(tiff.pages[number].aspage())).for_pillow
+    image = _by_pillow(file, [number])[0] if by_pillow else decode_tiff(file, number=number)
+    return _Decoded(
+        [np.ascontiguousarray(image)], Arrangement("", ()), _kind_of(tiff), scale_of(tiff), says_alpha(image), True
+    )
 
 
 def _kind_of(tiff: tifffile.TiffFile) -> str:
@@ -292,9 +315,7 @@ def one_page(pages: Pages, page: int | None) -> NDArray[Any]:
 def _values_of_pages(tiff: tifffile.TiffFile) -> NDArray[Any]:
     """Return all pages as one array (P, H, W) or (P, H, W, C)."""
     flat = []
-    for one in tiff.series:
-        if is_subordinate(one.keyframe):
-            continue
+    for one in main_series(tiff):
         values, axes = one.asarray(maxworkers=n_threads()), one.axes
         if "S" in axes:
             values, axes = np.moveaxis(values, axes.index("S"), -1), axes.replace("S", "") + "S"

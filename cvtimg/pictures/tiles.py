@@ -21,7 +21,7 @@ from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
 from cvtimg.pictures.formats.opening import UnfitContentError, reading
-from cvtimg.pictures.formats.stored import is_ngff
+from cvtimg.pictures.formats.stored import is_stored
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, icc_profile, size_of, tiff_tags, write_tiff
 
 #: Suffixes of files that are written in tiles.
@@ -147,7 +147,7 @@ def write_bands(
 def needs_tiles(source: StrPath, target: StrPath) -> bool:
     """Return whether to process an image in tiles: if it is large or a Zarr array, but not one of OME-Zarr."""
     suffixes = {Path(path).suffix.lower() for path in (source, target)}
-    if is_ngff(source) and Path(target).suffix.lower() != ".zarr":
+    if is_stored(source) and Path(target).suffix.lower() != ".zarr":
         return False
     if ".zarr" in suffixes:
         return True
@@ -168,7 +168,8 @@ def _open_tiff(path: StrPath) -> Bands:
             raise UnfitContentError("cannot be read in tiles: it is neither a TIFF file nor a Zarr array")
         file.seek(0)
         with tifffile.TiffFile(file) as tiff:
-            page, tags = tiff.pages.first, tiff_tags(tiff)
+            page = tiff.pages.first
+            tags = tiff_tags(page)
             check_alone(file)
             _check_page(page)
             shape = (*size_of(page), *([page.samplesperpixel] if page.samplesperpixel > 1 else []))

@@ -50,6 +50,13 @@ def test_a_pattern_stands_for_what_a_shell_would_find(folder: Path, pattern: str
     assert found(folder, [folder / pattern]) == expected
 
 
+def test_outputs_beside_their_inputs_are_no_inputs_unless_they_are_named(folder: Path) -> None:
+    for name in ("a-labels.png", "a-overlay.tif", "b_cp_masks.png", "other-labels.png"):
+        (folder / name).touch()
+    assert found(folder, folder) == ["a.jpg", "b.PNG", "other-labels.png", "sub/c.tif", "sub/deep/d.webp"]
+    assert found(folder, [folder / "a-labels.png", folder / "b*"]) == ["a-labels.png", "b.PNG", "b_cp_masks.png"]
+
+
 def test_a_file_whose_name_looks_like_a_pattern_is_itself(folder: Path) -> None:
     (folder / "x[1].png").touch()
     assert found(folder, [folder / "x[1].png"]) == ["x[1].png"]

@@ -22,6 +22,7 @@ from cvtimg.pictures.formats.tiff import (
     count_pages,
     describes_pages,
     first_page,
+    holds_values,
     icc_profile,
     is_turned,
     scale_of,
@@ -34,7 +35,7 @@ from cvtimg.pictures.profiles import profile_name
 #: What several images of a file are, by its format.
 _KINDS: dict[str, Literal["frames", "pages"]] = {
     **dict.fromkeys(ANIMATED, "frames"),
-    **dict.fromkeys(("TIFF", "NPY", "OME-Zarr", "CZI", "ND2"), "pages"),
+    **dict.fromkeys(("TIFF", "NPY", "Zarr", "OME-Zarr", "CZI", "ND2"), "pages"),
 }
 
 
@@ -145,7 +146,9 @@ def _read(file: BinaryIO) -> ImageInfo:
         return _of_tiff(file)
     with image:
         layout = Layout.of(tags_of(image))
-        if image.format == "TIFF" and layout.n_samples > layout.n_colors + layout.alpha and not layout.for_pillow:
+        bands = layout.n_samples > layout.n_colors + layout.alpha
+        values = not layout.for_pillow and (bands or holds_values(tags_of(image)))
+        if image.format == "TIFF" and (values or selected().series):
             return _of_tiff(file)
         return _of_picture(image, file)
 
@@ -196,7 +199,8 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
     pages = _of_pages(file)
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
-        page, tags = first_page(tiff), tiff_tags(tiff)
+        page = first_page(tiff)
+        tags = tiff_tags(page)
         size = (page.imagelength, page.imagewidth)[:: -1 if is_turned(tags) else 1]
         header, layout = _of_array(size, page.samplesperpixel, np.dtype(page.dtype)), Layout.of(tags)
         return replace(

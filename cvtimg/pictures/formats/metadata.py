@@ -146,7 +146,7 @@ def _of_tiff(file: BinaryIO) -> Metadata:
 
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
-        tags = tiff_tags(tiff)
+        tags = tiff_tags(tiff.pages.first)
         return Metadata(geo=geo_tags(tags), nodata=Place.of(tags).nodata)
 
 

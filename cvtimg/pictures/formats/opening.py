@@ -215,11 +215,12 @@ class Selection:
     t: int | None = None
     z: int | None = None
     pixel_size: PixelSize | None = None  # In place of that of the file
+    series: int | None = None  # Image of a TIFF that holds several, each perhaps a stack, from 1
 
     @property
     def in_stack(self) -> bool:
         """Whether something is said of the axes of a stack."""
-        return not (self.axes is None and self.channel is None and self.t is None and self.z is None)
+        return any(given is not None for given in (self.axes, self.channel, self.t, self.z, self.series))
 
 
 _SELECTED: ContextVar[Selection] = ContextVar("cvtimg_selection", default=Selection())  # noqa: B039, immutable

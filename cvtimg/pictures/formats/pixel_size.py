@@ -83,9 +83,15 @@ class PixelSize:
         if "PhysicalSizeX" in scale:
             named = [f"PhysicalSize{axis}" for axis in "XYZ"]
             x, y, z = (_positive(scale.get(name, scale[named[0]] if name != named[2] else None)) for name in named)
-            said = [str(scale.get(f"{name}Unit", _MICROMETER)) for name in named if name in scale]
-            units = {_UNITS.get(unit, unit) for unit in said}
-            unit = units.pop() if len(units) == 1 else ""
+            said = {name: str(scale.get(f"{name}Unit", _MICROMETER)) for name in named if name in scale}
+            unit, *others = (_UNITS.get(text, text) for text in (said.get(name, said[named[0]]) for name in named))
+            if any(other != unit for other in others):
+                if not {unit, *others} <= {*INCHES}:
+                    return None
+                y, z = (
+                    side and float(f"{side * INCHES[other] / INCHES[unit]:.9g}")
+                    for side, other in zip((y, z), others, strict=True)
+                )
         else:
             across, down = (_positive(value) for value in scale.get("resolution", (None, None)))
             x, y, z = across and 1 / across, down and 1 / down, _positive(scale.get("spacing"))

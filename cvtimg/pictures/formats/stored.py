@@ -95,17 +95,20 @@ class StoredStack:
 
 def npy_stack(file: BinaryIO) -> StoredStack | None:
     """Open an array whose axes are said; None for other files, and without letters."""
-    is_npy, axes = file.read(len(NPY_MAGIC)) == NPY_MAGIC, (selected().axes or "").upper()
+    is_npy = file.read(len(NPY_MAGIC)) == NPY_MAGIC
     file.seek(0)
-    if not is_npy or not axes:
-        return None
-    values = np.load(file, allow_pickle=False)
+    return _with_axes(np.load(file, allow_pickle=False), "NPY") if is_npy and selected().axes else None
+
+
+def _with_axes(values: NDArray[Any], form: str) -> StoredStack:
+    """Return an array as a stack with the axes that are said."""
+    axes = (selected().axes or "").upper()
     if len(axes) != values.ndim or len(set(axes)) < len(axes) or not {"Y", "X"} <= {*axes}:
         raise UnfitContentError(f"holds an array of shape {values.shape}, whose axes cannot be {axes}")
     check_size(values.size)
     planes = np.moveaxis(values, [axes.index("Y"), axes.index("X")], [-2, -1])
     letters = axes.replace("Y", "").replace("X", "") + "YX"
-    return StoredStack(planes, letters, (), None, "NPY", "")
+    return StoredStack(planes, letters, (), None, form, "")
 
 
 def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -> int:
@@ -120,11 +123,19 @@ def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -
 
 def is_stored(path: Any) -> TypeGuard[StrPath]:
     """Whether a path is a stack that `open_stored` opens."""
-    return is_ngff(path) or _is_of_microscope(path)
+    return is_ngff(path) or _is_of_microscope(path) or _is_array(path)
+
+
+def _is_array(path: Any) -> bool:
+    """Whether a path is a plain array of Zarr whose axes are said; without letters, it is an image."""
+    is_path = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr"
+    return is_path and selected().axes is not None and Path(path).is_dir() and not is_ngff(path)
 
 
 def open_stored(path: StrPath) -> StoredStack:
     """Open a stack, without reading its pages."""
+    if _is_array(path):
+        return _with_axes(optional("zarr", "zarr").open_array(str(path), mode="r")[:], "Zarr")
     return _open_microscope(path) if _is_of_microscope(path) else _open_ngff(path)
 
 

@@ -19,7 +19,7 @@ from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.geotiff import GeoTag, Tags
-from cvtimg.pictures.formats.opening import UnfitContentError, check_size
+from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
 from cvtimg.pictures.formats.stored import Arrangement
 from cvtimg.pictures.profiles import convert_deep
 
@@ -33,14 +33,16 @@ TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 _OF_SAMPLES = (
     *(Base.BitsPerSample, Base.PhotometricInterpretation, Base.Orientation, Base.SamplesPerPixel),
-    *(Base.ExtraSamples, Base.SampleFormat, Base.InterColorProfile),
+    *(Base.ExtraSamples, Base.SampleFormat, Base.InterColorProfile, Base.Compression, Base.ImageDescription),
 )
+#: Compression that Pillow's library for TIFF lacks, and tags of MetaMorph, whose stacks have one directory.
+_WEBP, _OF_METAMORPH = 50001, {33628, 33629, 33630, 33631}
 
 
 class _Value(IntEnum):
     """Values of tags, by what they are of."""
 
-    PHOTOMETRIC_WHITE_IS_0, PHOTOMETRIC_BLACK_IS_0, PHOTOMETRIC_RGB = 0, 1, 2
+    PHOTOMETRIC_WHITE_IS_0, PHOTOMETRIC_BLACK_IS_0, PHOTOMETRIC_RGB, PHOTOMETRIC_PALETTE = 0, 1, 2, 3
     FORMAT_UNSIGNED = 1
     EXTRA_PREMULTIPLIED, EXTRA_ALPHA, EXTRA_OF_CORELDRAW = 1, 2, 999
     SUBFILE_REDUCED, SUBFILE_MASK = 1, 4
@@ -78,16 +80,18 @@ class Layout(NamedTuple):
         unsigned = _first(tags.get(Base.SampleFormat, 1)) == _Value.FORMAT_UNSIGNED
         deep = bits > 16 or (bits > 8 and n_samples > 1) or not unsigned
         for_pillow = photometric not in (0, 1, _Value.PHOTOMETRIC_RGB) or not (bands or deep)
+        for_pillow &= not holds_values(tags) and tags.get(Base.Compression) != _WEBP
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == _ALPHA[0], for_pillow)
 
 
-def decode_tiff(file: BinaryIO, *, keep_profile: bool = False) -> NDArray[Any]:
-    """Read the first page: (H, W) for one sample per pixel, else (H, W, C)."""
+def decode_tiff(file: BinaryIO, *, keep_profile: bool = False, number: int = 0) -> NDArray[Any]:
+    """Read a page, from 0: (H, W) for one sample per pixel, else (H, W, C)."""
     import tifffile
 
     file.seek(0)
     with tifffile.TiffFile(file) as tiff:
-        page, tags = first_page(tiff), tiff_tags(tiff)
+        page = first_page(tiff) if number == 0 else tiff.pages[number].aspage()
+        tags = tiff_tags(page)
         values = page.asarray(maxworkers=n_threads())
         values = np.moveaxis(values, page.axes.index("S"), -1) if "S" in page.axes else values
     values = values[..., 0] if values.shape[2:] == (1,) else values
@@ -99,7 +103,16 @@ def is_plain(tags: Tags) -> bool:
     """Whether samples are gray from black or RGB, of at least 8 bits, and upright."""
     upright = _first(tags.get(Base.Orientation, 1)) == 1
     plain = (_Value.PHOTOMETRIC_BLACK_IS_0, _Value.PHOTOMETRIC_RGB)
-    return tags.get(Base.PhotometricInterpretation) in plain and Layout.of(tags).bits >= 8 and upright
+    return (
+        (tags.get(Base.PhotometricInterpretation) in plain or holds_values(tags))
+        and Layout.of(tags).bits >= 8
+        and upright
+    )
+
+
+def holds_values(tags: Tags) -> bool:
+    """Whether a palette only shows values, as the color tables of ImageJ and OME do."""
+    return tags.get(Base.PhotometricInterpretation) == _Value.PHOTOMETRIC_PALETTE and describes_pages(tags)
 
 
 def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) -> NDArray[Any]:
@@ -119,8 +132,8 @@ def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) ->
 
 
 def first_page(tiff: tifffile.TiffFile) -> tifffile.TiffPage:
-    """Return the first page, if it is an image."""
-    page: tifffile.TiffPage = tiff.pages.first
+    """Return the first page, of the series that is chosen if so, if it is an image."""
+    page: tifffile.TiffPage = main_series(tiff)[0].keyframe if selected().series else tiff.pages.first
     height, width = size_of(page)
     if not {*page.axes} <= {*"YXS"} or page.size == 0 or page.dtype is None:
         raise UnfitContentError(f"holds an array of shape {page.shape}; an image must be (H, W) or (H, W, C)")
@@ -143,13 +156,37 @@ def count_pages(file: BinaryIO) -> int:
     size = 1
     if start.startswith(TIFF_MAGICS):
         size = max(size, len(main_pages(file)))
-        if b"ImageJ=" in start:  # ImageJ stores only the first page of large stacks as a TIFF page
+        # ImageJ, for large stacks, and MetaMorph store only the first page as a TIFF page.
+        if selected().series or b"ImageJ=" in start or (size == 1 and _first_codes(file) & _OF_METAMORPH):
             import tifffile
 
+            file.seek(0)
             with suppress(Exception), tifffile.TiffFile(file) as tiff:  # errors are reported when the file is read
-                size = max(size, int((tiff.imagej_metadata or {}).get("images", 1)))
+                n_pages = sum(one.size // one.keyframe.size for one in main_series(tiff))
+                size = n_pages if selected().series else max(size, n_pages)
     file.seek(0)
     return size
+
+
+def _first_codes(file: BinaryIO) -> set[int]:
+    """Return the codes of the tags of the first directory of a TIFF that is no BigTIFF."""
+    file.seek(0)
+    order = "<" if file.read(4)[:2] == b"II" else ">"
+    with suppress(struct.error):
+        file.seek(*struct.unpack(f"{order}I", file.read(4)))
+        (n_entries,) = struct.unpack(f"{order}H", file.read(2))
+        return {code for code, _ in struct.iter_unpack(f"{order}H10s", file.read(12 * n_entries))}
+    return set()
+
+
+def main_series(tiff: tifffile.TiffFile) -> list[tifffile.TiffPageSeries]:
+    """List the series of a file, excluding reduced-size copies and masks; only the one that is chosen, if so."""
+    series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
+    if not (number := selected().series):
+        return series
+    if number > len(series):
+        raise UnfitContentError(f"has {len(series)} series, and no series {number}")
+    return series[number - 1 : number]
 
 
 def check_alone(file: BinaryIO) -> None:
@@ -197,7 +234,7 @@ def is_subordinate(page: Any) -> bool:
 
 def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
     """Return how the pages of a file are arranged, and what its channels are called; of one page, as of Q."""
-    series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
+    series = main_series(tiff)
     axes = series[0].axes.replace("S", "").removesuffix("YX")
     if len(series) > 1:
         return Arrangement("Q", (n_pages,))
@@ -224,19 +261,19 @@ def _ome_channels(description: str) -> tuple[str, ...]:
 
 
 def _ome_elements(description: str, name: str) -> Iterator[Element]:
-    """Yield the elements of a name in the first image that an OME file describes."""
+    """Yield the elements of a name in the image that is chosen of those that an OME file describes, or the first."""
     from xml.etree import ElementTree
 
     with suppress(ElementTree.ParseError, ValueError):
         root = ElementTree.fromstring(description)
-        pixels = next((one for one in root.iter() if one.tag.rpartition("}")[2] == "Pixels"), root)
+        images = [one for one in root.iter() if one.tag.rpartition("}")[2] == "Pixels"]
+        pixels = next(islice(images, (selected().series or 1) - 1, None), root)
         yield from (one for one in pixels.iter() if one.tag.rpartition("}")[2] == name)
 
 
-def tiff_tags(tiff: tifffile.TiffFile) -> dict[int, Any]:
-    """Return the tags of the first page that cvtimg uses."""
-    tags = tiff.pages.first.tags
-    return {code: tag.value for code in (*_OF_SAMPLES, *GeoTag) if (tag := tags.get(code)) is not None}
+def tiff_tags(page: tifffile.TiffPage) -> dict[int, Any]:
+    """Return the tags of a page that cvtimg uses."""
+    return {code: tag.value for code in (*_OF_SAMPLES, *GeoTag) if (tag := page.tags.get(code)) is not None}
 
 
 def icc_profile(tags: Tags) -> bytes | None:
