@@ -32,6 +32,8 @@ class Factor:
         have each equally often, but for one. Others are categories, which have no order.
     unit : str
         For the header of a table.
+    log : bool
+        Whether equal ratios count as equal distances; the range is then above 0.
 
     Examples
     --------
@@ -45,15 +47,16 @@ class Factor:
     high: float = 1.0
     levels: tuple[str, ...] = ()
     unit: str = ""
+    log: bool = False
 
     @classmethod
     def parse(cls, text: str) -> Factor:
-        """Read a factor from a text, such as ``"speed,0,30"``, ``"pumps,1,4,integer"`` or ``"alloy,A|B|C"``."""
+        """Read a factor from a text: ``"speed,0,30"``, with ``,log``, ``,integer`` or ``,0.5``, or ``"alloy,A|B"``."""
         name, *values = (part.strip() for part in text.split(","))
         if len(values) == 1 and "|" in values[0]:
             return _factor({"name": name, "levels": values[0]})
         if len(values) not in (2, 3) or not all(map(_is_number, values[:2])):
-            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, that with ,integer, or NAME,A|B|C")
+            raise ValueError(f"{text!r} must be NAME,LOW,HIGH, that with ,integer, ,log or a step, or NAME,A|B|C")
         return _factor(dict(zip(("name", "low", "high", "kind"), (name, *values), strict=False)))
 
     @property
@@ -77,6 +80,21 @@ class Factor:
             return np.asarray(places, np.float64).tolist()
         return [self.levels[i] for i in self.levels_at(places)]
 
+    def at(self, units: ArrayLike) -> NDArray[np.float64]:
+        """Return the points of 0..1 along the axis in its units."""
+        share = np.asarray(units, np.float64)
+        if self.log:
+            return np.clip(self.low * (self.high / self.low) ** share, self.low, self.high)
+        return self.low + share * (self.high - self.low)
+
+    def unit_of(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return where points of the axis are in 0..1; the inverse of `at`, NaN or beyond 0..1 outside of the range."""
+        points = np.asarray(points, np.float64)
+        if self.log:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.log(points / self.low) / np.log(self.high / self.low)
+        return (points - self.low) / (self.high - self.low)
+
     def numbers(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the numbers at places (n,) of an axis that is no category."""
         return np.array(self.levels, np.float64)[self.levels_at(places)] if self.levels else places
@@ -85,6 +103,8 @@ class Factor:
         """Return where values (n,) are on the axis."""
         if not self.levels:
             return np.array([float(value) for value in values])
+        if not self.is_category:  # however the numbers are written
+            values = [f"{float(value):.12g}" if _is_number(value) else value for value in values]
         for value in values:
             check_in_range(self.name, value, value in self.levels, f"one of its levels, {', '.join(self.levels)}")
         return (np.array([self.levels.index(value) for value in values]) + 0.5) / len(self.levels)
@@ -101,8 +121,8 @@ def _is_number(text: str) -> bool:
 def read_factors(path: StrPath) -> list[Factor]:
     r"""Read the factors of a design: a line for each, after a line of names of columns.
 
-    Columns are name, low and high, and may be kind (continuous or integer), levels (values with | between
-    them, instead of low and high) and unit.
+    Columns are name, low and high, and may be kind (continuous, log, integer, or a step such as 0.5), levels (values
+    with | between them, instead of low and high) and unit.
 
     Parameters
     ----------
@@ -162,11 +182,14 @@ def _factor(fields: Mapping[str, str]) -> Factor:
     if not name:
         raise ValueError("must have a name in each line")
     kind = fields.get("kind") or "continuous"
-    if kind == "continuous":
-        return Factor(name, low, high, unit=unit)
-    if kind != "integer" or low % 1 or high % 1 or high - low >= MAX_RUNS:
-        raise ValueError(f"{name} of kind {kind} must be continuous, or integer between whole numbers")
-    return Factor(name, levels=tuple(map(str, range(int(low), int(high) + 1))), unit=unit)
+    if kind == "continuous" or (kind == "log" and low > 0):
+        return Factor(name, low, high, unit=unit, log=kind == "log")
+    step = float(kind) if _is_number(kind) else 1.0 if kind == "integer" and low % 1 == high % 1 == 0 else 0.0
+    if not (high - low) / MAX_RUNS < step <= high - low:
+        allowed = "continuous, log above 0, integer between whole numbers, or a step that fits between them"
+        raise ValueError(f"{name} of kind {kind} must be {allowed}")
+    numbers = low + step * np.arange(int((high - low) / step * (1 + 1e-12)) + 1)
+    return Factor(name, levels=tuple(f"{level:.12g}" for level in numbers), unit=unit)
 
 
 def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:

@@ -60,7 +60,7 @@ class Design(ReadOnly):
         Points that were there before, in the units of the bounds.
     energy : float
         Mean squared distance in the unit cube from where points may lie to the nearest point, old or new, weighted by
-        the density; without categories.
+        the density; without categories, 0 if there is nothing else.
     latin : bool
         Whether each of the n + L slices along each axis has at most one of the new points and none beside an old one.
     periodic : bool
@@ -117,8 +117,7 @@ class Design(ReadOnly):
             np.save(file, self.points)
 
     def _all_points(self) -> _Floats:
-        low, high = self.bounds.T
-        return np.concatenate([(self.existing - low) / (high - low), self.unit_points])
+        return np.concatenate([_units(self.factors, self.existing), self.unit_points])
 
 
 @hints_at_keywords
@@ -194,7 +193,8 @@ def design(
     check_choice("criterion", criterion, ("cvt", *CRITERIA))
     factors = _checked_factors(bounds)
     is_axis = np.array([not factor.is_category for factor in factors])
-    check_that("bounds", is_axis.any(), "have an axis that is no category")
+    if not is_axis.any():
+        return _of_categories(n_points, factors, existing, effort, rng)
     region = Region([factor for factor in factors if not factor.is_category], feasible, density)
     given = _checked_existing(existing, factors)
     old, n_all = given[:, is_axis], n_points + len(given)
@@ -222,8 +222,23 @@ def design(
     energy = cube(np.concatenate([old, unit])).energy
     unit = _with_categories(factors, given, unit, random)
     ends = np.array([(factor.low, factor.high) for factor in factors])
-    points, runs = (ends[:, 0] + places * np.ptp(ends, axis=1) for places in (unit, given))
+    points, runs = (
+        np.stack([factor.at(column) for factor, column in zip(factors, places.T, strict=True)], axis=1)
+        for places in (unit, given)
+    )
     return Design(points, unit, ends, runs, energy, latin, periodic, tuple(factors))
+
+
+def _of_categories(
+    n_points: int, factors: list[Factor], existing: ArrayLike | None, effort: EffortName, rng: int | np.random.Generator
+) -> Design:
+    """Share out levels evenly, each by itself and in pairs, along an axis that is left out again."""
+    given = _checked_existing(existing, factors)
+    places = (np.arange(len(given)) + 0.5) / max(len(given), 1)
+    together = np.column_stack([places, given])
+    found = design(n_points, [Factor(" "), *factors], existing=together, effort=effort, rng=rng)
+    parts = {name: getattr(found, name)[:, 1:] for name in ("points", "unit_points", "existing")}
+    return replace(found, **parts, bounds=found.bounds[1:], energy=0.0, factors=tuple(factors))
 
 
 def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]:
@@ -250,14 +265,18 @@ def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Flo
     array = array_of(existing)
     fits = array.ndim == 2 and array.shape[1] == len(factors)
     check_shape("existing", array.shape, fits, f"(L, {len(factors)}), a row for each point")
-    low, high = (np.array([getattr(factor, end) for factor in factors]) for end in ("low", "high"))
-    unit: _Floats = (array - low) / (high - low)
+    unit = _units(factors, array)
     outside = ~((unit >= 0) & (unit <= 1))
     if outside.any():
         row, axis = np.argwhere(outside)[0]
         of = factors[axis]
         refuse(f"{of.name} of existing[{row}]", float(array[row, axis]), f"within its bounds, {of.low:g}..{of.high:g}")
     return unit
+
+
+def _units(factors: Sequence[Factor], points: NDArray[Any]) -> _Floats:
+    """Return where points (n, d) are in the unit cube."""
+    return np.stack([factor.unit_of(column) for factor, column in zip(factors, points.T, strict=True)], axis=1)
 
 
 def _check_together(region: Region, latin: bool | None, periodic: bool, criterion: str, n_all: int) -> None:

@@ -25,7 +25,6 @@ class Region:
 
     def __init__(self, axes: list[Factor], feasible: Any, density: Any) -> None:
         self.axes = axes
-        self._low, self._high = (np.array([getattr(axis, end) for axis in axes]) for end in ("low", "high"))
         self._feasible, self._density = feasible, density
         limits = {"density": density, "feasible": feasible}
         self.given = [name for name, limit in limits.items() if limit is not None]
@@ -61,8 +60,7 @@ class Region:
         return places
 
     def _called(self, name: str, function: Any, places: NDArray[Any]) -> NDArray[Any]:
-        units = self._low + places * (self._high - self._low)
-        columns = [axis.numbers(column) for axis, column in zip(self.axes, units.T, strict=True)]
+        columns = [axis.numbers(axis.at(column)) for axis, column in zip(self.axes, places.T, strict=True)]
         values = np.asarray(function(np.stack(columns, axis=1)))
         check_returned(name, values, len(places))
         return values

@@ -110,7 +110,7 @@ DESIGN = (
     ),
     file(
         "bounds",
-        "Axes: a .csv file with the columns name, low and high; also kind (continuous, integer), levels "
+        "Axes: a .csv file with the columns name, low and high; also kind (continuous, log, integer or a step), levels "
         "(such as A|B|C, in place of low and high) and unit.",
         (".csv",),
         role="reads",
@@ -118,8 +118,9 @@ DESIGN = (
     Option(
         "axis",
         Text(late("designs.factors", "Factor.parse")),
-        "An axis in place of --bounds: a range, whole numbers, or levels with | between them; once for each.",
-        metavar="NAME,LOW,HIGH[,integer]|NAME,A|B|C",
+        "An axis in place of --bounds: a range, one of equal ratios, whole numbers or steps, or levels with | between "
+        "them; once for each.",
+        metavar="NAME,LOW,HIGH[,log|integer|STEP]|NAME,A|B|C",
         many=True,
     ),
     file(

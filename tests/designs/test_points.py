@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,6 @@ def test_designs_are_written_whole_with_a_header(tmp_path: Path) -> None:
         ({"feasible": lambda p: True}, r"feasible returned shape \(\)"),
         ({"density": lambda p: p[:, 0] - 1}, "density must be finite and >= 0"),
         ({"bounds": [Factor("a"), Factor("a")]}, "there must be one axis named a, not 2"),
-        ({"bounds": [Factor("a", levels=("x", "y"))]}, "bounds must have an axis that is no category"),
     ],
 )
 def test_bad_arguments_are_named(options: dict[str, Any], message: str) -> None:
@@ -199,3 +199,36 @@ def test_groups_that_are_known_stay_and_no_exchange_of_two_points_is_left_that_g
             changed = labels.copy()
             changed[[one, other]] = [1, 0]
             assert cost(changed) >= cost(labels) - 1e-9
+
+
+def test_a_logarithmic_factor_is_even_in_its_ratios() -> None:
+    factors = [Factor.parse("rate,0.001,10,log"), Factor.parse("heat,20,90")]
+    found = design(8, factors, effort="fast")
+    exponents = np.sort(np.log10(found.points[:, 0] / 0.001) / 4)
+    np.testing.assert_allclose(exponents, (np.arange(8) + 0.5) / 8, atol=1e-9)
+    more = design(8, factors, existing=found.points, effort="fast")
+    np.testing.assert_allclose(more.existing, found.points)
+    assert (design(5, factors, feasible=lambda x: x[:, 0] < 0.1, effort="fast").points[:, 0] < 0.1).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "levels"),
+    [("n,1,2,0.25", "1 1.25 1.5 1.75 2"), ("n,0,1,0.3", "0 0.3 0.6 0.9"), ("n,2,4,integer", "2 3 4")],
+)
+def test_a_factor_in_steps_has_these_levels(text: str, levels: str) -> None:
+    factor = Factor.parse(text)
+    assert factor.levels == tuple(levels.split())
+    assert factor.places([f"{float(levels.split()[1]):.3f}"]) == factor.places([levels.split()[1]])
+    for wrong in ("n,0,1,log", "n,0,1,2", "n,0,1,-1", "n,0,1,odd", "n,0.5,2,integer"):
+        with pytest.raises(ValueError, match="must be continuous, log above 0, integer"):
+            Factor.parse(wrong)
+
+
+def test_a_design_of_categories_alone_has_each_level_and_each_pair_equally_often() -> None:
+    factors = [Factor("alloy", levels=("A", "B", "C")), Factor("day", levels=("Mon", "Tue"))]
+    _, rows = design(12, factors).table()
+    assert Counter(map(tuple, rows)) == {(alloy, day): 2 for alloy in "ABC" for day in ("Mon", "Tue")}
+    first = design(5, factors)
+    _, more = design(7, factors, existing=first.points).table()
+    together = Counter(row[0] for row in [*first.table()[1], *more])
+    assert max(together.values()) - min(together.values()) <= 1
