@@ -190,6 +190,10 @@ class _Text(Columns):
         self._n_fields = Counter(map(len, rows)).most_common(1)[0][0]
         if self._is_named_by_comment and len(first[0]) != self._n_fields:  # it says something else
             first, self._is_named_by_comment, self._n_before = rows, False, self._n_before + 1
+        if len(first[0]) == 1 and (self._delimiter, self._n_fields, dialect.delimiter) == (",", 2, None):
+            self._delimiter, self._n_fields = ";", 1  # one name above numbers with a decimal comma
+            first = list(islice(self._records(), _LOOKED_AT))
+            rows = first[1:]
         self.named = self._is_header(first[0], first[1:]) if dialect.header is None else dialect.header
         head = list(first[0]) if self.named else [""] * self._n_fields
         if len(head) == self._n_fields - 1:
@@ -355,7 +359,7 @@ class _Text(Columns):
         return 10 * max(values) < int(name) or min(values) > 10 * int(name)
 
     def _kind(self, text: str) -> str:
-        if (plain := text.strip().casefold()) in self._no_value:
+        if (plain := text.strip().casefold().replace("\u2212", "-")) in self._no_value:
             return "missing"
         with suppress(ValueError):
             return "missing" if math.isnan(float(plain)) else "number"
@@ -374,7 +378,7 @@ class _Text(Columns):
         return "," if len(commas) > len(grouped) or (grouped and self._delimiter == ";") else "."
 
     def _number(self, text: str, *, nan_for_text: bool = False) -> float:
-        plain = text.strip()
+        plain = text.strip().replace("\u2212", "-")  # a minus of typesetters
         if plain.casefold() in self._no_value:
             return math.nan
         with suppress(ValueError):

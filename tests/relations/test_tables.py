@@ -57,6 +57,7 @@ FORMS: dict[str, Callable[[Rows], str | bytes]] = {
     "a decimal comma": lambda rows: text(rows, ";", lambda value: str(value).replace(".", ",")),
     "a decimal comma and points": lambda rows: text(rows, ";", german),
     "thousands in quotes": lambda rows: text(rows, ",", lambda value: f'"{value:,.3f}"'),
+    "a minus of typesetters": lambda rows: text(rows).replace("-", "\u2212"),
     "apostrophes": lambda rows: text(rows, ",", lambda value: f"{value:,.3f}".replace(",", "'")),
     "exponents": lambda rows: text(rows, ",", lambda value: f"{value:.12e}"),
     "a byte order mark": lambda rows: "\ufeff" + text(rows),
@@ -172,6 +173,7 @@ def test_options_say_what_a_table_does_not(tmp_path: Path) -> None:
     assert read("a;b\n1,234;2,5\n", dialect=Dialect(decimal=",")).tolist() == [[1.234, 2.5]]
     assert read("a;b\n1,234;2\n3;4\n", dialect=Dialect(decimal=".")).tolist() == [[1234, 2], [3, 4]]
     assert read("a b;c\n1 2;3\n", dialect=Dialect(delimiter=";"), columns=["c"]).tolist() == [[3]]
+    assert read("a\n1,5\n-2,25\n").tolist() == [[1.5], [-2.25]]
     marks = Dialect(missing_values=("-999",))
     assert read("a,b\n1,2\n-999,3\n", dialect=marks, missing="drop").tolist() == [[1, 2]]
     assert read("a,größe\n1,2\n".encode("cp437"), dialect=Dialect(encoding="cp437")).tolist() == [[1, 2]]
