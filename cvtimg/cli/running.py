@@ -100,7 +100,7 @@ def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
             if (text := given.worded(str(error))) == str(error):
                 raise
             raise ValueError(text) from error
-    notes += [given.worded(str(one.message)) for one in caught]
+    notes += dict.fromkeys(given.worded(str(one.message)) for one in caught)
 
 
 def selected(given: Given) -> ExitStack:

@@ -17,6 +17,7 @@ from cvtimg._shared.pixels import with_mark
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
+from cvtimg.pictures.formats.png_chunks import described
 from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, decode_tiff, tags_of
 from cvtimg.pictures.profiles import apply_profile
 
@@ -93,7 +94,11 @@ def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
     opaque = "L" if grey else "CMYK" if image.mode == "CMYK" else "RGB"
     mode = "RGBA" if image.has_transparency_data else opaque
     plain = image if image.mode == mode else image.convert(mode)
-    if icc and not (keep_profile and opaque == "RGB"):
+    colors = described(image.info) if image.format == "PNG" else None
+    if colors is not None:
+        bands = np.asarray(plain)
+        return Image.fromarray(colors.to_srgb(bands.reshape(*bands.shape[:2], -1)).reshape(bands.shape))
+    if icc and "cicp" not in image.info and not (keep_profile and opaque == "RGB"):
         plain = apply_profile(plain, icc, grey)
     # Pillow has already undone the inversion of Adobe CMYK JPEGs.
     return plain.convert("RGB") if plain.mode == "CMYK" else plain

@@ -25,6 +25,7 @@ from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, developed, fits_as_tiff
+from cvtimg.pictures.formats.png_chunks import read_more, without_damage
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -152,11 +153,13 @@ def _opened(source: Source) -> Iterator[BinaryIO]:
 
 def _plain(file: BinaryIO) -> BinaryIO:
     """Return a file that is read as it is, or as the TIFF that it becomes first."""
-    magic = file.read(len(FITS_MAGIC))
+    magic = file.read(len(PNG_MAGIC))
     file.seek(0)
     if not magic:
         raise UnfitContentError("is empty")
-    if magic != FITS_MAGIC:
+    if magic == PNG_MAGIC:
+        return without_damage(file)
+    if not magic.startswith(FITS_MAGIC):
         return file
     found = fits_as_tiff(file, check_size)
     if found is None:
@@ -183,6 +186,9 @@ def open_picture(file: BinaryIO) -> ImageFile.ImageFile:
 
         file.seek(0)
         png = PngImageFile(file)
+        at = file.tell()
+        read_more(file, png)
+        file.seek(at)
         check_size(png.width * png.height)
         return png
     file.seek(0)

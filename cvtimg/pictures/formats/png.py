@@ -15,6 +15,7 @@ from PIL.PngImagePlugin import PngImageFile
 from cvtimg._shared.extras import optional
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
+from cvtimg.pictures.formats.png_chunks import described
 from cvtimg.pictures.profiles import convert_deep
 
 
@@ -55,8 +56,10 @@ def decode_deep_png(file: BinaryIO, image: ImageFile.ImageFile, *, keep_profile:
     if clear is not None:
         opaque = (values != np.asarray(clear)).any(axis=2, keepdims=True)
         values = np.concatenate([values, opaque * np.uint16(65535)], axis=2)
-    icc = image.info.get("icc_profile")
-    if icc and not keep_profile:
+    colors, icc = described(image.info), image.info.get("icc_profile")
+    if colors is not None:
+        values = colors.to_srgb(values)
+    elif icc and "cicp" not in image.info and not keep_profile:
         values = convert_deep(values, icc)
     return upright(values, orientation(image))
 
