@@ -39,6 +39,18 @@ def color_or_file(text: str | Path) -> str | Path:
         raise ValueError(f"{error!s}, or a palette file") from None
 
 
+def alpha_threshold(text: str | float) -> float | str:
+    """Parse percent of alpha as a share, or "dither"."""
+    if text == "dither":
+        return "dither"
+    try:
+        if 0 <= (percent := float(str(text).removesuffix("%"))) <= 100:
+            return percent / 100
+    except ValueError:
+        pass
+    raise ValueError(f"{str(text)!r} must be percent in 0..100, or 'dither'")
+
+
 def n_bytes(text: str | int) -> int:
     """Parse a size such as 60000, 60K (1024 bytes each), 60kB (1000 bytes each) or 1.5M."""
     match = re.fullmatch(r"(\d+(?:\.\d*)?)([kKMG]?)(B?)", str(text).strip())

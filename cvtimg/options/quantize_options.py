@@ -39,6 +39,10 @@ def _unless_none(name: str) -> str | None:
     return None if name == "none" else name
 
 
+def _rgb(color: str) -> tuple[int, ...]:
+    return tuple(bytes.fromhex(color)[:3])
+
+
 def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
     """(L, 3) colors, or (L, 4) if some have transparency, each once."""
     import numpy as np
@@ -162,7 +166,25 @@ QUANTIZE = (
     ),
     common.MASK._replace(keyword="mask"),
     common.NODATA._replace(keyword="nodata"),
-    passed("depth", Choice(("8", "16")), "Bits per channel to work and write with; by default those of the image."),
+    passed(
+        "depth",
+        Choice(("8", "16")),
+        "Bits per channel to work and write with; by default those of the image, and 8 with --quality and --goal eyes.",
+    ),
+    passed(
+        "alpha_threshold",
+        Text(common.alpha_threshold),
+        "For a .gif: pixels of less alpha become transparent, the others opaque, in percent, 50 by default; or dither, "
+        "which takes some of them in a pattern.",
+        metavar="PERCENT",
+    ),
+    passed(
+        "matte",
+        Text(common.color),
+        "For a .gif: color behind half-transparent pixels that become opaque; by default they get their own color.",
+        metavar="COLOR",
+        to=_rgb,
+    ),
     switch(
         "shared_palette",
         "Use one palette for all images together.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -19,6 +19,7 @@ from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.decoding import decode, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
+from cvtimg.pictures.formats.gif import composed
 from cvtimg.pictures.formats.header import read_header
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import ANIMATED, check_size, open_picture, orientation, reading, writing
@@ -90,7 +91,8 @@ def decode_frames(file: BinaryIO) -> Frames | None:
     except OSError:  # a format that Pillow does not read
         return None
     with image:
-        return _decode_frames(image) if image.format in ANIMATED and getattr(image, "is_animated", False) else None
+        animated = image.format in ANIMATED and getattr(image, "is_animated", False)
+        return _decode_frames(file, image) if animated else None
 
 
 def write_frames(
@@ -139,7 +141,7 @@ def encode_frames(
     return buffer.getvalue()
 
 
-def _decode_frames(image: ImageFile.ImageFile) -> Frames:
+def _decode_frames(file: BinaryIO, image: ImageFile.ImageFile) -> Frames:
     size = image.size
     check_size(image.width * image.height)
     plays = image.info.get("loop", 1)
@@ -149,12 +151,18 @@ def _decode_frames(image: ImageFile.ImageFile) -> Frames:
     images: list[NDArray[Any]] = []
     durations: list[float] = []
     turn = orientation(image)
-    for number in range(first, getattr(image, "n_frames", 1)):
+    n_frames = getattr(image, "n_frames", 1)
+    drawn: Iterator[NDArray[Any] | None] | None = composed(file) if image.format == "GIF" else None
+    for number in range(first, n_frames):
         image.seek(number)
-        image.load()
-        whole = image.convert("RGBA") if image.format == "GIF" else to_srgb(image)
-        # As browsers do, frames are cut at the canvas, which Pillow widens for those that leave it.
-        images.append(upright(np.asarray(whole)[: size[1], : size[0]], turn))
+        if drawn is None:
+            image.load()
+            whole: NDArray[Any] | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
+        else:
+            whole = next(drawn, None)
+        if whole is None:
+            raise OSError("the last frame is cut off")
+        images.append(upright(whole, turn))
         durations.append(float(image.info.get("duration", 0)))
     return Frames(tuple(alike(images)), tuple(durations), int(plays))
 

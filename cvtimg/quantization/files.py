@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.pixels import with_mark
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, read_metadata
@@ -18,6 +20,7 @@ from cvtimg.pictures.formats.animated import FRAME_WRITERS
 from cvtimg.pictures.pages import PAGE_SUFFIXES
 from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
+from cvtimg.quantization.dithering import blue_noise_mask
 from cvtimg.quantization.driver import QuantizeOptions, quantized
 from cvtimg.quantization.images import PictureSource
 from cvtimg.quantization.series import QuantizedSeries, SeriesSource
@@ -58,7 +61,12 @@ class Reading:
         Pixels with this value in all bands are left out, as are those that are NaN or infinite; by default what the
         file declares. If it declares the same value, they keep it.
     depth : {"8", "16"} or None
-        Bits per sample to work and write with; by default those of the image.
+        Bits per sample to work and write with; by default those of the image, and for eyes 8 instead of 16.
+    alpha_threshold : float or "dither"
+        Where the target is a .gif, pixels of less alpha, in 0..1, become transparent, and the others opaque; "dither"
+        takes as many as the alpha tells, in a pattern.
+    matte : three numbers or None
+        Color, in 0..255, that half-transparent pixels that become opaque lie on; by default they get their own color.
     weights : (H, W) array or None
         As in `quantize`.
     tiles : bool or None
@@ -70,6 +78,8 @@ class Reading:
     mask: StrPath | None = None
     nodata: float | None = None
     depth: Literal["8", "16"] | None = None
+    alpha_threshold: float | Literal["dither"] = 0.5
+    matte: ArrayLike | None = None
     weights: ArrayLike | None = None
     tiles: bool | None = None
     max_pixels: int | None = None
@@ -172,6 +182,8 @@ def quantize_file(
         max_pixels=reading.max_pixels,
     )
     _check_fit(stack, target, how, reading, writing)
+    if how.suffix == ".gif":
+        stack = _without_half_transparency(stack, reading)
     if stack.kind == "tiles":
         how = _at_depth(how, stack.content.form.dtype)
         result = QuantizedSeries.of(quantized(TiledSource(stack, target, writing.overwrite), how), "tiles")
@@ -181,7 +193,11 @@ def quantize_file(
     masks, metadata, kept = stack.masks, _metadata(source, target, stack, reading, writing, keep_profile), None
     work: Any
     if stack.kind == "image":
-        image = to_depth(stack.content, np.dtype(f"uint{reading.depth}")) if reading.depth else stack.content
+        depth = reading.depth
+        if depth is None and how.goal == "eyes" and stack.content.dtype == np.uint16 and stack.nodata is None:
+            depth = "8"
+            warnings.warn("16 bits per channel become 8, which screens show; depth 16 keeps them", stacklevel=2)
+        image = to_depth(stack.content, np.dtype(f"uint{depth}")) if depth else stack.content
         how, mask = _at_depth(how, image.dtype), masks and masks[0]
         work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata, smallest)
         if stack.header and stack.header.mode == "P" and how.palette is None:
@@ -216,6 +232,32 @@ def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Readin
         check_choice(f"{target}: suffix", how.suffix, TILED_SUFFIXES)
     if stack.kind == "pages" and how.suffix not in PAGE_SUFFIXES:
         raise ValueError(f"has several pages: name an output that can hold them, -o FILE.tif, and not {target.name}")
+
+
+def _without_half_transparency(stack: Stack, reading: Reading) -> Stack:
+    """Return images or frames whose pixels are either transparent or opaque, as a GIF has them."""
+    if stack.kind not in ("image", "frames"):
+        return stack
+    images = stack.content.images if stack.kind == "frames" else [stack.content]
+    if images[0].dtype not in (np.uint8, np.uint16) or images[0].shape[2:] != (4,):
+        return stack
+    white = np.iinfo(images[0].dtype).max
+    if not any(((image[..., 3] > 0) & (image[..., 3] < white)).any() for image in images):
+        return stack
+    told, limits = "by a pattern", (blue_noise_mask() + 0.5) / 16
+    if reading.alpha_threshold != "dither":
+        told, limits = f"below {reading.alpha_threshold:.0%} alpha", np.full((1, 1), reading.alpha_threshold)
+    warnings.warn(f"half-transparent pixels become transparent {told}, else opaque", UserWarning, stacklevel=3)
+    hard = []
+    for image in images:
+        share = image[..., 3:] / white
+        matte = image[..., :3] if reading.matte is None else np.asarray(reading.matte) * (white / 255)
+        colors = image[..., :3] * share + matte * (1 - share)
+        wide = np.resize(np.arange(len(limits)), share.shape[0]), np.resize(np.arange(limits.shape[1]), share.shape[1])
+        stays = (share > 0) & (share >= limits[np.ix_(*wide)][..., None])
+        pixels = np.append(np.rint(colors), np.full_like(share, white), axis=2) * stays
+        hard.append(with_mark(pixels.astype(image.dtype), True))
+    return replace(stack, content=replace(stack.content, images=tuple(hard)) if stack.kind == "frames" else hard[0])
 
 
 def _at_depth(how: QuantizeOptions, dtype: np.dtype[Any]) -> QuantizeOptions:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import struct
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -309,3 +310,25 @@ def test_frames_that_leave_the_canvas_are_cut_at_it(tmp_path: Path, boxes: tuple
     assert [image.shape[:2] for image in frames.images] == [(10, 20)] * 2
     assert (frames.images[1][9, 19, :3] == 255).all()
     write_image(tmp_path / "b.png", frames.images[1])
+
+
+def gif_of(*frames: tuple[int, tuple[int, int, int, int]]) -> bytes:
+    """Return a GIF of 8 x 8 pixels of red boxes (left, top, width, height) that are disposed of in a way."""
+    parts = [b"GIF89a" + struct.pack("<HHBBB", 8, 8, 0x80, 1, 0) + bytes([255, 0, 0, 0, 0, 255])]
+    for disposal, box in frames:
+        body = BytesIO()
+        Image.fromarray(np.zeros((box[3], box[2]), np.uint8)).save(body, "GIF")
+        data = body.getvalue()
+        parts.append(b"!\xf9\x04" + bytes([disposal << 2, 5, 0, 0]) + b"\0")
+        parts.append(b"," + struct.pack("<HHHHB", *box, 0) + data[data.index(b",") + 10 : -1])
+    return b"".join(parts) + b";"
+
+
+def test_what_frames_of_a_gif_do_not_cover_or_leave_is_transparent(tmp_path: Path) -> None:
+    (tmp_path / "one.gif").write_bytes(gif_of((0, (1, 2, 3, 4))))
+    alpha = read_image(tmp_path / "one.gif")[..., 3] > 0
+    assert alpha[2:6, 1:4].all()
+    assert alpha.sum() == 12
+    (tmp_path / "a.gif").write_bytes(gif_of((2, (0, 0, 4, 4)), (3, (4, 4, 2, 2)), (1, (6, 6, 4, 4)), (1, (0, 0, 1, 1))))
+    covered = [int((image[..., 3] > 0).sum()) for image in read_frames(tmp_path / "a.gif").images]
+    assert covered == [16, 4, 4, 5]

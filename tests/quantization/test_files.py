@@ -108,3 +108,31 @@ def test_an_indexed_image_of_few_colors_keeps_its_palette() -> None:
         np.testing.assert_array_equal(np.asarray(written), indices)
     quantize_file("a.png", "c.png", QuantizeOptions(2))  # too few: the palette is a new one
     np.testing.assert_array_equal(read_image("c.png"), quantize(palette[indices], 2).image)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_gif_takes_half_transparent_pixels_by_a_threshold_over_a_matte_or_in_a_pattern(
+    tmp_path: Path, dtype: type[np.unsignedinteger[Any]]
+) -> None:
+    white = np.iinfo(dtype).max
+    soft = np.zeros((64, 64, 4), dtype)
+    soft[..., 0], soft[..., 3] = white, np.linspace(0, white, 64).astype(dtype)
+    write_image(tmp_path / "a.png", soft)
+    found = {}
+    for name, reading in {
+        "half": Reading(depth="8"),
+        "matte": Reading(depth="8", alpha_threshold=0.2, matte=(0, 0, 255)),
+        "pattern": Reading(depth="8", alpha_threshold="dither"),
+    }.items():
+        with pytest.warns(UserWarning, match="half-transparent pixels become transparent"):
+            quantize_file(
+                tmp_path / "a.png", tmp_path / f"{name}.gif", QuantizeOptions(64, space="rgb"), reading=reading
+            )
+        found[name] = read_image(tmp_path / f"{name}.gif")
+    share = soft[..., 3] / white
+    np.testing.assert_array_equal(found["half"][..., 3] > 0, share >= 0.5)
+    np.testing.assert_array_equal(found["matte"][..., 3] > 0, share >= 0.2)
+    seen = found["matte"][share >= 0.2].astype(float)
+    np.testing.assert_allclose(seen[:, 2], 255 * (1 - share[share >= 0.2]), atol=4)
+    assert 0.45 < (found["pattern"][..., 3] > 0).mean() < 0.55
+    assert (np.diff((found["pattern"][..., 3] > 0).mean(axis=0).reshape(8, 8).mean(axis=1)) > 0).all()

@@ -15,6 +15,7 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
+from cvtimg.pictures.formats.gif import composed
 from cvtimg.pictures.formats.opening import open_picture, orientation
 from cvtimg.pictures.formats.png import decode_deep_png
 from cvtimg.pictures.formats.png_chunks import described
@@ -43,6 +44,8 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
             check_alone(file)
         if indices and image.mode == "P" and orientation(image) == 1:
             return np.array(image)
+        if image.format == "GIF" and image.tile and image.tile[0].extents != (0, 0, *image.size):
+            return with_mark(next(composed(file)), True)  # a frame that does not cover the screen
         if image.format == "TIFF" and not Layout.of(tags_of(image)).for_pillow:
             return decode_tiff(file, keep_profile=keep_profile)
         if image.format == "PNG" and depth(image) == 16 and not image.mode.startswith("I"):
