@@ -32,6 +32,8 @@ from cvtimg.cli.running import Todo
 from cvtimg.options import PANELS, options_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
 
+#: What others call commands.
+_CALLED = {"denoise": ["restore"]}
 _NAMES = {"help_option_names": ["-h", "--help"]}
 
 
@@ -115,7 +117,7 @@ class _Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if not ctx.resilient_parsing and args[0] not in COMMANDS:
-            near = get_close_matches(args[0], COMMANDS, 1)
+            near = _CALLED.get(args[0], get_close_matches(args[0], COMMANDS, 1))
             ctx.fail(f"No such command {args[0]!r}" + "".join(f"; did you mean {name}?" for name in near))
         return super().resolve_command(ctx, args)
 

@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError
+from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
+from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
 from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.options.record import Given
@@ -35,7 +36,12 @@ EXAMPLES = """\
   cvtimg restore film.gif -o clean.gif
 """
 #: Arguments of `restore` alone, and of `denoise` alone.
-FOR_SEGMENTS, FOR_PATCHES = {"n_generators", "channels", "edge_weight", "renormalize"}, {"noise_like", "rng"}
+FOR_SEGMENTS = {"n_generators", "channels", "edge_weight", "renormalize"}
+FOR_PATCHES = {"noise_like", "rng", "luma", "chroma"}
+#: Suffixes that the output has if its first version has them; others are .png by default.
+_KEPT = (".gif", ".tif", ".tiff")
+#: Correlation of neighbors in what a restored drawing leaves of one version, from which on it was no drawing.
+_STRUCTURE = 0.08
 COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds", "output")
 
 
@@ -52,15 +58,20 @@ class VersionFiles(NamedTuple):
 def restore(given: Given) -> Todo:
     """Restore one image from several noisy or incomplete versions of it.
 
-    Transparent pixels are missing, and those missing in all versions are filled from around them. Where versions
-    disagree, what was added to one of them or painted over in it is left out; --hidden changes that. The result has N
-    flat colors; without -k, photographs get their detail back, as with --detail.
+    Transparent pixels are missing, and filled from around them. Transparency that all versions share, or a single one
+    has, comes back as it was; with --fill-transparent it is filled, too. Where versions disagree, what was added to one
+    of them or painted over in it is left out; --hidden changes that. Salt and pepper is filled and stripes are taken
+    away. The result has N flat colors; without -k, photographs get their detail back, as with --detail.
 
     Pages of a file are versions if their axis has no name, or is the one that --merge names. Other pages, such as the
     planes of a stack and the frames of an animation, are restored one by one into a stack, -o FILE.tif, or
     an animation; channels are bands of their pages.
     """
     masks = given.mask or []
+    if not given.output and (sources := list(find(given.versions)[0])):
+        suffix = sources[0].suffix.lower()
+        named = f"{stem_of(sources[0])}-restored{suffix if suffix in _KEPT else '.png'}"
+        given.output = Path(named) if is_pipe(sources[0]) else sources[0].with_name(named)
     plan = plan_of(given, together=True)
     n_versions = sum(len(task.sources) for task in plan.tasks)
     if masks and plan.tasks and len(masks) != n_versions:
@@ -144,6 +155,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         levels = first.noise * 255 / float(white_of(first.image.dtype))
         written = ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
         said.append(f"no noise found: {written} levels of 8 bits; --noise S sets it")
+    said += _defects(first)
     said += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
     stopwatch.lap("write")
     return {
@@ -156,6 +168,8 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "unknown": sum(float((result.coverage == 0).mean()) for result in results) / len(results),
         "left_out": sum(float((result.left_out > 0).mean()) for result in results) / len(results),
         "noise": [noise for result in results for noise in _finite(result.noise)],
+        **({"impulses": first.impulses.tolist()} if first.impulses.any() else {}),
+        **({"stripes": first.stripes.tolist()} if first.stripes.any() else {}),
         "weights": first.weights.tolist(),
         "shifts": first.shifts.tolist(),
         "transforms": first.transforms.tolist(),
@@ -165,6 +179,21 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **(_of_segments(results) if has_segments else _noise_like(first)),
         **({"warning": "; ".join(dict.fromkeys(said))} if said else {}),
     }
+
+
+def _defects(result: Denoised) -> list[str]:
+    """Say what else than noise was taken out of versions."""
+    from cvtimg._shared.pixels import white_of
+
+    unit, said = float(white_of(result.image.dtype)) / 255, []
+    if result.impulses.any():
+        said.append(f"{result.impulses.max():.1%} of the pixels are impulses and filled from around them")
+    for what, levels in zip(("rows", "columns"), result.stripes.T / unit, strict=True):
+        if levels.any():
+            said.append(f"{what} differ by {levels.max():.1f} levels of 8 bits, which is taken away")
+    if said:
+        said.append("--hidden none keeps all")
+    return said
 
 
 def _of_segments(results: Sequence[Any]) -> dict[str, Any]:
@@ -221,16 +250,34 @@ def _restored(read: VersionFiles, given: Given) -> Denoised:
     images: list[Any] = read.images
     try:
         # Unless something asks for segments, the picture decides.
-        is_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
+        must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
+        is_flat = must_be_flat
         if not (is_flat or given.detail):
             is_flat = is_drawing(images[: 1 if align else None], nodata=given.nodata, **about)
         if not is_flat:
             images = [with_tables(image, name) for image, name in zip(images, read.names, strict=True)]
             return denoise(images, align=align, **about, **only(arguments, arguments.keys() - FOR_SEGMENTS))
         others = FOR_PATCHES if given.effort != "auto" else {*FOR_PATCHES, "effort"}
-        return restore(images, align=align, **about, **only(arguments, arguments.keys() - others))
+        result = restore(images, align=align, **about, **only(arguments, arguments.keys() - others))
+        if must_be_flat or len(images) > 1 or not _leaves_structure(result.image, images[0], result.coverage > 0):
+            return result
+        images = [with_tables(images[0], read.names[0])]
+        return denoise(images, **about, **only(arguments, arguments.keys() - FOR_SEGMENTS))
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
+
+
+def _leaves_structure(image: NDArray[Any], version: NDArray[Any], known: NDArray[np.bool_]) -> bool:
+    """Tell whether what a restored image leaves of a version is more than noise, as faint text is."""
+    import numpy as np
+
+    bands = image.reshape(*known.shape, -1)
+    values = version.reshape(*known.shape, -1)[:, :, : bands.shape[2]]
+    inside = known[:, :, None] & (values > values.min()) & (values < values.max())  # what is clipped has a mean
+    apart = np.where(inside, values - bands.astype(np.float64), 0.0)
+    power = np.square(apart).sum()
+    pairs = [(apart[1:] * apart[:-1]).sum(), (apart[:, 1:] * apart[:, :-1]).sum()]
+    return bool(power and np.mean(pairs) > _STRUCTURE * power)
 
 
 def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
@@ -251,7 +298,9 @@ def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages,
     import numpy as np
 
     outputs = task.outputs
-    notes = _write_each(outputs["-o"], [result.image for result in results], stack, task.source, given)
+    is_opaque = given.fill_transparent or outputs["-o"].suffix.lower() in (".jpg", ".jpeg")
+    images = [result.image if is_opaque else result.with_alpha() for result in results]
+    notes = _write_each(outputs["-o"], images, stack, task.source, given)
     if "--labels" in outputs:
         kind = np.uint8 if all(len(result.colors) < 256 for result in results) else np.uint16
         labels = [result.labels.astype(kind) for result in results]
@@ -272,7 +321,8 @@ def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, source
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
     if path.suffix.lower() in PAGE_SUFFIXES and (len(images) > 1 or stack.is_joined):
-        write_pages(path, replace(stack, images=tuple(images), has_alpha=False), overwrite=given.overwrite)
+        has_alpha = stack.has_alpha and images[0].shape == stack.images[0].shape
+        write_pages(path, replace(stack, images=tuple(images), has_alpha=has_alpha), overwrite=given.overwrite)
     elif len(images) > 1:
         frames = replace(read_frames(source), images=tuple(images))
         if path.suffix.lower() == ".gif":

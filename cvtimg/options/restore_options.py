@@ -26,10 +26,9 @@ RESTORE = (
         "Versions of one image, of one size unless aligned: files, folders or patterns.", "VERSION...", name="versions"
     ),
     common.output(
-        "Write the restored image, stack or animation; - for standard output.",
+        "Write the restored image, stack or animation; - for standard output. By default VERSION-restored.png.",
         common.pictures,
         standard=".png",
-        required=True,
     ),
     Option(
         "number",
@@ -55,6 +54,7 @@ RESTORE = (
     passed("nodata", Real(), "Treat pixels that are V in all bands as missing.", metavar="V").on_page(
         "Value", slider=(0, 255), step=0.5, low=-1e9, high=1e9, default=0.0
     ),
+    switch("fill_transparent", "Fill also what is transparent in all versions alike, which stays so by default."),
     passed("weights", Text(_weights), "Weight of each version; by default from its noise.", metavar="W,W,.."),
     switch("align", "Move each version onto the first.").on_page("Align versions"),
     Option(
@@ -96,6 +96,20 @@ RESTORE = (
         "With --detail: noise that neighboring pixels share is recognized, or all noise is taken for white.",
         default="auto",
     ).on_page("Kind of noise"),
+    passed(
+        "luma",
+        Real(0, 1),
+        "With --detail: part of the noise of lightness that is taken away, 0 to 1; less keeps grain.",
+        metavar="F",
+        default=1.0,
+    ).on_page("Luma", slider=(0, 1), step=0.05),
+    passed(
+        "chroma",
+        Real(0, 1),
+        "With --detail: part of the noise of colors that is taken away, 0 to 1.",
+        metavar="F",
+        default=1.0,
+    ).on_page("Chroma", slider=(0, 1), step=0.05),
     passed(
         "hidden",
         Choice(

@@ -15,6 +15,7 @@ from cvtimg._shared.progress import part
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
+from cvtimg.restoration.defects import Defects, without_defects
 from cvtimg.restoration.fitting import equalized, exposures, fitting
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import Doubles, Versions, disagreement, trust_in, usual_noise
@@ -34,6 +35,7 @@ class Evidence:
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
+    defects: Defects  # impulses and stripes that were taken out of versions
 
     def variances(self, data: Versions) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
@@ -68,6 +70,9 @@ def prepare(
     level = None if level is None else check_positive("noise", level) * given.level(space)
     if model and given.n_versions == 1:
         warn(f"align={model!r} has nothing to align: there is one version")
+    defects = Defects.none(given.n_versions)
+    if rule is not HIDDEN["none"] and not channels:
+        given, defects = without_defects(given)
     with part(0, 0.4):
         placed, alignment = align_versions(given, model) if model else (given, Alignment.none(given.n_versions))
     if model and not channels:
@@ -84,7 +89,7 @@ def prepare(
         versions = rule(versions, usual, moved=bool(model))
         suspicion = Suspicion.of(placed, versions, usual) if hidden == "outliers" else None
     trust = trust_in(given, weights, noise.levels)
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model))
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model), defects)
 
 
 def that_tell(versions: Versions) -> Versions:

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_in_range, hints_at_keywords
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
@@ -20,7 +20,7 @@ from cvtimg.restoration.evidence import prepare, that_tell
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.result import Denoised, Restoration
-from cvtimg.restoration.versions import fuse, stack_versions, trust_in
+from cvtimg.restoration.versions import Floats, fuse, stack_versions, trust_in
 
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
@@ -29,6 +29,8 @@ _BLUR = 2.0
 #: A drawing has so many colors at most in this part of the pixels, those farthest from edges, some of which are looked
 #: at. What they leave is below the variance of noise: drawings up to 0.6, photographs from 3 times that on.
 _COLORS, _AWAY, _SAMPLED = 12, 0.5, 1 << 13
+#: Parts that red, green and blue have in lightness (Rec. 601).
+_LUMA = np.array([0.299, 0.587, 0.114])
 __all__ = ["Denoised", "MeasuredNoise", "Restoration", "denoise", "is_drawing", "measure_noise", "restore"]
 
 
@@ -177,6 +179,8 @@ def denoise(
     space: SpaceName = "rgb",
     noise: float | None = None,
     noise_like: NoiseName = "auto",
+    luma: float = 1.0,
+    chroma: float = 1.0,
     effort: AutoEffortName = "auto",
     rng: int | np.random.Generator = 0,
 ) -> Denoised:
@@ -194,6 +198,8 @@ def denoise(
         its variance may follow the level, as that of light. "auto" finds out from quiet parts or, of versions in place,
         from what they differ by; and from the quantization tables of Pillow images that were JPEG files. "white" denies
         all.
+    luma, chroma : float
+        Part of the noise of lightness, and of the colors, that is taken away, 0 to 1. A low `luma` keeps grain.
     effort : {"auto", "fast", "balanced", "best"}
         Number of passes, in each of which groups are found anew: 2, 4 or 5. "auto" is "best" up to a quarter of a
         megapixel and "fast" from four on, so that large images take minutes.
@@ -229,6 +235,9 @@ def denoise(
     """
     check_choice("effort", effort, ("auto", *EFFORTS))
     check_choice("noise_like", noise_like, get_args(NoiseName))
+    strengths = luma, chroma
+    for name, value in zip(("luma", "chroma"), strengths, strict=True):
+        check_in_range(name, value, 0 <= value <= 1, "from 0 to 1")
     stacked = that_tell(stack_versions(images, masks, nodata, space, alpha=alpha, any_size=bool(align)))
     given, bands = stacked.distinct()
     white = noise_like == "white"
@@ -236,7 +245,21 @@ def denoise(
         evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
         image, used = denoised(evidence, effort, np.random.default_rng(rng))
+    if strengths != (1, 1):
+        image = _in_part(image, fuse(used, evidence.trust), *strengths, space)
     return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
+
+
+def _in_part(image: Floats, before: tuple[Floats, Floats], luma: float, chroma: float, space: SpaceName) -> Floats:
+    """(H, W, C) image with a part of the noise of what was fused, and its weights, back in lightness and in colors."""
+    fused, weights = before
+    noise = np.where(weights[:, :, None] > 0, fused - image, 0)
+    if space in ("rgb", "linear"):
+        shares = _LUMA if image.shape[2] == 3 else np.full(image.shape[2], 1 / image.shape[2])
+        light = np.repeat((noise @ shares)[:, :, None], image.shape[2], axis=2)
+    else:  # the first band is lightness
+        light = np.concatenate([noise[:, :, :1], np.zeros_like(noise[:, :, 1:])], axis=2)
+    return np.asarray(image + (1 - luma) * light + (1 - chroma) * (noise - light), np.float32)
 
 
 # --- what versions are: drawings, whose few colors explain what they show, or photographs; and how noisy

@@ -27,6 +27,8 @@ class Denoised(ReadOnly):
     ----------
     image : (H, W) or (H, W, C) array
         The image, of the shape and type of the first version, without alpha.
+    alpha : (H, W) array or None
+        Alpha, if all versions have the same; where it differs, it tells what is missing, and is None.
     coverage : (H, W) int32 array
         Number of versions that know each pixel.
     left_out : (H, W) int32 array
@@ -43,6 +45,10 @@ class Denoised(ReadOnly):
     noisy : bool
         Whether there is noise to take away: more than rounding to integers leaves, or what was given. If not, `denoise`
         returns the version itself, or the mean of several.
+    impulses : (S,) float64 array
+        Share of the known pixels of each version that are impulses, as of salt and pepper, and were not used.
+    stripes : (S, 2) float64 array
+        Standard deviations of what was taken away of the rows and of the columns of each version, which had offsets.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
@@ -59,12 +65,15 @@ class Denoised(ReadOnly):
     """
 
     image: NDArray[Any]
+    alpha: NDArray[Any] | None
     coverage: NDArray[np.int32]
     left_out: NDArray[np.int32]
     noise: NDArray[np.float64]
     noise_shared: NDArray[np.float64] | None
     noise_lines: NDArray[np.float64] | None
     noisy: bool
+    impulses: NDArray[np.float64]
+    stripes: NDArray[np.float64]
     weights: NDArray[np.float64]
     shifts: NDArray[np.float64]
     transforms: NDArray[np.float64]
@@ -102,12 +111,15 @@ class Denoised(ReadOnly):
         rows = from_space(places.reshape(-1, places.shape[2]).astype(np.float64), space, versions.dtypes[0])
         return cls(
             image=rows.reshape(places.shape[:2] if versions.grey else places.shape),
+            alpha=versions.alpha,
             coverage=versions.coverage,
             left_out=versions.coverage - used.coverage,
             noise=noise.levels,
             noise_shared=of_all(noise.shared.autocovariance if noise.shared else None, -2, -1),
             noise_lines=of_all(evidence.noise_lines, -2),
             noisy=noise.is_seen,
+            impulses=evidence.defects.impulses,
+            stripes=evidence.defects.stripes,
             weights=evidence.trust,
             shifts=evidence.alignment.shifts(places.shape),
             transforms=evidence.alignment.transforms,
@@ -122,9 +134,13 @@ class Denoised(ReadOnly):
         """Correlation of the noise of pixels next to each other in a row; 0 where noise is white."""
         return 0.0 if self.noise_shared is None else SharedNoise(self.noise_shared).neighbors
 
+    def with_alpha(self) -> NDArray[Any]:
+        """(H, W) or (H, W, C) image, with its alpha as the last channel if there is any."""
+        return self.image if self.alpha is None else np.dstack([self.image, self.alpha])
+
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
-        """Write the image, as `write_image` does."""
-        write_image(path, self.image, overwrite=overwrite)
+        """Write the image with its alpha, as `write_image` does."""
+        write_image(path, self.with_alpha(), overwrite=overwrite)
 
     def _repr_png_(self) -> bytes:
         bands = self.image.reshape(*self.image.shape[:2], -1)

@@ -109,6 +109,7 @@ class Versions:
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
     tones: Doubles | None = None  # (S, C, 2): gain and offset to the exposure of the first
     lines: Doubles | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
+    alpha: NDArray[Any] | None = None  # (H, W): that all versions have; None if there is none, or it differs
     whitening: Doubles | None = None  # (C, C): gives bands noise that they do not share; None if they share none
 
     @property
@@ -246,7 +247,11 @@ def stack_versions(
     grey = array_of(images[0]).ndim == 2
     white = peak(dtypes[0]) if space == "rgb" and dtypes[0].kind in "iu" else None
     roundings = tuple(map(Rounding.of, images)) if space == "rgb" else ()
-    return Versions(tuple(placed), known, version_of, dtypes, grey, white, roundings)
+    opacity = None
+    if alpha is not False and all(has_alpha(np.atleast_3d(array_of(image)).shape[2]) for image in images):
+        opacity, *others = (np.asarray(array_of(image))[:, :, -1] for image in images)
+        opacity = opacity if all(np.array_equal(opacity, other) for other in others) else None
+    return Versions(tuple(placed), known, version_of, dtypes, grey, white, roundings, alpha=opacity)
 
 
 def _check_same(what: str, found: Sequence[object]) -> None:

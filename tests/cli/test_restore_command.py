@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from damaging import card, damage, psnr
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import quantize_frames, read_image, restore, write_image
@@ -185,3 +186,22 @@ def test_films_stay_films_with_their_durations(run: Run, photograph: NDArray[Any
         assert after.axes == "T"
     assert run(name, "-o", "out.jpg")[0] == 1
     assert not Path("out.jpg").exists()
+
+
+def test_transparency_comes_back_and_names_have_a_default(run: Run, photograph: NDArray[Any]) -> None:
+    alpha = np.where(np.indices((64, 64)).sum(axis=0) < 40, 0, 255).astype(np.uint8)
+    alpha[40:50] = 90
+    write_image("cut.png", np.dstack([photograph[40:104, 60:124], alpha]))
+    run("cut.png", "--effort", "fast")
+    np.testing.assert_array_equal(read_image("cut-restored.png")[:, :, 3], alpha)
+    run("cut.png", "--effort", "fast", "--fill-transparent", "-o", "filled.png")
+    assert read_image("filled.png").shape == (64, 64, 3)
+
+
+def test_faint_text_is_no_drawing(run: Run) -> None:
+    page = Image.new("L", (160, 120), 200)
+    for line in range(0, 120, 12):
+        ImageDraw.Draw(page).text((2, line), "neither flat nor a drawing", fill=90)
+    noisy = np.asarray(page) + np.random.default_rng(0).normal(0, 30, (120, 160))
+    write_image("page.png", np.clip(noisy, 0, 255).astype(np.uint8))
+    assert "no flat drawing" in run("page.png", "-o", "out.png", "--effort", "fast")[2]

@@ -53,7 +53,7 @@ class RestoreTab(Tab):
         ("motion", {"when": {"align": [True]}}),
         ("channels", _FLAT),
         "noise",
-        ("noise_like", {"when": {"way": ["auto", "detail"]}}),
+        *((name, {"when": {"way": ["auto", "detail"]}}) for name in ("noise_like", "luma", "chroma")),
         "hidden",
         ("renormalize", _FLAT),
         Switch(name="has_nodata", label="Missing value"),
@@ -106,7 +106,7 @@ class RestoreTab(Tab):
         if "nodata" in self.in_effect(settings):
             reading["nodata"] = settings["nodata"]
         number = (settings["k"],) if settings["way"] == "flat" else ()
-        for_segments = {name: value for name, value in keywords.items() if name != "noise_like"}
+        for_segments = {name: value for name, value in keywords.items() if name not in ("noise_like", "luma", "chroma")}
         flat = Call("restore", (Name("images"), *number), {**for_segments, **reading})
         detailed = Call("denoise", (Name("images"),), {**keywords, **reading})
         if settings["way"] != "auto":

@@ -1,0 +1,181 @@
+"""Defects that are no noise: impulses, as salt and pepper and hot and dead pixels are, and stripes of rows or columns.
+
+Either is taken for one only by evidence that pictures do not give: values at an end of the levels stand out from all
+around them, as others do not; rows differ by the same amount from those above and below on the left and on the right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
+
+#: Chance that what is there by itself seems to be impulses.
+_CHANCE = 1e-3
+#: Share of pixels that are quiet: what is around them has a range of about two standard deviations of noise.
+_QUIET = 0.1
+#: Neighbors, of eight, that must not be at an end of the levels themselves.
+_BETWEEN = 3
+#: Part of what is at an end that stands out, at least; and how many times as much of it as elsewhere is near.
+_ALONE, _NEAR = 0.25, 2.0
+#: Correlation of the offsets of rows in the left and in the right half, from which on they are those of the rows.
+_ALIKE = 0.6
+#: Pixels above and below with which rows are compared, and columns of which each tells their offset.
+_ABOUT, _PART = 9, 16
+#: Rounds in which offsets are found: all but the waves that are longer than what rows are compared with.
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Defects:
+    """What was found in each version."""
+
+    impulses: Doubles  # (S,): share of the known pixels that are impulses, which are unknown from then on
+    stripes: Doubles  # (S, 2): standard deviations of the offsets of rows and of columns that were taken away
+
+    @classmethod
+    def none(cls, n_versions: int) -> Defects:
+        """Return versions without any."""
+        return cls(np.zeros(n_versions), np.zeros((n_versions, 2)))
+
+
+def without_defects(versions: Versions) -> tuple[Versions, Defects]:
+    """Take the offsets of rows and columns away, and let impulses be unknown, where there is evidence of either."""
+    known, stack = versions.known.copy(), list(versions.stack)
+    defects = Defects.none(versions.n_versions)
+    for number, given in enumerate(versions.stack):
+        inside = versions.known[:, :, number]
+        if (hit := _impulses(given, inside)) is not None:
+            defects.impulses[number] = np.count_nonzero(hit & inside) / np.count_nonzero(inside)
+            known[:, :, number] &= ~hit
+        seen = known[:, :, number]
+        filled = fill(np.where(seen[:, :, None], given, 0).astype(np.float32), seen.astype(np.float32))
+        for axis, rows in enumerate((filled, filled.swapaxes(0, 1))):
+            offsets = _offsets(rows)
+            if (level := np.sqrt(np.square(offsets).mean())) > versions.unseen:
+                defects.stripes[number, axis] = level
+                values = stack[number] - (offsets if axis == 0 else offsets.swapaxes(0, 1))
+                stack[number] = np.where(inside[:, :, None], values, np.float32(0))
+    return replace(versions, known=known, stack=tuple(stack)), defects
+
+
+# --- impulses
+
+
+def _impulses(values: NDArray[Any], known: Bools) -> Bools | None:
+    """(H, W) impulses at the ends of the levels of each band of a version, (H, W, C); None without evidence."""
+    from scipy.stats import binom
+
+    black, white = (pick(values[known], axis=0) for pick in (np.min, np.max)) if known.any() else (0, 0)
+    if np.all(black == white):
+        return None
+    bands = np.where(known[:, :, None], values, np.float32(np.nan)).astype(np.float32)
+    ends, hits = (bands == black, bands == white), np.zeros(known.shape, np.bool_)
+    around = _around(bands)
+    is_between = np.isfinite(around) & (around != black) & (around != white)
+    low, high = (
+        np.min(around, axis=0, initial=np.inf, where=is_between),
+        np.max(around, axis=0, initial=-np.inf, where=is_between),
+    )
+    judged = is_between.sum(axis=0) >= _BETWEEN
+    apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
+    # What stands out does so by more than the range of what is around.
+    stands_out = apart > np.maximum(high - low, (white - black) / np.float32(256))
+    alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
+    counts = [np.count_nonzero(one) for one in alone]
+    # Dithering stands out by a step of its levels, as a rule.
+    if not any(_are_no_steps(apart[one], float(np.max(white - black))) for one in alone if one.any()):
+        return None
+    n_below = np.count_nonzero(others & (bands < low))
+    n_others = n_below, np.count_nonzero(others) - n_below
+    if not any(_are_impulses(*of_end) for of_end in zip(alone, ends, n_others, strict=True)):
+        return None
+    least = 1.5 * np.quantile((high - low)[judged & ~ends[0] & ~ends[1]], _QUIET)  # three of them
+    for end, level, n in zip(ends, (black, white), counts, strict=True):
+        # So many neighbors at the same end are no chance: what is there is true.
+        share = min(2 * n / end.size, 0.5)
+        same = (around == level).sum(axis=0) <= binom.isf(_CHANCE, 8, share)
+        hits |= (end & same & (apart > least) & (n > 0)).any(axis=2)
+    return hits
+
+
+def _are_no_steps(apart: Floats, span: float) -> bool:
+    """Tell whether values stand out by half of the span of the levels, or by this and that."""
+    some, most = np.quantile(apart, (0.1, 0.9))
+    return bool(np.count_nonzero(apart > span / 2) > _ALONE * len(apart) or most > 2 * some)
+
+
+def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
+    """Tell whether what stands out at an end, (H, W, C), is more than what does so elsewhere, and lies as by chance."""
+    from scipy.ndimage import uniform_filter
+    from scipy.stats import binom
+
+    n = int(np.count_nonzero(alone))
+    if n < max(_ALONE * np.count_nonzero(end), 2 * n_others) or binom.sf(n - 1, n + n_others, 0.5) > _CHANCE:
+        return False
+    # Thin strokes of text stand out, too, but have others near. Bands may have their impulses together.
+    places, ends = alone.any(axis=2), np.asarray(end.any(axis=2), np.float32)
+    near = np.median(uniform_filter(ends, 5, mode="constant")[places]) * 25 - 1
+    return bool(near <= _NEAR * 24 * ends.mean())
+
+
+def _around(bands: Floats) -> Floats:
+    """(8, H, W, C) neighbors of each pixel; NaN outside."""
+    height, width = bands.shape[:2]
+    padded = np.pad(bands, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    steps = [(dy, dx) for dy in range(3) for dx in range(3) if (dy, dx) != (1, 1)]
+    return np.stack([padded[dy : dy + height, dx : dx + width] for dy, dx in steps])
+
+
+# --- stripes
+
+
+def _offsets(image: Floats) -> Floats:
+    """(H, 1, C) offsets of the rows of an image, (H, W, C), from those around; 0 without evidence."""
+    offsets = np.zeros((len(image), 1, image.shape[2]), np.float32)
+    for band in range(image.shape[2] if min(image.shape[:2]) >= 4 * _PART else 0):
+        if _are_of_rows(_departures(image[:, :, band])):
+            total = offsets[:, :, band]  # a view
+            for _ in range(_ROUNDS):
+                total += _departures(image[:, :, band] - total).mean(axis=1, keepdims=True)
+            total[:, 0] = _white_part(total[:, 0])
+    return offsets
+
+
+def _white_part(offsets: Floats) -> Floats:
+    """(H,) that part of what rows depart by which has the same power in all waves; edges of the picture have less."""
+    from scipy.ndimage import uniform_filter1d
+
+    waves, window = np.fft.rfftfreq(len(offsets)), np.hanning(len(offsets))
+    powers = np.square(np.abs(np.fft.rfft(offsets * window)))
+    # It is where the line of high against middle waves meets equal power, if texture falls as the square of frequency.
+    middle, high = (waves >= 1 / _ABOUT) & (waves < 1 / 4), waves >= 1 / 3
+    falls = np.mean(waves[high] ** -2) / np.mean(waves[middle] ** -2)
+    white = powers[high].mean() - falls / (1 - falls) * max(powers[middle].mean() - powers[high].mean(), 0)
+    parts = np.clip(white / np.maximum(uniform_filter1d(powers, _ABOUT), 1e-30), 0, 1)
+    return np.fft.irfft(parts * np.fft.rfft(offsets), len(offsets)).astype(np.float32)
+
+
+def _departures(band: Floats) -> Floats:
+    """(H, P) median of what each part of a row departs by from the rows around."""
+    from scipy.ndimage import median_filter
+
+    apart = band - median_filter(band, (_ABOUT, 1))
+    n_parts = band.shape[1] // _PART
+    return np.stack([np.median(part, axis=1) for part in np.array_split(apart, n_parts, axis=1)], axis=1)
+
+
+def _are_of_rows(departures: Floats) -> bool:
+    """Tell whether parts of rows, (H, P), depart alike in the left and in the right half."""
+    from scipy.stats import norm, spearmanr
+
+    half = departures.shape[1] // 2
+    left, right = departures[:, :half].mean(axis=1), departures[:, half:].mean(axis=1)
+    # Ranks, because edges across the picture are in few rows, and offsets in all.
+    # Offsets are normal; what charts and lines of text have is in few rows, and far from that of the most.
+    usual = [np.median(np.abs(side)) > norm.isf(0.25) / 2 * side.std() for side in (left, right)]
+    return bool(all(usual) and spearmanr(left, right).statistic > _ALIKE)

@@ -1,0 +1,93 @@
+"""Claims about impulses and stripes: found where they are, and nowhere else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import SAMPLES
+from damaging import card, psnr
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import median_filter
+
+from cvtimg import denoise, read_image
+from cvtimg.restoration.defects import Defects, without_defects
+from cvtimg.restoration.versions import stack_versions
+
+
+def part(side: int = 128) -> NDArray[np.uint8]:
+    """The middle of a photograph."""
+    return np.ascontiguousarray(read_image(SAMPLES / "coffee.png")[60 : 60 + side, 80 : 80 + side])
+
+
+def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def peppered(image: NDArray[np.uint8], share: float, ends: tuple[int, ...] = (0, 255)) -> NDArray[np.uint8]:
+    """An image with impulses in all bands of a share of its pixels."""
+    rng, spoiled = np.random.default_rng(0), image.copy()
+    hit = rng.random(image.shape[:2]) < share
+    spoiled[hit] = rng.choice(ends, np.count_nonzero(hit)).reshape(-1, *[1] * (image.ndim - 2))
+    return spoiled
+
+
+def defects_of(image: NDArray[Any]) -> Defects:
+    return without_defects(stack_versions([image]))[1]
+
+
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2])
+def test_salt_and_pepper_is_filled_better_than_by_a_median(share: float) -> None:
+    clean = part()
+    spoiled = peppered(clean, share)
+    result = denoise([spoiled], effort="fast")
+    assert result.impulses[0] == pytest.approx(share, rel=0.1)
+    assert psnr(result.image / 255, clean / 255) > psnr(median_filter(spoiled, (3, 3, 1)) / 255, clean / 255) + 3
+    assert denoise([spoiled], effort="fast", hidden="none").impulses[0] == 0
+
+
+@pytest.mark.parametrize("ends", [(0,), (255,)], ids=["dead", "hot"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
+def test_dead_and_hot_pixels_alone_are_found(ends: tuple[int, ...], dtype: type) -> None:
+    spoiled = peppered(part()[:, :, 1], 0.01, ends).astype(dtype)
+    assert defects_of(spoiled).impulses[0] == pytest.approx(0.01, rel=0.15)
+
+
+def pages() -> dict[str, NDArray[Any]]:
+    """Pictures that have no defects: text, dithering, lights, a chart, a drawing and photographs with noise."""
+    rng, text = np.random.default_rng(0), Image.new("L", (160, 130), 240)
+    for line in range(0, 130, 17):
+        ImageDraw.Draw(text).text((3, line), "i.j: 1.5 iii ... lil!", fill=0, font=ImageFont.load_default(14))
+    gray, (y, x) = part()[:, :, 1], np.mgrid[:96, :96]
+    places = rng.uniform(0, 96, (60, 2))
+    stars = 20 + sum(300 * rng.random() * np.exp(-((y - a) ** 2 + (x - b) ** 2) / 0.98) for a, b in places)
+    return {
+        "text": np.asarray(text),
+        "dithering": (gray > 255 * rng.random(gray.shape)) * 255,
+        "four levels": np.clip(np.rint(gray / 85 + rng.random(gray.shape) - 0.5), 0, 3) * 85,
+        "stars": as_bytes(stars + rng.normal(0, 3, stars.shape)),
+        "chart": np.kron(rng.integers(0, 255, (8, 8)), np.ones((16, 16))),
+        "drawing": 255 * card(96)[0],
+        "photograph": part(),
+        "noise": as_bytes(part() + rng.normal(0, 40, part().shape)),
+    }
+
+
+@pytest.mark.parametrize("name", pages())
+def test_nothing_is_found_in_what_has_no_defects(name: str) -> None:
+    found = defects_of(as_bytes(pages()[name]))
+    assert not found.impulses.any()
+    assert not found.stripes.any()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_offsets_of_rows_and_of_columns_are_taken_away(axis: int) -> None:
+    clean, rng = part(), np.random.default_rng(1)
+    offsets = rng.normal(0, 8, (128, 1, 1)).swapaxes(0, axis)
+    spoiled = as_bytes(clean + offsets + rng.normal(0, 3, clean.shape))
+    result = denoise([spoiled], effort="fast")
+    assert 4 < result.stripes[0, axis] < 10
+    assert result.stripes[0, 1 - axis] == 0
+    assert psnr(result.image / 255, clean / 255) > psnr(spoiled / 255, clean / 255) + 5
