@@ -37,6 +37,8 @@ class Search:
     steeper: float = 1.5  # sizes grow faster then by this factor,
     steepest: float = 1.0  # up to this
     coarsest: float = 100.0  # where that leaves too many on borders, sizes are larger by up to this factor,
+    nearer: float = 0.75  # and if need be, vertices are nearer to edges of other lines by this, with smaller angles,
+    closest: float = 0.5  # or by this: if that needs too many, there are too few
     halvings: int = 5  # which is halved so often
     gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
     less: float = 0.8  # and less where there is no room
@@ -129,27 +131,32 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     if wanted.n is None:
         return place(1.0, wanted.grade, 2, np.inf)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
+    coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1)
     for _ in first_few(range(_SEARCH.rounds), 0.5):
         plan = place(factor, grade, on_curves, 2 * wanted.n)
         ratio = plan.number / wanted.n
         if abs(ratio - 1) < _SEARCH.near and plan.n_on_borders <= wanted.n:
             return plan
         if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
-            on_curves = 1
+            closest = coarser(_SEARCH.coarsest, most=np.inf, nearness=_SEARCH.closest)
+            _check_fits(outline, wanted, closest.n_on_borders)
+            on_curves, coarsest = 1, coarser(_SEARCH.coarsest, most=wanted.n)
+            if coarsest.n_on_borders > wanted.n:  # whatever sizes
+                nearer = coarser(_SEARCH.coarsest, most=wanted.n, nearness=_SEARCH.nearer)
+                return nearer if nearer.n_on_borders <= wanted.n else closest
             continue
         if ratio > max(before, 1) ** _SEARCH.stuck:
             grade = min(_SEARCH.steeper * grade, max(grade, _SEARCH.steepest))
         factor, before = factor * ratio**0.5, ratio
-    # The coarsest first: where borders need too many by any sizes, that is known at once.
+    if plan.n_on_borders <= wanted.n:
+        return plan
     low, high = np.log([factor, _SEARCH.coarsest * factor])
-    coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1, most=wanted.n)
-    found = plan if plan.n_on_borders <= wanted.n else coarser(np.exp(high))
-    for _ in range(_SEARCH.halvings if found is not plan else 0):
+    found = coarsest
+    for _ in range(_SEARCH.halvings):
         middle = (low + high) / 2
-        plan = coarser(np.exp(middle))
+        plan = coarser(np.exp(middle), most=wanted.n)
         is_fit = plan.n_on_borders <= wanted.n
         found, low, high = (plan, low, middle) if is_fit else (found, middle, high)
-    _check_fits(outline, wanted, found.n_on_borders)
     return found
 
 
@@ -162,10 +169,11 @@ def _placed(
     grade: float,
     on_curves: int,
     most: float,
+    nearness: float = 1.0,
 ) -> Plan:
     """Place vertices for sizes that are larger by a factor."""
     field = start.scaled(factor).limited(grade, least)
-    borders, field = place_on_borders(outline, field, grade, least, most, on_curves)
+    borders, field = place_on_borders(outline, field, grade, least, most, on_curves, nearness)
     if len(alone):
         borders, field = _with_alone(borders, field, alone, grade)
     return Plan(borders, field)
