@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 #: How far points of a file may be from their sphere, by its radius.
 _OFF_THE_SPHERE = 1e-6
+#: Pixels along a cell of maps that are drawn of polygons: fewer make coasts jagged; and heights in pixels at least and
+#: at most, for islands between points and for memory.
+_PIXELS, _LEAST_HEIGHT, _MOST_HEIGHT = 6, 360, 4320
 
 
 def _local(option: str, path: Path) -> AbstractContextManager[Path]:
@@ -40,6 +43,24 @@ def read_globe(option: str, path: Path) -> NDArray[np.float64]:
     bands: NDArray[np.float64] = np.atleast_3d(image)[:, :, :3].mean(axis=2, dtype=np.float64)
     check_picture_density(f"{option} {path}", bands)
     return bands
+
+
+def read_coast(path: Path, n: int) -> NDArray[Any]:
+    """Read a map of land, or draw polygons of GeoJSON as one whose pixels are some of a cell of n, in degrees."""
+    import numpy as np
+
+    from cvtimg.sphere.parts import inside_of
+
+    if path.suffix.lower() not in (".geojson", ".json"):
+        return read_globe("--coast", path)
+    height = int(np.clip(_PIXELS * np.sqrt(n), _LEAST_HEIGHT, _MOST_HEIGHT))
+    lat, lon = (np.radians((np.arange(size) + 0.5) * 180 / height) for size in (height, 2 * height))
+    z, flat = np.cos(lat)[:, None] + 0 * lon, np.sin(lat)[:, None]
+    points = np.stack([-flat * np.cos(lon), -flat * np.sin(lon), z], axis=-1).reshape(-1, 3)
+    land = inside_of("--coast", _part("--coast", path), points).reshape(height, 2 * height)
+    if not land.any() or land.all():
+        raise ValueError(f"--coast {path}: has {'only' if land.all() else 'no'} land on a map {height} pixels high")
+    return land
 
 
 def read_densities(density: Path | None, finer: list[tuple[Any, ...]]) -> Any:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,8 +49,15 @@ def _parts(shape: Any, name_by: str) -> Any:
     from cvtimg.placement import PolygonRegion
 
     features = shape.get("features", [shape]) if isinstance(shape, dict) else []
-    names = [(feature.get("properties") or {}).get(name_by) for feature in features]
+    properties = [feature.get("properties") or {} for feature in features]
+    names = [_named(name_by, each) for each in properties]
     if not names or None in names:
+        known = sorted({key for each in properties for key in each})
+        if known and (len(names) > 1 or name_by != "name"):
+            word = (
+                f"only {sum(name is not None for name in names)} of {len(names)} features have the property {name_by}"
+            )
+            warn(f"{word}: they are one region; --name-by takes {', '.join(known)}", stacklevel=1)
         return shape
     words = [re.sub(r"[^\w-]+", "_", str(name)) for name in names]
     words = [word if word[:1].isalpha() else f"_{word}" for word in words]
@@ -57,6 +66,12 @@ def _parts(shape: Any, name_by: str) -> Any:
         for word in dict.fromkeys(words)
         if (own := [k for k, other in enumerate(words) if other == word])
     }
+
+
+def _named(name_by: str, properties: Mapping[str, Any]) -> Any:
+    """Return the property of this name, or of one that differs in capitals only; None if there is none."""
+    alike = {key.lower(): value for key, value in properties.items()}
+    return properties.get(name_by, alike.get(name_by.lower()))
 
 
 def read_segments(path: Path, label: int | None) -> tuple[NDArray[Any], bool]:

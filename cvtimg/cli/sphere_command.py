@@ -26,6 +26,8 @@ EXAMPLES = """\
   cvtimg sphere -n 5000 --parent globe.nc --within -96,38,25 -o nested.nc
 """
 COLUMNS = ("n", "kept", "median_width_km", "least_angle", "largest_angle", "n_obtuse", "offset", "seconds", "output")
+#: Half of the way around the earth, in km: wider cells are meant in meters.
+_WIDEST = 20_000
 _WIDTHS = ("least_width_km", "median_width_km", "largest_width_km")
 
 
@@ -65,7 +67,10 @@ def _refinement(text: str) -> tuple[Any, ...]:
 def _width(text: str) -> float | Path:
     """Read a number of km, or the name of a file."""
     with suppress(ValueError):
-        return float(text.removesuffix("km"))
+        width = float(text.removesuffix("km"))
+        if width > _WIDEST:
+            raise WrongUsageError(f"--cell-width {text} is in km, and must be at most {_WIDEST}; 30km is 30000 m")
+        return width
     return Path(text)
 
 
@@ -101,14 +106,14 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import numpy as np
 
     import cvtimg
-    from cvtimg.cli.grid_inputs import cut_out, read_densities, read_globe, read_grid_points, read_lineage, read_width
+    from cvtimg.cli.grid_inputs import cut_out, read_coast, read_densities, read_grid_points, read_lineage, read_width
     from cvtimg.sphere import Cap, coastal_grid, nested_grid
 
     width = None if given.width is None else read_width(given.width, given.finer)
     density = read_densities(given.density, given.finer) if width is None else width
     making = {"effort": given.effort, "rng": given.seed, "density": density}
     number = width.n_points if width is not None and given.number is None else given.number
-    land = None if given.coast is None else read_globe("--coast", given.coast)
+    land = None if given.coast is None else read_coast(given.coast, number)
     old = None if given.parent is None else read_grid_points(given.parent)
     attributes = {"history": given.command}
     if given.parent is not None:

@@ -30,11 +30,12 @@ _MESHIO: dict[str, dict[str, Any]] = {
     ".mesh": {},
     ".off": {},
     ".ply": {},
+    ".su2": {},
     ".vtk": {},
     ".xdmf": {"data_format": "XML"},
 }
 #: Those that have no triangles with six nodes.
-_STRAIGHT = (".obj", ".ply", ".stl", ".mesh", ".off")
+_STRAIGHT = (".obj", ".ply", ".stl", ".su2", ".mesh", ".off")
 #: Names that formats have for other things.
 TAKEN = ("border", "connectivity", "offsets", "points", "quality", "tag", "types")
 #: Cells, and what is on their sides: VTK's number and meshio's name.
@@ -116,6 +117,9 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     ):  # borders or the surface are the physical group 1 of their dimension, and tags are groups
         cells = [(_CELLS[mesh.kind][1], mesh.sides), *cells]
         of_sides = np.ones(len(mesh.sides), np.int32) if mesh.side_tags is None else mesh.side_tags
+        # Readers tell groups by their numbers alone: sides without a name have one beyond all others.
+        beyond = max(int(mesh.tags.max()), int(of_sides.max())) + 1
+        of_sides = np.where(of_sides == 1, beyond, of_sides).astype(np.int32)
         tags = [of_sides, mesh.tags]
         data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
         keys = [
@@ -132,7 +136,9 @@ def _by_meshio(mesh: MeshContent, path: StrPath, suffix: str) -> bytes:
     with scratch_folder(path) as folder:
         part = folder / f"mesh{suffix}"
         # FEniCS takes what has three coordinates for a surface.
-        places = mesh.points if suffix == ".xdmf" else mesh.places
+        places = mesh.points if suffix in (".xdmf", ".su2") else mesh.places
+        if suffix == ".bdf":  # whose fields have 16 signs
+            places = np.array([f"{value:.9e}" for value in places.ravel()], np.float64).reshape(places.shape)
         try:
             meshio.Mesh(places, cells, cell_data=data, field_data=names, **sets).write(part, **_MESHIO[suffix])
         except ModuleNotFoundError as error:

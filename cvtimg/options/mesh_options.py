@@ -170,8 +170,8 @@ SPHERE = (
     ),
     file(
         "coast",
-        "Place points on the coasts of a map with white land and black sea.",
-        metavar="MASK",
+        "Place points on the coasts of a map with white land and black sea, or of polygons of land.",
+        metavar="MASK|GEOJSON",
         excludes=("parent",),
         role="reads",
     ),

@@ -34,6 +34,18 @@ def test_files_hold_what_the_function_finds(row_of: RowOf, name: str) -> None:
     assert (read_grid_points(Path(name)) == expected.points).all()
 
 
+def test_coasts_are_those_of_polygons(row_of: RowOf) -> None:
+    ring = [[-30, -20], [50, -20], [50, 40], [-30, 40], [-30, -20]]
+    Path("land.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    row_of("sphere", "-n", "300", "--coast", "land.geojson", "-o", "coast.nc")
+    with netcdf_file("coast.nc", mmap=False) as grid:
+        on = grid.variables["coastCell"][:] == 1
+        lon, lat = (np.degrees(grid.variables[name][on]) for name in ("lonCell", "latCell"))
+    off = np.minimum(np.abs((lon + 180) % 360 - 190) - 40, np.abs(lat - 10) - 30)
+    assert on.sum() > 8
+    assert np.abs(off).max() < 5
+
+
 @pytest.mark.slow
 def test_points_gather_in_circles_and_where_maps_are_bright(row_of: RowOf) -> None:
     for options in (["--density", "north.png"], ["--refine", "north.png,3"], ["--refine", "0,90,80,3"]):

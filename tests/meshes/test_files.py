@@ -16,7 +16,7 @@ def mesh() -> Mesh:
     return mesh_labels(np.repeat([[3, 5]], 6, axis=0).repeat(6, axis=1), n=50)
 
 
-@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".obj", ".ply", ".stl", ".vtk", ".off"])
+@pytest.mark.parametrize("suffix", [".vtu", ".msh", ".obj", ".ply", ".stl", ".vtk", ".off", ".su2"])
 def test_other_programs_read_the_same_triangles_tags_and_borders(mesh: Mesh, tmp_path: Path, suffix: str) -> None:
     mesh.save(tmp_path / f"a{suffix}")
     found = meshio.read(tmp_path / f"a{suffix}")
@@ -29,6 +29,20 @@ def test_other_programs_read_the_same_triangles_tags_and_borders(mesh: Mesh, tmp
         assert (np.ravel(tags) == mesh.tags).all()
     if suffix == ".msh":
         assert (np.sort(found.cells_dict["line"], axis=1) == np.sort(mesh.edges, axis=1)).all()
+
+
+def test_groups_of_regions_and_borders_have_different_numbers(mesh: Mesh, tmp_path: Path) -> None:
+    mesh.save(tmp_path / "a.msh")
+    numbers = [int(number) for number, _ in meshio.read(tmp_path / "a.msh").field_data.values()]
+    assert len({*numbers}) == len(numbers) == 3
+
+
+def test_nastran_holds_any_coordinates(mesh: Mesh, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    far = replace(mesh, points=-1e3 * np.pi * mesh.points)
+    far.save(tmp_path / "a.bdf")
+    np.testing.assert_allclose(meshio.read(tmp_path / "a.bdf").points[:, :2], far.points, rtol=1e-9)
 
 
 def test_other_suffixes_are_refused(mesh: Mesh, tmp_path: Path) -> None:
