@@ -41,7 +41,8 @@ def mend(
 ) -> PlaneTriangulation:
     """Return a mesh with fewer small angles, and, if asked, as many vertices.
 
-    New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay.
+    New vertices on borders are in the middle of edges longer than twice the shortest, so that areas stay, and those
+    inside are farther than that from others.
     Sizes grow by `grade` from there.
     """
     best, least, since = mesh, _badness(mesh, how.small), 0
@@ -105,7 +106,7 @@ def _refined(
             continue
         hit = np.array(near[k], np.intp)
         hit = hit[np.linalg.norm(middles[hit] - centers[k], axis=1) < halves[hit]]
-        added[k] = not len(hit) and shares[k].min() > 0
+        added[k] = not len(hit) and shares[k].min() > 0 and radii[k] > shortest
         hit = hit[may_split[hit]]
         split[hit] = True
         if added[k] or len(hit):

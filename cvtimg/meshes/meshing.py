@@ -190,6 +190,8 @@ def mesh_region(
         outline = outline_of_parts([as_region(part) for part in parts.values()], how)
     else:
         outline = outline_of(as_region(region), how)
+    if n and size is None and metric is None and outline.polygons is not None:  # which asks for edges of this length
+        least = min(least, (2 / 3**0.5 * outline.polygons.area / n) ** 0.5)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
@@ -335,7 +337,7 @@ def _finished(
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(
             mesh, field, wanted.grade, effort.mending if np.isscalar(wanted.size) else Mending(0),
-            shortest=0.0 if outline.mask is None else _SHORTEST,
+            shortest=wanted.least / 2 if outline.mask is None else _SHORTEST,
             keep_number=wanted.n is not None,
             )  # fmt: skip
     if outline.mask is None:

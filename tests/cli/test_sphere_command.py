@@ -41,9 +41,9 @@ def test_coasts_are_those_of_polygons(row_of: RowOf) -> None:
     with netcdf_file("coast.nc", mmap=False) as grid:
         on = grid.variables["coastCell"][:] == 1
         lon, lat = (np.degrees(grid.variables[name][on]) for name in ("lonCell", "latCell"))
-    off = np.minimum(np.abs((lon + 180) % 360 - 190) - 40, np.abs(lat - 10) - 30)
+    off = np.maximum(np.abs((lon + 180) % 360 - 190) - 40, np.abs(lat - 10) - 30)
     assert on.sum() > 8
-    assert np.abs(off).max() < 5
+    assert np.abs(off).max() < 8  # of cells 11 degrees wide
 
 
 @pytest.mark.slow
