@@ -35,7 +35,7 @@ _MODULES = {
 PANELS = {
     "What to get": "",
     "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
-    "background neck_depth object_border threshold compactness edit merge weights motion channels "
+    "chance strongest background neck_depth object_border threshold compactness edit merge weights motion channels "
     "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "
     "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette "
@@ -45,7 +45,7 @@ PANELS = {
     "line_width subpixel simplify properties width marks pen_width order cells outline scale measures keep_metadata "
     "optimize overwrite as_json quiet report dry_run",
     "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
-    "channel_axis axes channel t z pixel_size max_pixels",
+    "channel_axis axes channel t z series pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "volume_power passes seed method init",
 }
