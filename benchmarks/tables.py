@@ -2,9 +2,9 @@
 
 Tables are of scikit-learn, standardized, or made. Energies are computed from labels, for every rival alike. `optima`
 counts the proven least energies of the iris table that are found, for 2 to 10 generators; `seeds` compares ten seeds on
-tables on which no setting was chosen.
+tables on which no setting was chosen; `grid` has 60 tables of 30 to 300,000 rows and 1 to 1,000 columns.
 
-    python benchmarks/tables.py [--quick] [--docs] [--parts energies optima seeds]
+    python benchmarks/tables.py [--quick] [--docs] [--parts energies optima seeds grid]
 
 Rivals that cannot be imported are left out; `hgmeans`, which is HG-means, is built from its source.
 """
@@ -31,6 +31,19 @@ Find = Callable[[Table, int], Any]
 #: Least energies of the iris table for 2, 3, ... generators: SIAM J. Scientific Computing 21 (2000), 1485-1505.
 IRIS = (152.347951760, 78.851441426, 57.228473214, 46.446182051, 39.039987246, 34.298229665, 29.988943950,
         27.786092417, 25.834054819)  # fmt: skip
+
+
+#: Rows, columns and generators of the grid.
+GRID = (
+    (30, 1, 2), (30, 5, 10), (100, 2, 5), (100, 20, 20), (300, 2, 30), (300, 50, 5), (300, 1000, 10), (1000, 3, 100),
+    (1000, 10, 10), (1000, 300, 30), (3000, 3, 10), (3000, 20, 1000), (3000, 50, 30), (10000, 2, 50), (10000, 10, 20),
+    (10000, 100, 50), (30000, 5, 100), (30000, 30, 10), (100000, 3, 20), (300000, 4, 8),
+)  # fmt: skip
+KINDS: dict[str, Callable[[np.random.Generator, int, int], Table]] = {
+    "normal": lambda rng, n, d: rng.normal(size=(n, d)),
+    "clusters": lambda rng, n, d: rng.normal(0, 3, (20, d))[rng.integers(0, 20, n)] + rng.normal(size=(n, d)),
+    "log-normal": lambda rng, n, d: np.exp(rng.normal(size=(n, d))),
+}
 
 
 def tables() -> dict[str, Table]:
@@ -68,7 +81,7 @@ def others() -> dict[str, Table]:
 
 
 def rivals() -> dict[str, Find]:
-    """Name what is installed, each from rows and K to labels; scikit-learn's ten starts are first."""
+    """Name what is installed, each from rows and K to labels."""
     from sklearn.cluster import KMeans, MiniBatchKMeans
 
     def by_faiss(rows: Table, k: int) -> Any:
@@ -80,6 +93,7 @@ def rivals() -> dict[str, Find]:
         return import_module("hgmeans").PyHGMeans().run(rows.tolist(), [0] * len(rows), 10, 1000, 1, [k])[0]
 
     known: dict[str, tuple[str, Find]] = {
+        "KMeans(n_init=1)": ("sklearn", lambda rows, k: KMeans(k, n_init=1, random_state=0).fit(rows).labels_),
         "KMeans(n_init=10)": ("sklearn", lambda rows, k: KMeans(k, n_init=10, random_state=0).fit(rows).labels_),
         "MiniBatchKMeans": ("sklearn", lambda rows, k: MiniBatchKMeans(k, n_init=10, random_state=0).fit(rows).labels_),
         "cvtimg fast": ("cvtimg", lambda rows, k: cvtimg.tessellate(rows, k, effort="fast", rng=0).labels),
@@ -107,7 +121,7 @@ def energies(given: argparse.Namespace) -> tuple[Rows, Rows]:
     for name, rows in list(tables().items())[: 2 if given.quick else None]:
         for k in (10, 30):
             shown.append({"table": f"{name}, {rows.shape[0]} x {rows.shape[1]}", "k": k})
-            for rival, find in rivals().items():
+            for rival, find in list(rivals().items())[1:]:  # ten starts of scikit-learn are the first
                 find(rows[:100], 3)  # imports are not timed
                 labels, seconds = timed(lambda f=find, x=rows, k=k: f(x, k), time.process_time)
                 case = {"table": name, "k": k, "rival": rival}
@@ -116,6 +130,34 @@ def energies(given: argparse.Namespace) -> tuple[Rows, Rows]:
                 shown[-1][rival] = f"{found[-1]['energy'] / base - 1:+.2%}, {seconds:.2g} s"
     if given.docs:
         draw(found)
+    return found, shown
+
+
+def grid(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Energy over that of KMeans from one start and from ten, and time by theirs, over the grid."""
+    names = ("KMeans(n_init=1)", "KMeans(n_init=10)", "cvtimg fast", "cvtimg balanced", "faiss, 10 starts")
+    chosen = {name: find for name, find in rivals().items() if name in names}
+    found, shown = [], []
+    for n, n_dims, k in GRID[: 4 if given.quick else None]:
+        for kind, make in KINDS.items():
+            rows = make(np.random.default_rng(n + n_dims + k), n, n_dims)
+            for name, find in chosen.items():
+                find(rows[:100], 2)
+                labels, seconds = timed(lambda f=find, x=rows, k=k: f(x, k), time.process_time)
+                case = {"table": f"{kind} {n} x {n_dims}", "k": k, "rival": name}
+                found.append({**case, "energy": energy(rows, labels), "seconds": seconds})
+    figures = np.array([(row["energy"], row["seconds"]) for row in found]).reshape(-1, len(chosen), 2)
+    for at, name in enumerate(chosen):
+        row: dict[str, Any] = {"rival": name}
+        for base, starts in enumerate(("one start", "ten starts")):
+            energies, times = (figures[:, at] / figures[:, base]).T
+            worst = found[int(energies.argmax()) * len(chosen)]
+            row[f"energy, {starts}"] = f"{energies.mean() - 1:+.2%}, worst {energies.max() - 1:+.2%}"
+            row[f"worst, {starts}"] = f"{worst['table']}, k = {worst['k']}"
+            row[f"time, {starts}"] = f"{np.median(times):.2g}, most {times.max():.2g}"
+        shown.append(row)
+    if given.docs:
+        draw([row for row in found if row["rival"] != names[0]], "grid")
     return found, shown
 
 
@@ -139,8 +181,8 @@ def seeds(given: argparse.Namespace) -> Rows:
     return found
 
 
-def draw(found: Rows) -> None:
-    """Write docs/tables.webp: each rival's time and energy by those of the first, a dot for each table and K."""
+def draw(found: Rows, file: str = "tables") -> None:
+    """Write docs/FILE.webp: each rival's time and energy by those of the first, a dot for each table and K."""
     pyplot = import_module("matplotlib.pyplot")
     figure, axis = pyplot.subplots(figsize=(8, 4.6))
     names = list(dict.fromkeys(row["rival"] for row in found))
@@ -160,8 +202,8 @@ def draw(found: Rows) -> None:
     axis.legend(frameon=False, fontsize=9)
     figure.tight_layout()
     OUT.mkdir(parents=True, exist_ok=True)
-    figure.savefig(OUT / "tables.png", dpi=110)
-    Image.open(OUT / "tables.png").convert("RGB").save(ROOT / "docs" / "tables.webp", lossless=True)
+    figure.savefig(OUT / f"{file}.png", dpi=110)
+    Image.open(OUT / f"{file}.png").convert("RGB").save(ROOT / "docs" / f"{file}.webp", lossless=True)
 
 
 def optima(given: argparse.Namespace) -> Rows:
@@ -177,5 +219,5 @@ def optima(given: argparse.Namespace) -> Rows:
 
 if __name__ == "__main__":
     read = parser(__doc__)
-    read.add_argument("--docs", action="store_true", help="write the plot to docs/tables.webp")
-    run(read, energies, optima, seeds)
+    read.add_argument("--docs", action="store_true", help="write plots to docs/tables.webp and docs/grid.webp")
+    run(read, energies, optima, seeds, grid)

@@ -25,6 +25,8 @@ EXAMPLES = """\
   cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
   cvtimg cluster s3://bucket/pixels.zarr -k 64 -o labels.npy
 """
+#: Rows of a silhouette, which takes the distances of all pairs.
+_SILHOUETTE_ROWS = 5000
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 
@@ -53,6 +55,7 @@ def cluster(given: Given) -> Todo:
     usual = "-labels.csv" if given.labels_only else "-clusters.csv"
     plan = plan_of(given, lambda source: "{}" + ends.get(source.suffix.lower(), usual), expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
+    columns = (*columns[:-2], "silhouette", *columns[-2:]) if given.silhouette else columns
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))
 
@@ -103,9 +106,10 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "elbow": found.curve.elbows() if found.curve else None,
         **({"verdict": found.curve.verdict} if found.curve else {}),
         "energy": result.energy,
-        "explained": 1 - result.energy / total if total else 1.0,
+        "explained": max(1 - result.energy / total, 0.0) if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
+        **({"silhouette": found.silhouette} if given.silhouette else {}),
         **told_left_out(found.left_out),
     }
 
@@ -120,6 +124,7 @@ class _Found:
     total: float
     curve: EnergyCurve | None
     left_out: Mapping[str, str]
+    silhouette: float | None
 
 
 def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
@@ -141,7 +146,8 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         write_clusters(task.output, task.source, result.labels, table.kept, **how)
     _write_means(task, table.names, result, scaling, given.overwrite)
     _plot(task, rows, result, given.overwrite)
-    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve, table.left_out)
+    silhouette = _silhouette(rows, result, given, result.labels)
+    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve, table.left_out, silhouette)
 
 
 def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
@@ -161,10 +167,11 @@ def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         result = tessellate(blocks, n_generators, **given.arguments)
         stopwatch.lap("cluster")
         n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=given.overwrite)
-        if "--plot" in task.outputs:
-            _plot(task, sample_rows(blocks, given.seed)[0], result, given.overwrite)
+        some = sample_rows(blocks, given.seed)[0] if "--plot" in task.outputs or given.silhouette else None
+        _plot(task, some, result, given.overwrite)
     _write_means(task, blocks.names, result, scaling, given.overwrite)
-    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve, opened.left_out)
+    silhouette = _silhouette(some, result, given)
+    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve, opened.left_out, silhouette)
 
 
 def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
@@ -174,6 +181,22 @@ def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | No
     if given.number != "auto":
         return int(given.number), None
     return auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
+
+
+def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = None) -> float | None:
+    """Return scikit-learn's mean silhouette of some rows, None if they are of one cluster."""
+    if not given.silhouette:
+        return None
+    import numpy as np
+    from scipy.spatial.distance import cdist
+
+    from cvtimg._shared.extras import optional
+
+    metrics = optional("sklearn.metrics", "sklearn", "--silhouette needs")
+    drawn = np.random.default_rng(given.seed).permutation(len(rows))[:_SILHOUETTE_ROWS]
+    some = rows[drawn]
+    own = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
+    return float(metrics.silhouette_score(some, own)) if 1 < len(np.unique(own)) < len(some) else None
 
 
 def _plot(task: Task, rows: Any, result: Tessellation, overwrite: bool) -> None:

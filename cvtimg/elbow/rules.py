@@ -18,8 +18,8 @@ _Floats = NDArray[np.float64]
 #: The rules that look at the shape of a curve end at this number of generators, so that a longer one does not move it.
 CHORD_ENDS = 32
 #: At a clear elbow the power of k by which E falls is at least this multiple of the one after it, and log E is at least
-#: this far below the chord. Of 360 clouds without clusters 4 have such powers, three of them at depths up to .02; of
-#: 234 known numbers of clusters 6 standard deviations apart, the least have 3.07 and .139.
+#: this far below the chord. Of 360 clouds without clusters 4 have such powers, two of them at depths of .002 and .02;
+#: of 234 known numbers of clusters 6 standard deviations apart, the least have 3.07 and .139.
 _BEND, _DEPTH = 2.0, 0.1
 #: Energies below this fraction of E(1) are treated as equal for samples that are not 8-bit colors.
 _RELATIVE_FLOOR = 1e-3

@@ -246,7 +246,8 @@ def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.fl
     # One thread, because the bits of a product of matrices depend on the number of threads of the BLAS.
     with _blas().limit(limits=1, user_api="blas"):
         axes = np.random.default_rng(0).standard_normal((n_dims, points.n_dims), np.float32)
-        weighted = np.matmul(axes, points.tiles) * points.density.reshape(-1, 1, _kernels.TILE).astype(np.float32)
+        shares = (points.density / points.density.max()).astype(np.float32)
+        weighted = np.matmul(axes, points.tiles) * shares.reshape(-1, 1, _kernels.TILE)
         sums = np.zeros((n_dims, points.n_dims))
         for tile, along in zip(points.tiles, weighted, strict=True):
             sums += along @ tile.T

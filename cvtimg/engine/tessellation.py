@@ -61,7 +61,7 @@ class Tessellation(ReadOnly):
     masses : (K,) float64 array
         Sum of the density over each cell.
     energy : float
-        Sum of density times squared distance to the own generator.
+        Sum of density times squared distance to the own generator, in float64, whatever the range of the samples.
     weighted_energy : float
         The same, with each cell weighted by its fraction of the mass to the power `volume_power`.
     energies : tuple of float
@@ -134,13 +134,11 @@ def tessellate(
         Initial generators. "split" is deterministic. From an array the iteration starts without a search.
     effort : {"fast", "balanced", "best"}
         All efforts first search over fewer points: means of neighboring colors, or some of the rows of a table. "fast"
-        then moves the generators at most 4 times. "balanced" also breathes in the search, which leaves most local
-        minima, and then moves until a pass lowers the energy by at most 1e-4 of it: 1 to 3 times the time of "fast" up
-        to K = 256, and 8 times at K = 4096. "best" searches up to 12 times (4 from K = 128 on), until three
-        searches end alike, breathes longer, and moves until 1e-6: on photographs 2 to 10 times the time of "balanced",
-        for an energy a few tenths of a percent lower. Tables of fewer than 32,768 rows, or 100 K if that is more, are
-        searched as they are: "balanced" and "best" cross tessellations with each other there, which takes
-        milliseconds to seconds; so they do with weights, `locked` generators, a `volume_power`, and rows in blocks.
+        then moves the generators at most 4 times. "balanced" leaves most local minima in the search, and then moves
+        until a pass lowers the energy by at most 1e-4 of it. "best" searches longer, and moves until 1e-6: on
+        photographs 2 to 10 times the time of "balanced", for an energy a few tenths of a percent lower. Of tables
+        "balanced" and "best" cross tessellations with each other, of all rows up to 32,768, or 100 K if that is more,
+        and otherwise of some, among which are those that are far away.
     volume_power : float
         Power p >= 0 in the weighted energy, the sum over the cells of (mass of the cell / total mass)^p times the
         energy of the cell. With 0 all cells count the same; with 1 or 2 a heavy cell counts more, so that rare colors
@@ -184,6 +182,9 @@ def tessellate(
     ([[0.0, 1.0], [9.0, 1.0]], [0, 0, 1, 1], 4.0)
     """
     settings = EFFORTS[check_choice("effort", effort, EFFORTS)]
+    check_that(
+        "init", not callable(init), f"be one of {', '.join(SEEDINGS)} or (K, D) generators, such as a callable returns"
+    )
     power = check_non_negative("volume_power", volume_power)
     watch = Watch(callback)
     asked = _Asked(n_generators, method, init, settings, power, locked, random_numbers(rng), watch)
@@ -226,7 +227,7 @@ def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
     labels = end.labels_of(points)
     masses, sums = cell_moments(points, labels, asked.n_generators)
     parts = cell_energies(points, end.generators, labels)
-    moments = RowMoments(masses, sums, parts / points.frame.scale**2)
+    moments = RowMoments(masses, sums, parts / points.frame.scale / points.frame.scale)
     places = points.frame.outward(end.generators)
     return _result(end, places, labels[: points.n_points], moments, asked.volume_power, points.frame)
 
@@ -246,7 +247,11 @@ def _tessellate_rows(
             exact = True
             continue
         found = _measured(rows, weights, points, order, descent, end)
-        if exact or asked.watch.stopped or float32_suffices(points, found.energy * points.frame.scale**2):
+        if (
+            exact
+            or asked.watch.stopped
+            or float32_suffices(points, found.energy * points.frame.scale * points.frame.scale)
+        ):
             return found
         exact = True
 

@@ -380,3 +380,8 @@ def test_rows_of_which_one_is_beside_the_line_are_on_none() -> None:
     rows[77, 1] += 1e-6
     assert line_through(rows) is None
     assert line_through(np.ones((5, 2))) is None
+
+
+def test_a_callable_is_no_start() -> None:
+    with pytest.raises(ValueError, match=r"init must be one of split, k-means\+\+, random or \(K, D\) generators"):
+        tessellate(np.eye(3), 2, init=lambda rows, k, rng: rows[:k])  # type: ignore[arg-type]

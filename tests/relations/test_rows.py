@@ -57,6 +57,10 @@ def times(factor: float) -> Callable[[float, float], None]:
     return lambda before, after: close(1e-9)(before * factor, after)
 
 
+def of_heavy(rows: Rows) -> float:
+    return tessellate(rows, 5, density=np.full(len(rows), 1e200)).energy / 1e200
+
+
 def curve_at(k: int) -> Callable[[Rows], float]:
     return lambda rows: float(energy_curve(rows, 8).energies[k - 1])
 
@@ -69,6 +73,7 @@ _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("an offset", clusters, energy, lambda rows: rows + 1e7, close(1e-6), None),
     ("a scale", clusters, energy, lambda rows: rows * 1024, times(2.0**20), None),
     ("another order of rows", clusters, energy, lambda rows: rows[order(rows)], close(1e-9), None),
+    ("weights of 1e200", clusters, energy, lambda rows: rows, close(1e-9), of_heavy),
     ("each row twice", clusters, energy, lambda rows: np.repeat(rows, 2, axis=0), times(2), None),
     ("a row at -9999", clusters, energy, with_far(-9999), close(1e-6), energy_of_six),
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),

@@ -95,6 +95,7 @@ def _levels(points: Points) -> _Levels:
     given = points.coordinate(0)[weighted]
     distinct = np.unique(given)
     density = np.bincount(np.searchsorted(distinct, given), points.density[weighted]).astype(np.float64)
+    density /= 2.0 ** np.rint(np.log2(density.max()))  # in the middle of the range of float64, as products are split
     values = distinct.astype(np.float64)
     moments = np.empty((len(values) + 1, 6))
     _kernels.sum_levels(values - np.average(values, weights=density), density, moments)
