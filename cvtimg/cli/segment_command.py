@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort",
 _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "shading", "averaging",
           "objects", "edit")  # fmt: skip
 #: Options that counting without -k does not take.
-_MEASURED = ("neck_depth", "object_border", "smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
+_MEASURED = ("object_border", "smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
 COLUMNS = ("input", "k", "edge_weight", "regions", "edge_length", "seconds", "output")
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
@@ -45,6 +46,8 @@ _UNEVEN = (
     "a smooth surface explains more than a third segment would: --shading takes uneven light out; of text, "
     "--smallest-detail 0.25 keeps all strokes"
 )
+#: Options that only counting without -k takes.
+_COUNTED = ("diameter", "min_contrast", "exclude_edges")
 #: Columns where objects are counted: what was measured.
 COUNTED = ("input", "k", "dark", "blur", "radius", "least_size", "seconds", "output")
 
@@ -81,6 +84,8 @@ def segment(given: Given) -> Todo:
         if counts and (settings := given.chosen(*_MEASURED)):
             raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
         given.number = None if counts else "auto"
+    if not counts and (settings := given.chosen(*_COUNTED)):
+        raise WrongUsageError(f"{settings[0]} takes no -k: objects are counted without")
     if given.volume and given.objects and not counts:
         raise WrongUsageError("--objects with --volume takes no -k: what it needs is measured on the volume")
     if given.volume and given.objects and given.properties:
@@ -159,20 +164,31 @@ def _way(given: Given) -> Callable[..., Segmentation]:
     if given.superpixels:
         return partial(cvtimg.superpixels, n_superpixels=given.number, **only(options, ("space", "compactness")))
     if given.number is None:
-        return partial(count_objects, background=given.background, min_size=given.min_size or None)
-    objects = Objects(given.background, given.neck_depth, given.object_border) if given.objects else False
+        chosen_depth = given.neck_depth if given.chosen("neck_depth") else None
+        return partial(
+            count_objects,
+            background=given.background,
+            min_size=given.min_size or None,
+            neck_depth=math.inf if given.no_split else chosen_depth,
+            min_contrast=given.min_contrast,
+            exclude_edges=given.exclude_edges,
+            diameter=given.diameter,
+        )
+    neck_depth = math.inf if given.no_split else given.neck_depth
+    objects = Objects(given.background, neck_depth, given.object_border) if given.objects else False
     return partial(cvtimg.segment, n_segments=given.number, averaging=given.averaging, objects=objects, **options)
 
 
 def _detail(task: Task, given: Given) -> dict[str, float]:
-    """Return the smallest detail in pixels, if it is given in another unit."""
+    """Return the smallest detail, or the diameter of objects, in pixels if it is given in another unit."""
     from cvtimg.pictures import PixelSize, image_info
 
-    if not isinstance(given.smallest_detail, PixelSize):
+    name = "diameter" if given.number is None else "smallest_detail"
+    if not isinstance(length := getattr(given, name), PixelSize):
         return {}
     if (size := image_info(task.source).pixel_size) is None:
-        raise ValueError("does not say the size of its pixels, for --smallest-detail; --pixel-size names it")
-    return {"smallest_detail": size.pixels(given.smallest_detail)}
+        raise ValueError(f"does not say the size of its pixels, for --{name.replace('_', '-')}; --pixel-size names it")
+    return {name: size.pixels(length)}
 
 
 def _segment_in_tiles(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

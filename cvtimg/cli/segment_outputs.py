@@ -106,6 +106,8 @@ class Subject:
         size, channels = self.header.pixel_size, self.header.channels
         more = self.given.properties or ()
         table = region_table(self.labels, self.image, more, pixel_size=size, channels=channels)
+        if self.given.objects:
+            table["touches_edge"] = _touch_edges(self.labels, table["label"])
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
 
@@ -227,6 +229,13 @@ def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> No
     write_table(path, rows, image=name, overwrite=overwrite)
 
 
+def _touch_edges(labels: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+    """Return 1 for the objects that touch an edge of the image, or a face of the volume, which may cut them off."""
+    from cvtimg.segmentation.counting import at_edges
+
+    return at_edges(labels)[rows].astype(int)
+
+
 def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[Any]]]:
     """Measure the objects of each frame, in rows with its number."""
     import numpy as np
@@ -241,5 +250,6 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
         volume, image = np.stack([plane.labels for plane in planes]), np.stack([plane.image for plane in planes])
         header = planes[0].header
         table = volume_table(volume, image, pixel_size=header.pixel_size, channels=header.channels)
+        table["touches_edge"] = _touch_edges(volume, table["label"])
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables

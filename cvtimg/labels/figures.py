@@ -180,8 +180,10 @@ def volume_table(
 
     Notes
     -----
-    Measured by ``skimage.measure.regionprops``. The surface is that of ``skimage.measure.marching_cubes``, halfway
-    between inside and outside.
+    Measured by ``skimage.measure.regionprops``. Surfaces are counted: by Crofton's formula, the area is proportional to
+    how often lines of all directions cross the surface; 13 directions stand for all (G. Lehmann, D. Legland, The
+    Insight Journal, 2012, hal-02811118). Balls of a radius of 5 voxels or more are 1 % too small on average where
+    planes are at most half a radius apart; a cube is 10 % too small.
 
     Examples
     --------
@@ -233,17 +235,23 @@ def _measured(
 
 
 def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return the area of the surface of each region that occurs."""
-    from scipy.ndimage import find_objects
-    from skimage.measure import marching_cubes, mesh_surface_area
+    """Return the area of the surface of each region that occurs, counted along lines of 13 directions."""
+    from scipy.spatial import SphericalVoronoi
 
-    areas = []
-    for label, box in enumerate(find_objects(regions), start=1):
-        if box is not None:
-            inside = np.pad(regions[box] == label, 1).astype(np.float32)
-            corners, faces, *_ = marching_cubes(inside, 0.5, spacing=spacing)  # type: ignore[no-untyped-call]
-            areas.append(float(mesh_surface_area(corners, faces)))  # type: ignore[no-untyped-call]
-    return np.array(areas, np.float64)
+    steps = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)]) - 1
+    lengths = np.sqrt(np.square(steps * spacing).sum(axis=1))
+    # Each direction stands for those that are nearest to it; there are two ways along each line.
+    shares = SphericalVoronoi(steps * spacing / lengths[:, None]).calculate_areas() / (2 * np.pi)
+    padded = np.pad(regions, 1)
+    areas = np.zeros(int(regions.max(initial=0)) + 1)
+    for step, length, share in zip(steps[13:].tolist(), lengths[13:], shares[13:], strict=True):
+        last = tuple(slice(max(-by, 0), side - max(by, 0)) for by, side in zip(step, padded.shape, strict=True))
+        first = tuple(slice(max(by, 0), side - max(-by, 0)) for by, side in zip(step, padded.shape, strict=True))
+        before, after = padded[last], padded[first]
+        parted = before != after
+        counts = sum(np.bincount(side[parted], minlength=areas.size) for side in (before, after))
+        areas += 2 * share * np.prod(spacing) / length * counts
+    return areas[np.flatnonzero(np.bincount(regions.ravel(), minlength=areas.size)[1:]) + 1]
 
 
 def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:

@@ -154,11 +154,31 @@ SEGMENT = (
     Option(
         "neck_depth",
         Real(0),
-        "With --objects: split at necks narrower by this in radius.",
+        "With --objects: split at necks narrower by this in radius; without -k, by default, as noise allows.",
         metavar="PIXELS",
         default=0.5,
         needs=("objects",),
     ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", high=1000),
+    switch("no_split", "With --objects: do not split touching objects.", needs=("objects",), excludes=("neck_depth",)),
+    Option(
+        "diameter",
+        Real(above=0, sized=True),
+        "With --objects, without -k: diameter of the usual object, in pixels or as 12um; by default measured.",
+        metavar="D",
+        needs=("objects",),
+    ),
+    Option(
+        "min_contrast",
+        Real(0, 1, above=0),
+        "With --objects, without -k: least contrast of an object, as a share of the usual one; by default measured.",
+        metavar="C",
+        needs=("objects",),
+    ),
+    switch(
+        "exclude_edges",
+        "With --objects: leave out objects at the edges of the image, which may be cut off.",
+        needs=("objects",),
+    ),
     Option(
         "object_border",
         Choice(("segment", "own")),

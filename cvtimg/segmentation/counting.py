@@ -28,6 +28,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
+from cvtimg._shared.messages import warn
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
@@ -68,6 +69,8 @@ class Settings:
     most_discs: float = 4.0  # size of the usual object, in largest discs in it: a rod has three, a ring about all more
     max_fields: int = 2  # fields of view, one in another
     outline: float = 2.5  # noise of outlines, in pixels, per noise of contrast and pixel of blur: one over their slope
+    most_cover: float = 0.9  # of what counts, by objects; above, the background is in doubt
+    flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
     clipped: float = 3.0  # times the noise of the ground above which what varies is no ground ...
     clippings: int = 3  # ... in each of its measurements; more take dimmer objects for objects
     explained: float = 0.9  # of the variance around one generator, what two leave at most
@@ -88,6 +91,10 @@ def count_objects(
     spacing: Sequence[float] | None = None,
     background: str = "largest",
     min_size: float | None = None,
+    diameter: float | None = None,
+    neck_depth: float | None = None,
+    min_contrast: float | None = None,
+    exclude_edges: bool = False,
     mask: ArrayLike | None = None,
 ) -> Segmentation:
     """Find the objects of an image or a volume, such as nuclei in a micrograph, without settings.
@@ -102,6 +109,16 @@ def count_objects(
         What lies behind the objects: by default, what covers more than half of the image.
     min_size : float, optional
         Smallest object that counts, in pixels or voxels; by default 12 % of the usual one.
+    diameter : float, optional
+        Diameter of the usual object, in pixels of a plane, > 0; by default, it is measured.
+    neck_depth : float, optional
+        Split objects at necks that are narrower by more than this in radius, in pixels; infinity does not split. By
+        default, necks are told from ripples of the outline.
+    min_contrast : float, optional
+        Least contrast of an object with the background, in 0..1 of that of the usual one; by default five times the
+        noise, within 0.15 and 0.5.
+    exclude_edges : bool
+        Leave out objects at the edges of the image or volume, which may be cut off.
     mask : array of the size of the image, optional
         Pixels to look at: those where the mask is not 0.
 
@@ -110,6 +127,12 @@ def count_objects(
     Segmentation
         Labels of the objects from 1, in reading order, and 0 for the background; none where nothing stands out from the
         noise. `counting` says what was measured.
+
+    Warns
+    -----
+    UserWarning
+        If objects cover more than 90 % of what counts, if their radius is above half of the shorter side, or if those
+        of a volume whose spacing is the same along all axes are flat.
 
     Notes
     -----
@@ -134,6 +157,12 @@ def count_objects(
     """
     check_choice("background", background, BACKGROUNDS)
     least = None if min_size is None else check_non_negative("min_size", min_size)
+    if diameter is not None:
+        check_that(f"diameter={diameter}", 0 < diameter < np.inf, "be a finite number > 0, in pixels")
+    if min_contrast is not None:
+        check_that(f"min_contrast={min_contrast}", 0 < min_contrast <= 1, "be > 0 and at most 1, the usual contrast")
+    if neck_depth is not None and neck_depth != np.inf:
+        check_non_negative("neck_depth", neck_depth)
     bands, inside, size = checked_bands(image, spacing, mask)
     gray = bands.mean(axis=-1, dtype=np.float32)
     inside = within_margins(gray, inside)
@@ -149,16 +178,59 @@ def count_objects(
         inside = inside & ~outside
         gray = evenly_lit(gray, inside, outside)
     del gray
-    radius = _radius((contrast > 0.5) & inside, size)
+    radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
     if not radius or not _are_two(contrast, inside) or SETTINGS.significant * white >= 1:
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
         threshold = float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5))
-        outline = SETTINGS.outline * noise * blur
-        labels, least = sieved(_in_tiles(contrast, inside, threshold, radius, size, outline), least)
+        necks = Necks(SETTINGS.outline * noise * blur, neck_depth)
+        if diameter is not None and least is None:
+            least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
+        labels = _in_tiles(contrast, inside, min_contrast or threshold, radius, size, necks)
+        labels, least = sieved(labels, least)
+        if exclude_edges:
+            labels = numbers_of(~at_edges(labels))[labels]
+    _warn_of_doubts(labels, inside, radius, size)
     return measured(labels, bands, counting=Counting(step < 0, blur, radius, least))
+
+
+@dataclass(frozen=True, slots=True)
+class Necks:
+    """Where to split objects: at necks that ripples of outlines do not explain, or that are deeper than is said."""
+
+    ripples: float  # standard deviation of outlines by noise, in pixels
+    depth: float | None  # in radius, in pixels; infinity not to split, None to weigh necks against ripples
+
+
+def at_edges(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Tell of each label, from 0, whether it has pixels at an edge of the image, or voxels at a face of the volume."""
+    touching = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
+    for axis in range(labels.ndim):
+        for end in (0, -1):
+            touching[labels.take(end, axis)] = True
+    return touching
+
+
+def _warn_of_doubts(labels: NDArray[np.int32], inside: _Inside, radius: float, size: tuple[float, ...]) -> None:
+    """Warn of counts that are doubtful, and say why."""
+    from scipy.ndimage import find_objects
+
+    if not labels.any():
+        return
+    cover = np.count_nonzero(labels) / np.count_nonzero(inside)
+    if cover > SETTINGS.most_cover:
+        warn(f"objects cover {cover:.0%} of what counts: the background may be what they are (background, mask)")
+    if radius > 0.5 * min(labels.shape[-2:]):
+        warn(f"the usual object has a radius of {radius:.0f} pixels, above half of the image (diameter, background)")
+    if len(size) > 2 and size[0] == 1 and labels.shape[0] > 1:
+        sides = [[part.stop - part.start for part in box] for box in find_objects(labels)]
+        deep, *across = np.median(sides, axis=0)
+        if deep < SETTINGS.flat * min(across):
+            warn(
+                f"objects are flat, {deep:.0f} planes for {min(across):.0f} pixels: are planes farther apart (spacing)?"
+            )
 
 
 def checked_bands(
@@ -216,14 +288,14 @@ def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
 
 
 def _in_tiles(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], outline: float
+    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
 ) -> NDArray[np.int32]:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
     from scipy.ndimage import center_of_mass
 
     objects, last = np.zeros(inside.shape, np.int32), 0
     for tile, core in _tiles(inside.shape, round(SETTINGS.overlap * radius)):
-        found = split(contrast[tile], inside[tile], threshold, radius, size, outline)
+        found = split(contrast[tile], inside[tile], threshold, radius, size, necks)
         found = with_own_borders(found, contrast[tile][..., None], np.zeros(1, np.float32))
         middles = center_of_mass(found > 0, found, np.arange(1, int(found.max()) + 1))
         own = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
@@ -351,10 +423,10 @@ def _explains(
 
 
 def split(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], outline: float
+    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
 ) -> NDArray[np.int32]:
     """Return labels of the objects, touching ones split at their necks."""
-    from scipy.ndimage import distance_transform_edt, gaussian_filter, zoom
+    from scipy.ndimage import distance_transform_edt, gaussian_filter, label, zoom
 
     fine = 2 if radius < SETTINGS.small and contrast.ndim == 2 else 1
     if fine > 1:
@@ -363,10 +435,15 @@ def split(
     objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine * SETTINGS.thin, 1), size)
     sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
     distance = gaussian_filter(distance_transform_edt(objects, size).astype(np.float32), sigmas, mode="nearest") / fine
-    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
-    parts = split_at_saddles(height, objects, SETTINGS.depth)
-    if parts.ndim == 2:
-        parts = join_at_ripples(parts, distance * fine, outline, fine)
+    if necks.depth == np.inf:
+        parts = np.asarray(label(objects)[0], np.int32)
+    elif necks.depth is not None:
+        parts = split_at_saddles(np.where(objects, distance, np.float32(0)), objects, necks.depth)
+    else:
+        height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
+        parts = split_at_saddles(height, objects, SETTINGS.depth)
+        if parts.ndim == 2:
+            parts = join_at_ripples(parts, distance * fine, necks.ripples, fine)
     return parts[(slice(None, None, fine),) * contrast.ndim]
 
 
@@ -374,13 +451,13 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
     """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave."""
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
-    rest, found = contrast > threshold, np.zeros(contrast.shape, np.bool_)
+    rest, found = contrast > min(threshold, 0.5), np.zeros(contrast.shape, np.bool_)
     for _ in range(SETTINGS.n_peels):
         pieces, n_pieces = label(rest)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
         levels = np.append(np.inf, median(contrast, pieces, np.arange(1, n_pieces + 1)))
-        core = rest & (contrast > 0.5 * levels[pieces])
+        core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
         found |= core
         # What is left counts where it is thick: in balls of this radius.
         kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > radius

@@ -109,11 +109,39 @@ def test_pixels_outside_the_mask_have_no_objects_and_no_influence() -> None:
     np.testing.assert_array_equal(count_objects(spoiled).labels, found.labels)
 
 
+def test_what_is_measured_can_be_said() -> None:
+    levels = [1, 1, 1, 1, 0.3, 1, 1, 1]
+    image = noisy(drawn(levels=levels), 0.02)
+    assert count_objects(image, neck_depth=np.inf).n_segments == len(DISCS) - 3
+    assert count_objects(image, neck_depth=2).n_segments == len(DISCS)
+    assert count_objects(image, min_contrast=0.5).n_segments == len(DISCS) - 1
+    whole = count_objects(image, exclude_edges=True)
+    assert whole.n_segments == len(DISCS) - 1
+    assert not whole.labels[60, 155]
+    said = count_objects(image, diameter=28).counting
+    assert said is not None
+    assert said.radius == 14
+    assert said.least_size == pytest.approx(0.12 * np.pi * 14**2)
+
+
+def test_doubtful_counts_say_why() -> None:
+    half = pytest.warns(UserWarning, match="above half of the image")
+    with half, pytest.warns(UserWarning, match="cover 9[0-9]% of what counts"):
+        count_objects(noisy(1.0 - drawn(0.4), 0.05), background="darkest")
+    volume = np.stack([noisy(drawn(), 0.1) * (1 < plane < 5) for plane in range(7)])
+    with pytest.warns(UserWarning, match="objects are flat, 3 planes"):
+        count_objects(volume, spacing=(1, 1, 1))
+
+
 def test_wrong_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="background='dim' must be one of largest, darkest, brightest"):
         count_objects(drawn(), background="dim")
     with pytest.raises(ValueError, match=r"min_size=-1 must be a finite number >= 0"):
         count_objects(drawn(), min_size=-1)
+    wrong: dict[str, Any] = {"diameter": 0.0, "min_contrast": 1.5, "neck_depth": -1}
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match=f"{name}={value} must be"):
+            count_objects(drawn(), **{name: value})
 
 
 def lit(kind: str, seed: int) -> tuple[NDArray[np.uint8], int]:

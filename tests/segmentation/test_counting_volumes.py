@@ -101,12 +101,24 @@ def test_the_table_of_a_ball_is_what_geometry_says() -> None:
     ball = BALLS[2]
     radius = ball[3] / 2
     assert table["volume_um3"] == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.03)
-    assert table["surface_um2"] == pytest.approx(4 * np.pi * radius**2, rel=0.1)
+    assert table["surface_um2"] == pytest.approx(4 * np.pi * radius**2, rel=0.03)
     assert table["equivalent_diameter_um"] == pytest.approx(2 * radius, rel=0.02)
     center = [float(table[f"{axis}_um"][0]) for axis in "zyx"]
     assert center == pytest.approx([(at + 0.5) / 2 for at in ball[:3]], abs=0.05)
     assert (table["mean_A"].tolist(), table["mean_B"].tolist(), table["std_A"].tolist()) == ([7.0], [9.0], [0.0])
     assert [table[side][0] for side in ("front", "back", "left", "right")] == [13, 28, 43, 58]
+
+
+@pytest.mark.parametrize(("radius", "apart"), [(5, 1.0), (5, 2.0), (9, 4.0), (14, 6.0)])
+def test_surfaces_of_balls_have_no_bias_however_far_planes_are_apart(radius: int, apart: float) -> None:
+    y, x = np.mgrid[:40, :40]
+    errors = []
+    for shift in RNG.uniform(-0.5, 0.5, (8, 3)):
+        down = np.arange(0, 48, apart)[:, None, None]
+        ball = (down - 24 - apart * shift[0]) ** 2 + (y - 20 - shift[1]) ** 2 + (x - 20 - shift[2]) ** 2 < radius**2
+        surface = volume_table(ball.astype(int), ball, pixel_size=PixelSize(0.5, 0.5, z=apart / 2))["surface_um2"][0]
+        errors.append(surface / (np.pi * radius**2) - 1)
+    assert abs(np.mean(errors)) < 0.03
 
 
 def test_planes_of_a_file_are_segmented_as_a_volume_if_their_distance_is_known(tmp_path: Path) -> None:
