@@ -95,10 +95,11 @@ SEGMENT = (
     ),
     passed(
         "smallest_detail",
-        Real(0, sized=True),
-        "Radius of the smallest detail that counts, in pixels or as 0.5um: edges cost enough that less vanishes.",
-        metavar="R",
-        default=1,
+        Real(0, sized=True, auto=True),
+        "Radius of the smallest detail that counts, in pixels or as 0.5um: edges cost enough that less vanishes; auto "
+        "keeps what describes the image in fewer bits, and all above 1 pixel.",
+        metavar="R|auto",
+        default="auto",
         excludes=_OTHER_WAYS,
     ).on_page(
         "Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), step=0.25, unit="px", high=1000

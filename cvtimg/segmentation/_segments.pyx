@@ -6,7 +6,8 @@ labels are padded: a frame of label 0, as wide as the disc of neighbors, surroun
 has a neighbor outside the array. Pixels of label 0 are nobody's neighbors. A disc is given by the steps, in the flat
 padded image, from a pixel to each of its neighbors.
 """
-from libc.stdint cimport int32_t, uint8_t, uint16_t, uint64_t
+from libc.math cimport fabs
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
 from libc.string cimport memcpy, memset
 
 import numpy as np
@@ -165,6 +166,7 @@ cdef inline double *copy_of(
 def sweep(
     stripe,                   # INOUT: labels, others and stale, (H + 2 R, W + 2 R); IN: values and weights, (H, W, D)
     const double[:, ::1] cells,  # IN (K + 1, 2 D + 1): masses, means and energy of each
+    const double[:, ::1] rates,  # IN (K + 1, 2): what a unit of energy, and of mass, costs in each
     double total,             # IN: the mass of all
     const int32_t[::1] steps, # IN (S,): the disc
     Py_ssize_t margin,        # IN: R
@@ -241,9 +243,10 @@ def sweep(
             # The cost of the pixel in its own cell, and in each that it could join.
             here = copy_of(own, cells, copies, &places[0], &touched[0], &n_touched)
             own_cost = cost_of_pixel(value, weight, here + dims, here, dims, -1)
-            least = weighed(own_cost, weight, here, dims, -1, total, power) - 2 * edge_weight * counts[own]
+            least = weighed(own_cost, weight, here, dims, -1, total, power)
+            least = rates[own, 0] * least + rates[own, 1] - 2 * edge_weight * counts[own]
             # A smaller gain is rounding, and could go round in circles.
-            least = least - 1e-12 * (least + 4 * edge_weight * n_steps)
+            least = least - 1e-12 * (fabs(least) + 4 * edge_weight * n_steps)
             best = own
             best_cost = 0
             for f in range(n_found):
@@ -252,7 +255,8 @@ def sweep(
                     continue
                 there = copy_of(label, cells, copies, &places[0], &touched[0], &n_touched)
                 cost = cost_of_pixel(value, weight, there + dims, there, dims, 1)
-                after = weighed(cost, weight, there, dims, 1, total, power) - 2 * edge_weight * counts[label]
+                after = weighed(cost, weight, there, dims, 1, total, power)
+                after = rates[label, 0] * after + rates[label, 1] - 2 * edge_weight * counts[label]
                 if after < least:
                     least = after
                     best = label
@@ -289,6 +293,154 @@ def sweep(
                 here[dims + s] = here[s] * step
                 here[s] -= old[s]
     return n_moved, n_pairs, n_boundary, np.asarray(touched)[:n_touched], np.asarray(copies)[:n_touched]
+
+
+def count_pairs(
+    const int32_t[:, ::1] parts,    # IN (H, W), padded: numbers of parts from 1
+    const int64_t[::1] places,      # IN (P,): pixels that have near pixels of other parts, in the flat image
+    const int32_t[::1] steps,       # IN (S,): half of the disc, so that each pair comes once
+    int64_t[::1] keys,              # INOUT (2^n,), zeros: a hash table of pairs, first * 2^32 + second, first < second
+    int64_t[::1] counts,            # INOUT (2^n,), zeros: near pixels of each
+):
+    """Count the near pixels that parts share; return how many pairs there are, or -1 if the table is half full."""
+    cdef Py_ssize_t p, s, used = 0
+    cdef uint64_t mask = keys.shape[0] - 1, slot
+    cdef const int32_t *at
+    cdef int64_t own, other, key
+    with nogil:
+        for p in range(places.shape[0]):
+            at = &parts[0, 0] + places[p]
+            own = at[0]
+            for s in range(steps.shape[0]):
+                other = at[steps[s]]
+                if other == own or other == 0:
+                    continue
+                key = (min(own, other) << 32) + max(own, other)
+                slot = (<uint64_t>key * <uint64_t>0x9E3779B97F4A7C15) >> 20 & mask
+                while keys[slot] != key and keys[slot] != 0:
+                    slot = (slot + 1) & mask
+                used += keys[slot] == 0
+                keys[slot] = key
+                counts[slot] += 1
+            if 2 * used > keys.shape[0]:
+                break
+    return -1 if 2 * used > keys.shape[0] else used
+
+
+def open_arcs(
+    const int32_t[::1] first,        # IN (N + 1,), as in `cut_least`
+    const int32_t[::1] heads,        # IN (A,)
+    const int64_t[::1] borders,      # IN (A,): what it costs if the two ends have different labels
+    const int64_t[::1] labels,       # IN (N,)
+    Py_ssize_t label,                # IN: the one that nodes may join
+    int64_t[::1] capacities,         # OUT (A,)
+    int64_t[::1] supplies,           # INOUT (N,): what joining costs each node more than staying; with borders, of the flow
+):
+    """Write the energy of each set of nodes that joins a label as that of a cut."""
+    cdef Py_ssize_t n = supplies.shape[0], p, a
+    cdef int32_t q
+    cdef int64_t border, now
+    with nogil:
+        for p in range(n):
+            for a in range(first[p], first[p + 1]):
+                capacities[a] = 0
+                q = heads[a]
+                border = borders[a]
+                if labels[p] == label or q < p and labels[q] != label:
+                    continue
+                if labels[q] == label:
+                    supplies[p] -= border
+                else:  # each pair once
+                    now = border if labels[p] != labels[q] else 0
+                    supplies[p] += border - now
+                    supplies[q] -= border
+                    capacities[a] = 2 * border - now
+        for p in range(n):
+            if labels[p] == label:
+                supplies[p] = 0
+
+
+def cut_least(
+    const int32_t[::1] first,        # IN (N + 1,): arcs of a node are those from first[i] to first[i + 1]
+    const int32_t[::1] heads,        # IN (A,): node to which each arc leads
+    const int32_t[::1] backs,        # IN (A,): the arc back
+    int64_t[::1] capacities,         # INOUT (A,): what may flow along each arc; what is left
+    int64_t[::1] supplies,           # INOUT (N,): what flows in, or if negative out; what is left
+    int32_t[::1] distances,          # OUT (N,): steps to a node from which something may still flow out; -1 if there is none
+    int32_t[::1] scratch,            # OUT (3 N,)
+):
+    """Send as much as can flow; nodes of distance -1 are then on the side of the sources. Dinic's algorithm."""
+    cdef Py_ssize_t n = supplies.shape[0], i, h, t, depth, j, back_to
+    cdef int32_t *queue = &scratch[0]
+    cdef int32_t *current = &scratch[n]
+    cdef int32_t *path = &scratch[2 * n]
+    cdef int32_t u, v, a
+    cdef int64_t flow
+    cdef bint reached
+    with nogil:
+        while True:
+            # Distances to the sinks, along arcs with room.
+            t = 0
+            reached = False
+            for i in range(n):
+                distances[i] = -1
+                if supplies[i] < 0:
+                    distances[i] = 0
+                    queue[t] = <int32_t>i
+                    t += 1
+            h = 0
+            while h < t:
+                u = queue[h]
+                h += 1
+                for a in range(first[u], first[u + 1]):
+                    v = heads[a]
+                    if distances[v] < 0 and capacities[backs[a]] > 0:
+                        distances[v] = distances[u] + 1
+                        queue[t] = v
+                        t += 1
+                        reached = reached or supplies[v] > 0
+            if not reached:
+                break
+            for i in range(n):
+                current[i] = first[i]
+            for i in range(t):
+                u = queue[i]
+                depth = 0
+                # Walk from the source downhill, and back where there is no way on, until it has nothing left.
+                while supplies[queue[i]] > 0:
+                    if supplies[u] < 0:
+                        flow = min(supplies[queue[i]], -supplies[u])
+                        for j in range(depth):
+                            flow = min(flow, capacities[path[j]])
+                        supplies[queue[i]] -= flow
+                        supplies[u] += flow
+                        back_to = depth
+                        for j in range(depth - 1, -1, -1):
+                            a = path[j]
+                            capacities[a] -= flow
+                            capacities[backs[a]] += flow
+                            if capacities[a] == 0:
+                                back_to = j
+                        if back_to < depth:
+                            u = heads[backs[path[back_to]]]
+                            depth = back_to
+                        continue
+                    while distances[u] > 0 and current[u] < first[u + 1]:
+                        a = current[u]
+                        if capacities[a] > 0 and distances[heads[a]] == distances[u] - 1:
+                            break
+                        current[u] += 1
+                    if distances[u] > 0 and current[u] < first[u + 1]:
+                        path[depth] = current[u]
+                        depth += 1
+                        u = heads[current[u]]
+                    else:
+                        distances[u] = -2
+                        if depth == 0:
+                            break
+                        depth -= 1
+                        u = heads[backs[path[depth]]]
+                        current[u] += 1
 
 
 def half_disc_distances(

@@ -10,7 +10,10 @@ straight edge along an axis costs 36 `edge_weight` per pixel of its length at ra
 its surroundings is worth its edge from a radius of about 72 `edge_weight` / c^2 on. A disc shrinks pixel by pixel only
 below half of that radius: to take away what is not worth its edge, descend at twice the weight first. In a volume the
 disc of near pixels is a ball; one that differs by c is worth its border from a radius of about 428 `edge_weight` / c^2
-on, and shrinks below two thirds of that: there, 3/2 of the weight comes first.
+on, and shrinks below two thirds of that: there, 3/2 of the weight comes first. Where regions move as a whole
+(`region_moves.py`), larger ones that are not worth their edges go as well.
+
+A segment k may have rates of its own: its part of E is then f_k times its energy, and o_k for each of its pixels.
 
 J. Wang, L. Ju, X. Wang, IEEE Transactions on Image Processing 18 (2009) 1844-1858.
 """
@@ -29,8 +32,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import of_each, side_by_side
+from cvtimg._shared.sums import take_rows
+from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg.segmentation import _segments
+from cvtimg.segmentation.grids import grid_of_cells
+from cvtimg.segmentation.region_moves import parts_of, rearranged
 from cvtimg.segmentation.values import from_nearest
 
 #: A sweep has transferred almost no pixels if it has transferred at most this share of those on boundaries.
@@ -38,6 +44,19 @@ _ALMOST_NONE = 9e-4
 _MAX_SWEEPS = 1000
 #: Rows of a stripe at least: of 12 megapixels, 16 threads have some each.
 _STRIPE = 64
+#: Pixels up to this distance tell over which area what a segment does not explain is correlated.
+_CORRELATED = 3
+#: Pixels, some more or fewer, of which variances are taken.
+_ENOUGH_SAMPLES = 1 << 15
+#: Regions of an image of more pixels move in one of half the size, and so on; of one beyond the most, in one that has
+#: about so many, which is held in memory.
+_ENOUGH_PIXELS, _MOST_PIXELS = 1 << 19, 1 << 22
+#: Superpixels in which regions move, and sweeps that these get: 2,000 that settle gain 1 % of energy.
+_N_LEAVES, _LEAF_SWEEPS = 500, 4
+#: Pixels above which superpixels are found at half the size.
+_ENOUGH_FOR_LEAVES = 1 << 16
+#: Sweeps before regions move, rounds of moves, and sweeps after each but the last.
+_FIRST_SWEEPS, _ROUNDS, _SWEEPS_BETWEEN = 3, 2, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +86,8 @@ def descend(
     connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
     detail: float = 0,
+    of_regions: float | None = None,
+    described: bool = False,
 ) -> EdgeWeighted:
     """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
     # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
@@ -78,7 +99,9 @@ def descend(
     known = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
     others, stale = np.zeros(padded.shape, np.uint16), np.zeros(padded.shape, np.uint8)
     whole = Layers(np.ascontiguousarray(values, dtype=np.float32), known, padded, others, stale)
-    state = State(whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes))
+    state = State(
+        whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes, of_regions, described)
+    )
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
     inner, cells = padded[radius:-radius, radius:-radius].copy(), state.cells
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
@@ -116,6 +139,9 @@ class Moves(NamedTuple):
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
     planes: Planes | None = None  # those of a volume, or none: an image
+    #: Edge weight of regions, which move as a whole; with a detail, the least. None: pixels move one by one.
+    of_regions: float | None = None
+    described: bool = False  # whether that of a detail is the most, and the least description decides
 
 
 class Planes(NamedTuple):
@@ -185,7 +211,9 @@ class State:
         steps = (neighbors(radius, moves.planes) @ (rows * stride, stride, 1)).astype(np.int32)
         self._steps, self._margin, self._reach = steps, radius, -(-int(steps.max()) // stride)
         self.cells = SegmentMoments(n_segments, n_dims)
-        self._image, self._moves = image, moves
+        self.rates = np.zeros((n_segments + 1, 2))
+        self.rates[:, 0] = 1
+        self._image, self._moves, self._shape = image, moves, shape
         self._stripes = _stripes(height, 2 * self._reach)
         self._measure = partial(self.cells.measure, image, self._stripes, radius)
         self._measure()  # about the origin, to find the means
@@ -201,10 +229,143 @@ class State:
         worth = self._greatest_step() * weight_of_detail(detail, radius, planes) if detail else 0.0
         weight, shrinking = max(edge_weight, worth), (1.5 if is_deep(radius, planes) else 2) * worth
         self._begin()
-        if shrinking > weight:
+        if self._moves.of_regions is not None:
+            described = self._moves.described
+            if shrinking > weight and not described:
+                self._settle(shrinking, max_sweeps)
+            self._settle(weight, min(_FIRST_SWEEPS, max_sweeps))
+            least = self._moves.of_regions if described else max(self._moves.of_regions, worth)
+            weight = self._move_regions(edge_weight, least, worth if described else 0.0)
+        elif shrinking > weight:
             self._settle(shrinking, max_sweeps)
         energies, converged = self._settle(weight, max_sweeps)
         return energies, weight, converged
+
+    def _move_regions(self, of_pixels: float, least: float, worth: float) -> float:
+        """Move regions, of a large image in a smaller one first, and return the edge weight with which to go on.
+
+        It is at least that `of_pixels`. That of regions is the `least` one or, if they are to be `worth` one, between.
+        """
+        (height, width, _), margin = self._shape, self._margin
+        n_pixels = height * width
+        if self._moves.planes or n_pixels <= _ENOUGH_PIXELS:
+            leaves = self._leaves()
+            for _ in range(_ROUNDS):
+                weight = self._describe(least, worth) if worth else least
+                if not self._rearrange(leaves, weight):
+                    break
+                self._settle(max(weight, of_pixels), _SWEEPS_BETWEEN)
+            return max(weight, of_pixels)
+        side = 2 ** max(int(np.log2(n_pixels / _MOST_PIXELS) / 2), 1)  # of the squares that become one pixel
+        values, before = self._reduced(side)
+        frames = (np.zeros([length + 2 * margin for length in before.shape], kind) for kind in (np.uint16, np.uint8))
+        image = Layers(values, None, np.pad(before, margin), *frames)
+        small = State(image, values.shape, len(self.rates) - 1, self._moves)
+        small._begin()
+        small._settle(small._move_regions(of_pixels / side, least / side, worth / side), _MAX_SWEEPS)
+        after = image.labels[margin:-margin, margin:-margin]
+        columns = np.minimum(np.arange(width) // side, before.shape[1] - 1)
+        for first, last in self._stripes:
+            labels = self._image.rows(first, last, margin).labels[margin:-margin, margin:-margin]
+            rows = np.minimum(np.arange(first, last) // side, len(before) - 1)
+            y, x = np.nonzero((after != before)[rows].take(columns, axis=1))
+            blocks = rows[y], columns[x]
+            labels[y, x] = np.where(labels[y, x] == before[blocks], after[blocks], labels[y, x])
+        self._changed()
+        return max(self._describe(least, worth) if worth else least, of_pixels)
+
+    def _changed(self) -> None:
+        """Measure labels that have been written."""
+        margin = self._margin
+        for first, last in self._stripes:
+            self._image.others[first + margin : last + margin][:] = 0
+        self._measure()
+        self._begin()
+
+    def _describe(self, least: float, most: float) -> float:
+        """Set what pixels cost in each segment by its variance, and return the edge weight of regions.
+
+        A segment of the variance C describes n pixels in n / 2 A ln C nats beyond what all have, and an edge takes ln 3
+        for each pixel of its length, as a chain code. A is the area over which pixels are correlated.
+        """
+        radius, planes, margin = self._moves.radius, self._moves.planes, self._margin
+        steps = [(down, right) for _, down, right in neighbors(min(radius, _CORRELATED)) if (down, right) > (0, 0)]
+        n_labels, means = len(self.rates), self.cells.means
+        variances, products = np.zeros((n_labels, *(means.shape[1],) * 2)), np.zeros((2 * len(steps) + 2, n_labels))
+        n_rows = -(-_ENOUGH_SAMPLES // (self._shape[1] * len(self._stripes)))
+        bands = [self._image.rows(first, min(last, first + max(n_rows, 8)), margin) for first, last in self._stripes]
+        parts = []
+        for band in bands:
+            labels = band.labels[margin:-margin, margin:-margin]
+            parts.append((labels, band.values - means[labels]))
+            for label in np.unique(labels[labels > 0]):
+                rows = parts[-1][1][labels == label]
+                variances[label] += np.einsum("nd,ne->de", rows, rows)
+        axes = np.linalg.eigh(variances)[1][:, :, -1]
+        for labels, values in parts:
+            along = np.einsum("yxd,yxd->yx", values, axes[labels])
+            for number, (down, right) in enumerate([(0, 0), *steps]):
+                here = np.s_[: len(labels) - down, max(-right, 0) : labels.shape[1] - max(right, 0)]
+                there = np.s_[down:, max(right, 0) : labels.shape[1] + min(right, 0)]
+                same = np.where(labels[here] == labels[there], labels[here], 0).ravel()
+                product = (along[here] * along[there]).ravel()
+                products[2 * number] += np.bincount(same, product, n_labels)
+                products[2 * number + 1] += np.bincount(same, minlength=n_labels)
+        covariances = products[::2] / np.maximum(products[1::2], 1)
+        share = products[1] * (np.arange(n_labels) > 0)
+        share /= share.sum()
+        c = np.maximum(covariances[0], 1e-9)
+        s = np.maximum(c + 2 * covariances[1:].sum(axis=0), 1e-9)
+        g0 = float(np.exp((share * np.log(c)).sum()))
+        g = max(float(np.exp((share * np.log(s)).sum())), g0)
+        c[share == 0] = g0
+        self.rates[:] = np.stack([g0 / c, g0 * np.log(c / g0)], axis=1)
+        return max(least, min(2 * log(3) * g / length_cost(radius, planes), most))
+
+    def _leaves(self) -> NDArray[np.int32]:
+        """(H, W) superpixels; of a volume, cubes."""
+        margin, planes, (height, width, _) = self._margin, self._moves.planes, self._shape
+        image = self._image.rows(0, height, margin)
+        inside = image.labels[margin:-margin, margin:-margin] > 0
+        if planes is None:
+            return leaves_of(image.values, inside)
+        side = max((np.count_nonzero(inside) * planes.spacing / _N_LEAVES) ** (1 / 3), 1)
+        plane, down = np.divmod(np.arange(height, dtype=np.int32), planes.rows)
+        deep = plane // max(round(side / planes.spacing), 1)
+        high, wide = (places // round(side) for places in (down, np.arange(width, dtype=np.int32)))
+        return ((deep * (high.max() + 1) + high) * (wide.max() + 1))[:, None] + wide
+
+    def _rearrange(self, leaves: NDArray[np.int32], edge_weight: float) -> bool:
+        """Move regions, in parts of leaves; return whether any moved."""
+        margin, image, n_labels = self._margin, self._image.rows(0, self._shape[0], self._margin), len(self.rates)
+        inner = image.labels[margin:-margin, margin:-margin]
+        keys = np.where(inner > 0, leaves * np.int64(n_labels) + inner, 0)
+        present = np.bincount(keys.ravel()) > 0
+        present[0] = False
+        before = np.flatnonzero(present) % n_labels - 1
+        numbers = np.where(present, np.cumsum(present), 0).astype(np.int32)[keys]
+        parts = parts_of(
+            image.values, np.pad(numbers, margin), margin, self._steps, 2 * edge_weight, self.rates[1:].copy()
+        )
+        after = rearranged(parts, before)
+        if (after == before).all():
+            return False
+        inner[:] = np.append(0, after + 1)[numbers]
+        self._changed()
+        return True
+
+    def _reduced(self, side: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return means of squares of pixels, and the labels in their middles."""
+        margin, height, values, labels = self._margin, self._shape[0] // side, [], []
+        for first in range(0, height, _STRIPE):
+            rows = self._image.rows(first * side, min(first + _STRIPE, height) * side, margin)
+            inner = rows.labels[margin:-margin, margin:-margin]
+            labels.append(inner[side // 2 :: side, side // 2 :: side])
+            values.append(rows.values)
+            for _ in range(side.bit_length() - 1):
+                values[-1] = halved(values[-1])
+        width = values[0].shape[1]
+        return np.concatenate(values), np.concatenate([rows[:, :width] for rows in labels])
 
     def _settle(self, edge_weight: float, max_sweeps: int) -> tuple[tuple[float, ...], bool]:
         """Sweep until almost nothing moves; return the energies before each sweep and at the end."""
@@ -245,7 +406,9 @@ class State:
 
     def _energy(self, edge_weight: float) -> float:
         """Return the energy of the labels as they are."""
-        return float(np.einsum("k,k->", self._shares(), self.cells.energies)) + edge_weight * self._n_pairs
+        cells, (f, o) = self.cells, self.rates.T
+        own = self._shares() * cells.energies * f + cells.masses.mean(axis=1) * o
+        return float(np.einsum("k->", own)) + edge_weight * self._n_pairs
 
     def _greatest_step(self) -> float:
         """Return the greatest squared distance between the means of segments that meet, times the share of either."""
@@ -267,7 +430,16 @@ class State:
         """Visit the pixels on boundaries, or those of them near transfers; return how many were transferred."""
         moved, margin, rows, image, backward = 0, self._margin, self.cells.rows, self._image, number % 2 == 0
         total = float(self.cells.masses.mean(axis=1).sum())
-        how = total, self._steps, margin, edge_weight, self._moves.volume_power, self._moves.connected, backward
+        how = (
+            self.rates,
+            total,
+            self._steps,
+            margin,
+            edge_weight,
+            self._moves.volume_power,
+            self._moves.connected,
+            backward,
+        )
 
         def sweep(stripes: Sequence[tuple[int, int]], number: int) -> Any:
             own = slice(*(end + margin for end in stripes[number]))
@@ -287,6 +459,37 @@ class State:
                 changes[touched] += change
             self.cells.add(changes)
         return moved
+
+
+def leaves_of(values: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """(H, W) superpixels of (H, W, D) values, not quite settled."""
+    if inside.all() and inside.size > _ENOUGH_FOR_LEAVES:
+        rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in inside.shape)
+        half = halved(values)
+        return take_rows(leaves_of(half, np.ones(half.shape[:2], bool)).take(columns, axis=1), rows)
+    cells = grid_of_cells(inside, min(_N_LEAVES, int(inside.sum())))
+    way: dict[str, Any] = {"edge_weight": compactness_of(values, cells), "connected": True, "max_sweeps": _LEAF_SWEEPS}
+    return descend(values, cells, int(cells.max()), **way).labels
+
+
+def compactness_of(values: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
+    """Return the edge weight of details of one pixel that differ as two pixels of a cell do."""
+    within = float(moments_of(values, cells).energies.sum() / np.count_nonzero(cells))
+    return 2 * within * weight_of_detail(1, 3)
+
+
+def halved(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H // 2, W // 2, D) means of squares of four pixels."""
+    height, width = (side // 2 for side in values.shape[:2])
+    half = np.empty((height, width, values.shape[2]), np.float32)
+
+    def halve(own: slice) -> None:
+        rows = values[2 * own.start : 2 * own.stop, : 2 * width]
+        pairs = rows[::2] + rows[1::2]
+        half[own] = (pairs[:, ::2] + pairs[:, 1::2]) / 4
+
+    in_stripes(halve, height, work=8.0 * values.size)
+    return half
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

@@ -18,11 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.threads import in_stripes
 from cvtimg.colors.spaces import SPACES
-from cvtimg.labels.components import absorb_small, connected_pieces
-from cvtimg.segmentation.edge_weight import EdgeWeighted, descend, moments_of, weight_of_detail
+from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, halved
 from cvtimg.segmentation.frames import frame_of
+from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels
@@ -89,9 +88,7 @@ def superpixels(
 
 def _compactness(field: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
     """Follow the variance within cells, and the noise where that needs more."""
-    found, inside = moments_of(field, cells), cells > 0
-    within = float(found.energies.sum() / np.count_nonzero(inside))
-    return max(2 * within * weight_of_detail(1, _RADIUS), auto_weight(noise_covariance(field, inside), _RADIUS))
+    return max(compactness_of(field, cells), auto_weight(noise_covariance(field, cells > 0), _RADIUS))
 
 
 def _settled(field: NDArray[np.float32], cells: NDArray[np.int32], weight: float, whole: bool) -> EdgeWeighted:
@@ -99,31 +96,9 @@ def _settled(field: NDArray[np.float32], cells: NDArray[np.int32], weight: float
     (height, width), n_cells = (side // 2 for side in cells.shape), int(cells.max())
     halves = whole and min(height, width, (height * width / n_cells) ** 0.5) >= _LEAST_SIDE
     if halves:
-        half = np.empty((height, width, field.shape[2]), np.float32)
-
-        def halve(own: slice) -> None:
-            rows = field[2 * own.start : 2 * own.stop, : 2 * width]
-            pairs = rows[::2] + rows[1::2]
-            half[own] = (pairs[:, ::2] + pairs[:, 1::2]) / 4
-
-        in_stripes(halve, height, work=8.0 * field.size)
+        half = halved(field)
         # A pixel stands for four there, and a border has half the length.
         small: Any = half, cells[: 2 * height : 2, : 2 * width : 2], weight / 2, True
         rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in cells.shape)
         cells = take_rows(_settled(*small).labels.take(columns, axis=1), rows)
     return descend(field, cells, n_cells, edge_weight=weight, connected=True)
-
-
-def grid_of_cells(inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
-    """Divide what is inside (H, W) into about a number of connected cells of like size, numbered from 1."""
-    height, width = inside.shape
-    # The whole image gets proportionally more cells, so that the number requested lies inside the mask.
-    n_all = n_cells * inside.size / inside.sum()
-    n_columns = max(1, min(width, round(np.sqrt(n_all * width / height)), round(n_all)))
-    n_rows = max(1, min(height, round(n_all / n_columns)))
-    rows, columns = np.arange(height) * n_rows // height, np.arange(width) * n_columns // width
-    cells = np.add.outer((rows * n_columns).astype(np.int32), (columns + 1).astype(np.int32))
-    if inside.all():
-        return cells
-    pieces = connected_pieces(np.where(inside, cells, 0))
-    return absorb_small(pieces, np.zeros((*inside.shape, 1), np.float32), inside.sum() // n_cells // 4)

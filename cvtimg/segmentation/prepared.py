@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_non_negative
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
 from cvtimg._shared.choices import AveragingName
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
@@ -22,6 +23,13 @@ from cvtimg.segmentation.values import PictureValues
 #: noise of a quarter to all of their contrast, the most pixels are right from 0.3 to 0.4.
 _AUTO_WEIGHT = 0.35
 _RADIUS_OF_AUTO = 3
+#: A region averages the noise of its pixels: its edge weight need be but this part of theirs. An edge is described in
+#: ln 3 nats for each pixel of its length, as by a chain code, and these cost 36 edge weights, in units of 2 variances.
+_OF_REGIONS = 2 * log(3) / 36 / _AUTO_WEIGHT
+#: Regions move between at most this many segments: more take longer and have few regions each.
+_MOST_MOVED = 64
+#: Radius of a detail in pixels: where "auto" decides what counts, larger ones that are as different as any always do.
+_DETAIL_AT_MOST = 1.0
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
@@ -40,6 +48,7 @@ class Smoothness:
     edge_weight: float | None  # in squared values; none if it is to follow the smallest detail and the noise
     edge_radius: int  # pixels are near each other up to this distance
     smallest_detail: float  # radius of the discs that are just worth their edge
+    described: bool  # whether edges may cost less, as segments are described in the fewest bits
     volume_power: float  # cells count by their share of the mass to this power
     planes: Planes | None  # of a volume
 
@@ -49,16 +58,17 @@ class Smoothness:
         averaging: AveragingName | Averaging | None,
         edge_weight: float | str,
         edge_radius: int,
-        smallest_detail: float,
+        smallest_detail: float | str,
         volume_power: float = 0,
         planes: Planes | None = None,
     ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
-        detail = check_non_negative("smallest_detail", smallest_detail)
+        given = check_edge_weight(smallest_detail, "smallest_detail")
+        detail, described = (_DETAIL_AT_MOST, not volume_power) if given is None else (given, False)
         if averaging is not None and not isinstance(averaging, Averaging):
             averaging = Averaging(check_choice("averaging", averaging, WHEN))
-        return cls(averaging, check_edge_weight(edge_weight), radius, detail, volume_power, planes)
+        return cls(averaging, check_edge_weight(edge_weight), radius, detail, described, volume_power, planes)
 
     def averages(self, when: str) -> Averaging | None:
         """Return how to average at this time, if so."""
@@ -69,6 +79,13 @@ class Smoothness:
         if self.edge_weight is not None:
             return self.edge_weight, 0.0
         return auto_weight(noise, self.edge_radius, self.planes) * gain, self.smallest_detail
+
+    def moves(self, edge_weight: float, n_segments: int) -> dict[str, Any]:
+        """Return which regions move as a whole, if any, by the edge weight of pixels: arguments of `Moves`."""
+        if self.volume_power or n_segments > _MOST_MOVED:
+            return {}
+        of_regions = edge_weight if self.edge_weight is not None else edge_weight * _OF_REGIONS
+        return {"of_regions": of_regions, "described": self.described}
 
     def prepare(self, values: PictureValues, shaded: int = 0) -> Prepared:
         """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
@@ -114,6 +131,8 @@ class Prepared:
         if not (self.edge_weight or detail):
             return labels, None
         moves: dict[str, Any] = {"radius": how.edge_radius, "volume_power": how.volume_power, "planes": how.planes}
+        if by_detail:
+            moves |= how.moves(self.edge_weight, n_segments)
         end = descend(self.data, labels, n_segments, edge_weight=self.edge_weight, detail=detail, **moves)
         return end.labels, end
 

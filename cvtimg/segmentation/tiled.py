@@ -50,7 +50,7 @@ def segment_file(
     n_segments: int,
     *,
     space: SpaceName = "rgb",
-    smallest_detail: float = 1,
+    smallest_detail: float | str = "auto",
     edge_weight: float | str = "auto",
     edge_radius: int = 3,
     nodata: float | None = None,
@@ -128,7 +128,8 @@ def segment_file(
         nearest = picture.nearest(cells.generators * scale - origin, blur)
         for (first, last), labels in zip(picture.strips, nearest, strict=True):
             layers.labels[first + edge_radius : last + edge_radius][:, inner] = labels
-        state = State(layers, (*picture.shape, len(origin)), len(cells.generators), Moves(edge_radius))
+        moves = Moves(edge_radius, **smoothness.moves(weight, len(cells.generators)))
+        state = State(layers, (*picture.shape, len(origin)), len(cells.generators), moves)
         energies, converged = tuple(energy * scale**2 for energy in cells.energies), cells.converged
         if weight or detail:
             energies, weight, converged = state.descend(weight, detail)

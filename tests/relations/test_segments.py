@@ -30,6 +30,11 @@ def labels_of(image: Image) -> tuple[Image, float]:
     return result.labels, result.energies[-1]
 
 
+def in_variances(image: Image) -> float:
+    """Segment an image, and return the energy in units of its variance."""
+    return labels_of(image)[1] / float(np.var(image.astype(float)))
+
+
 def of_volume(volume: Image) -> tuple[Image, float]:
     """Segment a volume."""
     result = segment(volume, 3, spacing=(1.5, 1, 1))
@@ -58,9 +63,9 @@ def same(back: Callable[[Image], Image]) -> Callable[[Any, Any], None]:
     return follows
 
 
-def partition(before: tuple[Image, float], after: tuple[Image, float]) -> None:
-    """Assert that segments are the same but for a pixel of a hundred, whatever their numbers and energies."""
-    assert same_partition(before[0], after[0]) > 0.99
+def energy(before: float, after: float) -> None:
+    """Assert that energies are about the same: a rounding can lead the descent to another end."""
+    np.testing.assert_allclose(after, before, rtol=0.1)
 
 
 _HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
@@ -70,7 +75,7 @@ _HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
     "transposed": (lambda image: image.swapaxes(0, 1), lambda labels: labels.swapaxes(0, 1)),
 }
 _VALUES: dict[str, Callable[[Image], Image]] = {
-    "an offset and a scale": lambda image: 0.2 + 0.4 * (image / np.iinfo(image.dtype).max)
+    "an offset and a scale": lambda image: 7 + image.astype(np.uint32) * np.uint32(1000)
 }
 _PICTURES = (gray_picture, color_picture, noisy_picture)
 _TOLD: dict[str, Any] = {"since": "2026-11-27"}
@@ -95,7 +100,7 @@ RELATIONS = [
         for inputs in _PICTURES
     ),
     *(
-        Relation("segment", f"{name}, {inputs.__name__}", inputs, labels_of, change, partition, **_TOLD)
+        Relation("segment", f"{name}, {inputs.__name__}", inputs, in_variances, change, energy, **_TOLD)
         for inputs in _PICTURES
         for name, change in _VALUES.items()
     ),

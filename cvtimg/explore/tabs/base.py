@@ -111,7 +111,7 @@ class Tab:
         """Return the settings of a draft: lengths and areas shrink with the picture."""
         settings = dict(request.settings)
         for control in self.controls:
-            if isinstance(control, Number) and control.unit in _POWERS:
+            if isinstance(control, Number) and control.unit in _POWERS and settings[control.name] != "auto":
                 small = settings[control.name] / request.step ** _POWERS[control.unit]
                 settings[control.name] = max(control.low, round(small) if control.step == 1 else small)
         return settings

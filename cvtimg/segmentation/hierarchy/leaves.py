@@ -12,7 +12,7 @@ from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend, moments_of
-from cvtimg.segmentation.grid_cells import grid_of_cells
+from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix

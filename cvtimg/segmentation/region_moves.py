@@ -1,0 +1,227 @@
+"""Moves of regions: parts of an image that change their segment together, as many at once as lower the energy most.
+
+A region that is not worth its edges stays where single pixels move, if it is larger than what shrinks by itself. Here,
+parts are superpixels cut where segments meet, so that the labels as they are can be told in them, and the energy of any
+labels of parts is known exactly. For each segment in turn, the set of parts that would best join it is a minimum cut
+(alpha-expansion: Y. Boykov, O. Veksler, R. Zabih, IEEE Trans. Pattern Analysis and Machine Intelligence 23 (2001)
+1222-1239, doi 10.1109/34.969114), and generators follow each move. A segment that has lost all its parts is given to
+the piece of another that gains most by a generator of its own; and two segments are joined where that frees a generator
+that gains more elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg.segmentation import _segments
+
+#: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
+_WORTHWHILE, _MAX_CYCLES = 1e-5, 10
+#: How often lost segments are given back, and two are joined to free one.
+_MAX_GIFTS, _MAX_TRADES = 4, 4
+
+_Floats = NDArray[np.float64]
+_Labels = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """Parts of an image, numbered from 0, and what their pixels cost in each of K segments.
+
+    In a segment of the rates (f, o), a pixel costs f times its squared distance from the generator, and o.
+    """
+
+    masses: _Floats  # (N,): pixels
+    sums: _Floats  # (N, D): sums of their values
+    squares: _Floats  # (N,): sums of their squared values
+    first: NDArray[np.int32]  # (N + 1,): arcs of a part are those from first[i] to first[i + 1]
+    tails: NDArray[np.int32]  # (A,): part that each arc comes from
+    heads: NDArray[np.int32]  # (A,): part that it leads to
+    backs: NDArray[np.int32]  # (A,): the arc back
+    borders: _Floats  # (A,): what it costs if the two are in different segments
+    rates: _Floats  # (K, 2): f and o
+
+    def moments(self, labels: _Labels, n_labels: int) -> tuple[_Floats, _Floats, _Floats]:
+        """Return the masses, the sums and the energies about the means of all labels, from 0."""
+        masses = np.bincount(labels, self.masses, n_labels).astype(np.float64)
+        sums: _Floats = np.stack([np.bincount(labels, column, n_labels) for column in self.sums.T], axis=1)
+        squares = np.bincount(labels, self.squares, n_labels).astype(np.float64)
+        return masses, sums, squares - _squared(sums) / np.maximum(masses, 1e-9)
+
+    def costs(self, labels: _Labels) -> tuple[_Floats, _Floats]:
+        """Return the energy of each segment, and (K, D) its sums over its mass."""
+        masses, sums, energies = self.moments(labels, len(self.rates))
+        means = sums / np.maximum(masses, 1e-9)[:, None]
+        return self.rates[:, 0] * energies + self.rates[:, 1] * masses, means
+
+    def costs_at(self, means: _Floats) -> _Floats:
+        """(K, N) costs of each part in each segment with these generators."""
+        away = self.squares - 2 * np.einsum("kd,nd->kn", means, self.sums) + self.masses * _squared(means)[:, None]
+        costs: _Floats = self.rates[:, :1] * away + self.rates[:, 1:] * self.masses
+        return costs
+
+    def energy(self, labels: _Labels) -> float:
+        """Return the energy of labels, of segments and of borders."""
+        apart = labels[self.tails] != labels[self.heads]
+        return float(self.costs(labels)[0].sum() + self.borders[apart].sum() / 2)
+
+
+def _squared(rows: _Floats) -> _Floats:
+    squares: _Floats = np.einsum("kd,kd->k", rows, rows)
+    return squares
+
+
+def parts_of(
+    values: NDArray[np.float32],
+    numbers: NDArray[np.int32],
+    margin: int,
+    steps: NDArray[np.int32],
+    border: float,
+    rates: _Floats,
+) -> Parts:
+    """Measure parts on (H, W, D) values; numbers, from 1 and 0 outside, are padded by the margin.
+
+    A pair of near pixels in different segments costs `border`; `steps` lead to near pixels in the flat padded image.
+    """
+    from scipy.sparse import coo_array
+
+    others = np.zeros(numbers.shape, np.uint16)
+    beyond = -(-int(steps.max()) // numbers.shape[1]) - margin  # rows from which steps lead out
+    _segments.count_others(numbers, steps, margin, beyond, len(numbers) - 2 * margin - beyond, others)
+    places, size, used = np.flatnonzero(others), 1 << 12, -1
+    while used < 0:
+        size *= 4
+        keys, counts = np.zeros(size, np.int64), np.zeros(size, np.int64)
+        used = _segments.count_pairs(numbers, places, steps[steps > 0], keys, counts)
+    slots = np.flatnonzero(keys)
+    pairs = np.stack([keys[slots] >> 32, keys[slots] & 0xFFFFFFFF]) - 1
+    inner = numbers[margin:-margin, margin:-margin].ravel()
+    known = np.flatnonzero(inner)
+    part, rows = inner[known] - 1, values.reshape(-1, values.shape[2])[known].astype(np.float64)
+    n_parts = int(part.max()) + 1
+    ends = np.concatenate([pairs, pairs[::-1]], axis=1)
+    costs = border * np.tile(counts[slots], 2)
+    graph = coo_array((costs, tuple(ends)), shape=(n_parts, n_parts)).tocsr()
+    graph.sort_indices()
+    heads = graph.indices.astype(np.int32)
+    backs = np.empty_like(heads)
+    backs[np.argsort(heads, kind="stable")] = np.arange(len(heads))
+    masses = np.bincount(part, minlength=n_parts).astype(np.float64)
+    sums: _Floats = np.stack([np.bincount(part, column, n_parts) for column in rows.T], axis=1)
+    squares = np.bincount(part, _squared(rows), n_parts).astype(np.float64)
+    first = graph.indptr.astype(np.int32)
+    tails = np.repeat(np.arange(n_parts, dtype=np.int32), np.diff(first))
+    return Parts(masses, sums, squares, first, tails, heads, backs, graph.data, rates)
+
+
+def rearranged(parts: Parts, labels: _Labels) -> _Labels:
+    """Return labels of parts, from 0, of lower energy; the same where no move lowers it."""
+    best = _expanded(parts, labels)
+    for way, n_times in ((_given_back, _MAX_GIFTS), (_traded, _MAX_TRADES)):
+        for _ in range(n_times):
+            start = way(parts, best)
+            if start is None:
+                break
+            other = _expanded(parts, start)
+            if parts.energy(other) >= parts.energy(best) * (1 - 1e-6):
+                break
+            best = other
+    return best
+
+
+def _expanded(parts: Parts, labels: _Labels) -> _Labels:
+    """Let each segment in turn take the parts that lower the energy most, until a cycle gains little."""
+    energy, means, flow = parts.energy(labels), parts.costs(labels)[1], _Flow(parts)
+    costs, n_labels, in_vain = parts.costs_at(means), len(parts.rates), 0
+    for _ in range(_MAX_CYCLES):
+        before = energy
+        for label in range(n_labels):
+            if in_vain >= n_labels:  # nothing has changed since each was tried
+                return labels
+            in_vain += 1
+            moved = flow.expanded(labels, label, costs)
+            if moved is None:
+                continue
+            after = parts.energy(moved)
+            if after < energy - 1e-9 * abs(energy):
+                present = np.bincount(moved, minlength=n_labels) > 0
+                means = np.where(present[:, None], parts.costs(moved)[1], means)
+                labels, energy, costs, in_vain = moved, after, parts.costs_at(means), 0
+        if energy > before - _WORTHWHILE * abs(before):
+            break
+    return labels
+
+
+class _Flow:
+    """Minimum cuts of the same parts, in whole numbers."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        n_parts, n_arcs = len(parts.masses), len(parts.heads)
+        most = float((parts.rates[:, 0].max() * parts.squares).sum() + parts.borders.sum())
+        self._scale = 2.0**52 / max(most, 1e-100)  # sums of all costs stay well below 2^63
+        self._borders = np.rint(parts.borders * self._scale).astype(np.int64)
+        self._capacities, self._distances = np.empty(n_arcs, np.int64), np.empty(n_parts, np.int32)
+        self._scratch = np.empty(3 * n_parts, np.int32)
+
+    def expanded(self, labels: _Labels, label: int, costs: _Floats) -> _Labels | None:
+        """Return labels where the best set of parts has joined a segment, by (K, N) costs; None if that is none."""
+        parts = self._parts
+        supplies = np.rint((costs[label] - costs[labels, np.arange(len(labels))]) * self._scale).astype(np.int64)
+        arcs = parts.first, parts.heads
+        _segments.open_arcs(*arcs, self._borders, labels, label, self._capacities, supplies)
+        if supplies.min() >= 0:
+            return None
+        _segments.cut_least(*arcs, parts.backs, self._capacities, supplies, self._distances, self._scratch)
+        joins = (self._distances >= 0) & (labels != label)
+        return np.where(joins, label, labels) if joins.any() else None
+
+
+def _given_back(parts: Parts, labels: _Labels) -> _Labels | None:
+    """Give each segment without parts to the connected piece that lowers the energy most by its own generator."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    given, tails, heads, (f, o) = labels, parts.tails, parts.heads, parts.rates.T
+    for lost in np.flatnonzero(np.bincount(labels, minlength=len(parts.rates)) == 0):
+        same = given[tails] == given[heads]
+        graph = coo_array((np.ones(same.sum()), (tails[same], heads[same])), shape=(len(labels),) * 2)
+        n_pieces, pieces = connected_components(graph, directed=False)
+        of_piece = np.empty(n_pieces, np.int64)
+        of_piece[pieces] = given
+        masses, sums, energies = parts.moments(pieces, n_pieces)
+        whole = [moment[of_piece] for moment in parts.moments(given, len(parts.rates))]
+        rest = np.maximum(whole[0] - masses, 1e-9)
+        # What the piece and the rest are apart is what both together lose.
+        apart = _squared(sums / masses[:, None] - (whole[1] - sums) / rest[:, None]) * masses * rest / whole[0]
+        gains = f[of_piece] * (energies + apart) + o[of_piece] * masses - f[lost] * energies - o[lost] * masses
+        gains[masses >= whole[0]] = -np.inf
+        best = int(gains.argmax())
+        if gains[best] <= 0:
+            break
+        given = np.where(pieces == best, lost, given)
+    return None if given is labels else given
+
+
+def _traded(parts: Parts, labels: _Labels) -> _Labels | None:
+    """Join the two segments that cost least together, and give the free one to the piece that gains most."""
+    masses, sums, energies = parts.moments(labels, len(parts.rates))
+    used = np.flatnonzero(masses > 0)
+    if len(used) < 3:
+        return None
+    shared = np.zeros((len(masses),) * 2)
+    np.add.at(shared, (labels[parts.tails], labels[parts.heads]), parts.borders)
+    least, pair = np.inf, (0, 0)
+    for kept, gone in permutations(used.tolist(), 2):
+        (f, o), total = parts.rates[kept], masses[kept] + masses[gone]
+        step = sums[kept] / masses[kept] - sums[gone] / masses[gone]
+        together = energies[gone] + masses[kept] * masses[gone] / total * float(np.square(step).sum())
+        before = parts.rates[gone, 0] * energies[gone] + parts.rates[gone, 1] * masses[gone]
+        cost = f * together + o * masses[gone] - before - shared[kept, gone]
+        if cost < least:
+            least, pair = cost, (kept, gone)
+    return _given_back(parts, np.where(labels == pair[1], pair[0], labels))
