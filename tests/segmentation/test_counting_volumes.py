@@ -113,7 +113,7 @@ def test_the_table_of_a_ball_is_what_geometry_says() -> None:
 def test_surfaces_of_balls_have_no_bias_however_far_planes_are_apart(radius: int, apart: float) -> None:
     y, x = np.mgrid[:40, :40]
     errors = []
-    for shift in RNG.uniform(-0.5, 0.5, (8, 3)):
+    for shift in np.random.default_rng(3).uniform(-0.5, 0.5, (8, 3)):
         down = np.arange(0, 48, apart)[:, None, None]
         ball = (down - 24 - apart * shift[0]) ** 2 + (y - 20 - shift[1]) ** 2 + (x - 20 - shift[2]) ** 2 < radius**2
         surface = volume_table(ball.astype(int), ball, pixel_size=PixelSize(0.5, 0.5, z=apart / 2))["surface_um2"][0]
