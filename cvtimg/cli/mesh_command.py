@@ -53,7 +53,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.cli.mesh_inputs import named, read_region, read_segments, read_size
+    from cvtimg.cli.mesh_inputs import named, read_region, read_segments, read_size, warn_of_degrees
     from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
@@ -61,6 +61,7 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if is_polygon and given.label is not None:
         raise ValueError("has polygons; --label is for images of labels")
     outlines = {"keep_points": given.keep_points, "snap": given.snap, "simplify": given.simplify}
+    outlines["project"] = given.project
     if not is_polygon and (unfit := given.chosen(*outlines)):
         raise ValueError(f"has pixels; {' and '.join(unfit)} is for polygons")
     region = read_region(task.source, given.name_by) if is_polygon else None
@@ -83,12 +84,15 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--plot" in task.outputs:
         _plot(found, task.outputs["--plot"], given, y_down=not is_polygon)
     stopwatch.lap("write")
-    each = measure_triangles(found.points, found.triangles)
+    local = found.projection
+    each = measure_triangles(found.points if local is None else local.to_km(found.points), found.triangles)
+    if is_polygon and local is None and task.source.suffix.lower() in (".geojson", ".json"):
+        warn_of_degrees(found)
     return {
         "n": len(found.points),
         "n_wanted": found.n_wanted,
         "triangles": len(found.triangles),
-        "area": found.area,
+        "area": found.area if local is None else float(each.areas.sum()),
         "least_angle": float(each.least_angles.min()),
         "mean_quality": float(each.qualities.mean()),
         "below_30": float((each.least_angles < 30).mean()),

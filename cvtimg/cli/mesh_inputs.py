@@ -142,3 +142,11 @@ def named(mesh: Mesh, names: list[tuple[str, list[float]]]) -> Mesh:
         raise ValueError("--name must have each name and each label once")
     known = {tag: name for (of, tag), name in mesh.names.items() if of == 2}
     return mesh.named(regions=known | regions, borders=borders)
+
+
+def warn_of_degrees(mesh: Mesh) -> None:
+    """Say that degrees were taken as lengths, if coordinates look like longitude and latitude."""
+    from cvtimg.meshes.projection import looks_like_degrees
+
+    if looks_like_degrees(mesh.points):
+        warn("degrees are taken as lengths; --project auto meshes in km", stacklevel=1)

@@ -9,6 +9,7 @@ from .meshing import EFFORTS as EFFORTS
 from .meshing import MeshEffort as MeshEffort
 from .meshing import mesh_labels as mesh_labels
 from .meshing import mesh_region as mesh_region
+from .projection import LocalProjection as LocalProjection
 from .quadratic import QuadraticTriangles as QuadraticTriangles
 from .result import Mesh as Mesh
 from .sizes import MeshSize as MeshSize

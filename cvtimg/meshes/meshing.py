@@ -19,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg._shared.extras import optional
+from cvtimg._shared.extras import optional, shapely
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each, part
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
@@ -30,6 +30,7 @@ from cvtimg.meshes.outlines import SMOOTHING, Outline, StraightParts, label_outl
 from cvtimg.meshes.periodic import periodic_mesh, with_paired_middles
 from cvtimg.meshes.planning import Plan, Wanted, place_inside, plan_mesh
 from cvtimg.meshes.polygons import outline_of, outline_of_parts
+from cvtimg.meshes.projection import LocalProjection
 from cvtimg.meshes.quadratic import quadratic
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.result import Mesh
@@ -92,6 +93,7 @@ def mesh_region(
     min_size: float = 0.0,
     snap: float | None = None,
     simplify: float = 0.0,
+    project: str | None = None,
     fixed: ArrayLike | None = None,
     keep_points: bool = False,
     metric: MatrixFunction | None = None,
@@ -128,6 +130,10 @@ def mesh_region(
         thinner vanish: 1e-5 of the diameter by default. 0 keeps all, but for points within 1e-9 of the diameter.
     simplify : float
         Draw polygons with fewer points, moving the lines by about this at most; areas are kept.
+    project : {"auto"}, optional
+        Coordinates are longitudes and latitudes in degrees, perhaps across the date line: they are projected to km
+        about their middle, by `LocalProjection`, so that sizes, `snap` and `simplify` are in km. The vertices of the
+        mesh are in degrees again, and so are its measures; ``mesh.projection.to_km(mesh.points)`` has them in km.
     fixed : (F, 2) array, optional
         Points of the region that become vertices.
     keep_points : bool
@@ -186,14 +192,21 @@ def mesh_region(
     how = Cleaning(snap, check_non_negative("simplify", simplify), least, keep_points)
     optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
     parts = dict(region) if isinstance(region, Mapping) and "type" not in region else {}
-    if parts:
-        outline = outline_of_parts([as_region(part) for part in parts.values()], how)
-    else:
-        outline = outline_of(as_region(region), how)
+    local, regions = None, [as_region(part) for part in (parts.values() if parts else [region])]
+    if project is not None:
+        check_choice("project", project, ("auto",))
+        check_in_range("order", order, order == 1, "1 with project")
+        shapes = [part.outline() for part in regions]
+        local = LocalProjection.about(shapely.GeometryCollection(shapes))
+        regions = [local.region(shape) for shape in shapes]
+        fixed = None if fixed is None else local.to_km(check_places("fixed", fixed, 2))
+    outline = outline_of_parts(regions, how) if parts else outline_of(regions[0], how)
     if n and size is None and metric is None and outline.polygons is not None:  # which asks for edges of this length
         least = min(least, (2 / 3**0.5 * outline.polygons.area / n) ** 0.5)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
+    if local is not None:
+        mesh = replace(mesh, points=local.to_degrees(mesh.points), projection=local)
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
 
 

@@ -16,6 +16,7 @@ from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
+from cvtimg.meshes.projection import LocalProjection
 from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.welding import OutlineChanges
 
@@ -50,6 +51,8 @@ class Mesh(ReadOnly):
         Vertices on periodic sides: on the right or at greater y, and, moved by the period, on the left or at less y.
     changes : OutlineChanges or None
         What polygons lost before they were meshed.
+    projection : LocalProjection or None
+        That by which outlines in degrees were meshed in km.
     """
 
     points: NDArray[np.float64]
@@ -64,6 +67,7 @@ class Mesh(ReadOnly):
     quadratic: QuadraticTriangles | None = None
     pairs: NDArray[np.int32] | None = None
     changes: OutlineChanges | None = None
+    projection: LocalProjection | None = None
 
     def _claims(self) -> Claims:
         first, second, third = self.points[self.triangles].transpose(1, 0, 2)

@@ -74,6 +74,11 @@ MESH = (
         metavar="TOL",
         default=0.0,
     ),
+    Option(
+        "project",
+        Choice(("auto",)),
+        "Polygons are in degrees, perhaps across the date line: mesh them in km about their middle; lengths are in km.",
+    ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
     passed(
         "periodic",

@@ -448,3 +448,20 @@ def test_too_few_vertices_for_a_jagged_border_are_warned_of() -> None:
         UserWarning, match=r"the border needs more than n=80 vertices: the least angle is \d\.\d degrees"
     ):
         mesh_region(coast, n=80, effort="fast")
+
+
+@pytest.mark.parametrize("middle", [0.0, 180.0])
+def test_degrees_are_meshed_in_km_also_across_the_date_line(middle: float) -> None:
+    def box(west: float, east: float) -> list[list[list[float]]]:
+        return [[[west, 50], [east, 50], [east, 60], [west, 60], [west, 50]]]
+
+    parts = [box(-4, 4)] if middle == 0 else [box(176, 180), box(-180, -176)]
+    mesh = mesh_region({"type": "MultiPolygon", "coordinates": parts}, edge_length=60, project="auto", effort="fast")
+    assert mesh.projection is not None
+    assert np.ptp(mesh.points, axis=0) == pytest.approx([8, 10], abs=0.01)
+    places = mesh.projection.to_km(mesh.points)
+    each = measure_triangles(places, mesh.triangles)
+    area = 6371.0072**2 * np.radians(8) * np.diff(np.sin(np.radians([50, 60])))[0]
+    assert each.areas.sum() == pytest.approx(area, rel=2e-4)
+    assert each.least_angles.min() > 30
+    assert len(mesh.points) - len(edges_of(mesh)) + len(mesh.triangles) == 1  # of one piece
