@@ -180,7 +180,7 @@ def write_image(
     optimize : bool
         Recompress a .png losslessly with oxipng (``pip install 'cvtimg[oxipng]'``): smaller, but slower.
     smallest : bool
-        Write the colors of a palette to a .png as gray or RGB where that takes fewer bytes than indices.
+        Write a .png in few bytes, and the colors of a palette as gray or RGB where that takes fewer than indices.
     overwrite : bool
         Replace an existing file.
 

@@ -231,6 +231,10 @@ class MeasuredSource(Source, Protocol):
         """Return the visual quality of a result."""
         ...
 
+    def exact(self, how: QuantizeOptions) -> Any:
+        """Return the image in all its colors, where its file may be small; or None."""
+        ...
+
     def streaks(self, result: Any) -> float:
         """Return how much smooth areas of a result are banded."""
         ...
@@ -519,9 +523,10 @@ class _Palettes:
         return _seen(source, source.mapped(self._of(n_colors), replace(self._how, dither=None)))
 
     def exact(self, source: MeasuredSource) -> Any:
-        """Return the image as it is, where the palette has all its colors; or None."""
-        result = self.unmixed(source, self.most) if self._has_all else None
-        return None if result is None or result.energy else result
+        """Return the image as it is, where the palette has all its colors or its file may be small; or None."""
+        result = source.mapped(self._of(self.most), replace(self._how, dither=None)) if self._has_all else None
+        result = result or (source.exact(self._how) if self._how.palette is None else None)
+        return None if result is None or result.energy else _seen(source, result)
 
     def _of(self, n_colors: int) -> list[Palette]:
         """Return the palettes of a number of colors."""

@@ -20,15 +20,18 @@ from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.looks.similarity import ContentQuality, visual_quality
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
+from cvtimg.pictures.formats.png import roughness
 from cvtimg.quantization.driver import QuantizeOptions, judged, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES, streaks
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
-from cvtimg.quantization.remapping import Quantized, keep_outside, map_samples
+from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
 
 #: Side of the pieces by which an image is judged, and how many of them are beside each other; at least, if few will do.
 _PIECE, _N_PIECES, _FEW_PIECES = 64, 11, 5
 #: Least share of pixels of the color of the one to their left in drawings: they have .5 to 1, photographs 0 to .2.
 _DRAWN = 0.3
+#: Greatest mean size, in levels, of what filters leave of an image that may be small as it is; of photographs 3 to 10.
+_SMOOTH = 1.5
 
 
 def quantize(
@@ -235,6 +238,18 @@ class PictureSource:
         kinds = kinds_of(self._samples.colors, self._samples.alpha)
         labels = np.where(kinds == CLEAR, -1, np.arange(len(kinds)))[self._samples.inverse]
         return labels.shape[1] > 1 and np.mean(labels[:, 1:] == labels[:, :-1]) >= _DRAWN
+
+    def exact(self, how: QuantizeOptions) -> Quantized | None:
+        """Return the image in all its colors, where a file may hold these in few bytes, as it holds gradients."""
+        own = self._samples.colors
+        fits = self._smallest and own.dtype == np.uint8 and own.shape[1] in (1, 3, 4) and len(own) <= MAX_COLORS
+        if (
+            not fits
+            or self._samples.inside is not None
+            or roughness(self.image.reshape(*self._shape[:2], -1)) > _SMOOTH
+        ):
+            return None
+        return self.mapped([Palette(own, None)], replace(how, dither=None))
 
     def streaks(self, result: Quantized) -> float:
         """Return how much smooth areas of a result are banded; see `streaks`."""

@@ -280,6 +280,9 @@ class SeriesSource:
         """Frames without mixed colors are not tried."""
         return False
 
+    def exact(self, how: QuantizeOptions) -> None:
+        """Frames have palettes."""
+
     def streaks(self, result: QuantizedSeries) -> float:
         """Frames without mixed colors are not tried."""
         raise NotImplementedError

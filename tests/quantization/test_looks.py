@@ -193,3 +193,14 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
 def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         cvtimg.quantize(COFFEE[:80, :80], **{**FAST, **options})
+
+
+def test_a_gradient_of_many_colors_is_written_as_it_is_and_small(tmp_path: Path) -> None:
+    y, x = np.mgrid[:1:120j, :1:160j]
+    smooth = np.rint(np.dstack([90 + 80 * x, 140 + 60 * y, 180 + 40 * x * y])).astype(np.uint8)
+    for name, picture in (("smooth", smooth), ("cat", CHELSEA)):
+        cvtimg.write_image(tmp_path / "a.png", picture, overwrite=True)
+        result = quantize_file(tmp_path / "a.png", tmp_path / f"{name}.png", QuantizeOptions(goal="eyes", engine=FAST))
+        assert (result.energy == 0) == (name == "smooth")
+    np.testing.assert_array_equal(cvtimg.read_image(tmp_path / "smooth.png"), smooth)
+    assert (tmp_path / "smooth.png").stat().st_size < 0.5 * n_bytes(cvtimg.quantize(smooth, 256))

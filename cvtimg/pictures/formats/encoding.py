@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.png import encode_deep_png, encode_indexed_png, optimized
+from cvtimg.pictures.formats.png import encode_color_png, encode_deep_png, encode_indexed_png, optimized
 from cvtimg.pictures.formats.tiff import write_tiff
 
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
@@ -154,6 +154,8 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata,
         np.save(file, values, allow_pickle=False)
     elif form.name == "PNG" and colors is not None:
         encode_indexed_png(file, values, colors, metadata.png_chunks(mode), smallest=smallest)
+    elif form.name == "PNG" and smallest and mode in ("L", "RGB", "RGBA"):
+        encode_color_png(file, values, metadata.png_chunks(mode))
     elif form.name == "PNG" and mode in _DEEP:
         encode_deep_png(file, values, metadata.png_chunks(mode))
     elif mode in (*_DEEP, _OTHER):

@@ -123,7 +123,10 @@ def encode_indexed_png(
     height, width = indices.shape
     large, forms = indices.size > _DEFLATE.large, [_indexed(indices, palette)]
     if smallest:
-        forms.append(_filtered(indices, palette, may_be_gray=b"iCCP" not in chunks))
+        opaque = not (palette[:, 3:] < 255).any()
+        gray = b"iCCP" not in chunks and bool((palette[:, :1] == palette[:, 1:3]).all())
+        bands = ([0] if gray else [0, 1, 2]) + ([] if opaque else [3])
+        forms.append(_filtered(palette[:, bands][indices]))
     # Level 1 misses the long repetitions of filtered drawings, and tells too little of their size.
     sizes = [len(form.chunks) + len(deflate.zlib_compress(form.rows, 6)) for form in forms] if smallest else [0]
     written: list[tuple[_Form, bytes]] = []
@@ -150,16 +153,28 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8]) -> _Form:
     return _Form(_Kind.INDEXED, bits, chunks, rows.tobytes())
 
 
-def _filtered(indices: NDArray[Any], palette: NDArray[np.uint8], *, may_be_gray: bool) -> _Form:
-    """Return colors, each row with the filter that leaves the least differences (PNG specification, 12.7)."""
-    opaque = not (palette[:, 3:] < 255).any()
-    gray = may_be_gray and bool((palette[:, :1] == palette[:, 1:3]).all())
-    bands = ([0] if gray else [0, 1, 2]) + ([] if opaque else [3])
-    kind = _Kind.COLOR if not gray else _Kind.GRAY
-    kind = kind if opaque else _Kind(kind + 4)
-    samples = palette[:, bands][indices].reshape(len(indices), -1)
+def encode_color_png(file: BinaryIO, pixels: NDArray[np.uint8], chunks: bytes) -> None:
+    """Write (H, W) or (H, W, C) pixels in few bytes."""
+    import deflate
+
+    form = _filtered(pixels.reshape(*pixels.shape[:2], -1))
+    level = _DEFLATE.levels_of_flat[pixels[..., :1].size > _DEFLATE.large]
+    _write_png(file, pixels.shape[1::-1], 8, form.kind, chunks, bytes(deflate.zlib_compress(form.rows, level)))
+
+
+def roughness(pixels: NDArray[np.uint8]) -> float:
+    """Return the mean size of what filters leave of the (H, W, C) samples of an image, in levels."""
+    rows = np.frombuffer(_filtered(pixels).rows, np.uint8).reshape(len(pixels), -1)
+    return float(_sizes(rows[:, 1:]).sum() / pixels.size)
+
+
+def _filtered(pixels: NDArray[np.uint8]) -> _Form:
+    """Return (H, W, C) colors, each row with the filter that leaves the least differences (specification, 12.7)."""
+    n_bands = pixels.shape[2]
+    kind = {1: _Kind.GRAY, 2: _Kind.GRAY_AND_ALPHA, 3: _Kind.COLOR, 4: _Kind.COLOR_AND_ALPHA}[n_bands]
+    samples = np.ascontiguousarray(pixels).reshape(len(pixels), -1)
     left, above, corner = (np.zeros_like(samples) for _ in range(3))
-    left[:, len(bands) :] = samples[:, : -len(bands)]
+    left[:, n_bands:] = samples[:, :-n_bands]
     above[1:], corner[1:] = samples[:-1], left[:-1]
     ahead = above.astype(np.int16) - corner
     across, down = np.abs(ahead), np.abs(left.astype(np.int16) - corner)
