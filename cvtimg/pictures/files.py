@@ -64,9 +64,10 @@ def read_image(
 
     Notes
     -----
-    The EXIF orientation is applied. Colors are converted to sRGB with the embedded ICC profile, if any; 16-bit RGB is
-    converted at full depth. CMYK without a profile is converted by complement. Gray with more than 8 bits, floating
-    point samples and bands that are not colors are treated as measurements and returned unchanged.
+    The EXIF orientation is applied. Colors are converted to sRGB with the embedded ICC profile, if any, and by the
+    chunks cICP, gAMA and cHRM of a PNG; 16-bit RGB is converted at full depth. CMYK without a profile is converted by
+    complement. Gray with more than 8 bits, floating point samples and bands that are not colors are treated as
+    measurements and returned unchanged.
 
     The last band is treated as transparency only if the file declares it as alpha; see `ImageInfo.has_alpha`. A TIFF
     with three colors and one unspecified band gives all four bands.

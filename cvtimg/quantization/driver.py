@@ -363,6 +363,8 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
         return source.size(result) / (max(result.content_quality, 1) / 100) ** (_AIMING.worth if lossy else 0)
 
     good = [one for one in found if one.content_quality >= least]
+    if exact is not None and how.quality is None:  # bands and streaks, which the measure hardly sees, are no gain
+        good = [one for one in good if one is exact or source.streaks(one) <= _AIMING.bands]
     return good[0] if len(good) == 1 else min(good, key=cost)
 
 

@@ -112,7 +112,7 @@ def quantize(
         default, found in Oklab, and ``dither="compact"``; without `quality` it aims at 85, or at one point less than
         the colors reach if that is less.
     quality : float or (float, float), optional
-        The smallest file whose `cvtimg.visual_quality` is at least this, in 0..100: 80 is hard to tell from the
+        The smallest file whose `cvtimg.content_quality` is at least this, in 0..100: 80 is hard to tell from the
         original, 70 is good. Where the colors do not reach it, the best that they reach, with a warning; of a range,
         the upper end is wanted, and less than the lower end is an error. It implies ``goal="eyes"``; see Notes.
     method, init, effort, volume_power, rng, callback
