@@ -14,6 +14,7 @@ from cvtimg._shared.sums import take_rows
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
+from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.figures import painted
 from cvtimg.labels.files import write_labels
 from cvtimg.pictures.files import encode_image
@@ -154,6 +155,17 @@ class Segmentation(Segments):
         """Return what a table says of the result, by column."""
         elbow = self.curve.elbows() if self.curve else None
         return {**Segments.summary(self), "elbow": elbow, **(asdict(self.counting) if self.counting else {})}
+
+    @property
+    def n_regions(self) -> int:
+        """Number of connected pieces of segments: pixels touch by their sides, in each plane of a volume."""
+        planes = self.labels.reshape(-1, *self.labels.shape[-2:])
+        return sum(int(connected_pieces(plane).max()) for plane in planes)
+
+    @property
+    def edge_length(self) -> int:
+        """Sides of pixels between two labels, in each plane of a volume."""
+        return sum(int(np.count_nonzero(np.diff(self.labels, axis=axis))) for axis in (-2, -1))
 
     def save(self, path: StrPath, *, overwrite: bool = False) -> None:
         """Write the labels to a .png, .tif or .npy file, as `write_labels` does."""

@@ -234,6 +234,13 @@ def test_components_are_the_connected_pieces_of_segments(photograph: NDArray[Any
     assert len(np.unique(np.stack([whole.labels, pieces.labels]).reshape(2, -1), axis=1).T) == pieces.n_segments
 
 
+def test_a_result_tells_its_regions_and_the_length_of_their_edges(photograph: NDArray[Any]) -> None:
+    result = segment(photograph, 3)
+    assert result.n_regions == segment(photograph, 3, components=True).n_segments
+    square = segment(np.pad(np.full((6, 6), 200, np.uint8), 4), 2)
+    assert (square.n_regions, square.edge_length) == (2, 24)
+
+
 def test_averaging_before_leaves_out_what_is_outside() -> None:
     values = np.random.default_rng(0).normal(size=(30, 40, 2)).astype(np.float32)
     inside = np.random.default_rng(1).random((30, 40)) < 0.7
