@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_positive
+from cvtimg._shared.checks import check_choice, check_positive, check_that
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_parts
 from cvtimg.artwork._artwork import cover_rows
+from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.text_tables import write_csv
@@ -29,9 +31,12 @@ _FINE = 8
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
 _INCH = 25.4
-MARKS = ("disks", "circles", "points")
+MARKS = ("disks", "circles", "points", "line")
+FILLS = ("solid", "spiral")
 #: Widths of the lines of circles, where none is given, and of cells, in millimeters.
 _LINE, _CELL_LINE = 0.3, 0.1
+#: How far a polygon in place of an arc may be off, in millimeters.
+_OFF = 0.02
 #: Half a diagonal of points, in widths of the pen: a pen that goes no way at all may make no dot.
 _POINT = 0.05
 #: Area that the pen covers for a point, in squared widths of the pen.
@@ -43,8 +48,19 @@ def suffixes() -> list[str]:
     return [".svg", *(suffix for suffix in image_suffixes() if suffix != ".npy"), ".csv"]
 
 
-def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float) -> Iterator[str]:
+def _marks(
+    marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float, fill: str = "solid"
+) -> Iterator[str]:
     half = _POINT * line
+    if marks == "line":
+        if len(places) > 1:
+            yield f'<path d="M{" ".join(numbers(places.ravel(), 3))}"/>\n'
+        return
+    if marks == "disks" and fill == "spiral":
+        for place, radius in zip(places, radii.tolist(), strict=True):
+            turns = place + _spiral(max(radius - line / 2, half), line)
+            yield f'<path d="M{" ".join(numbers(turns.ravel(), 3))}"/>\n'
+        return
     if marks == "points":
         # Loops have corners: viewers leave a hole in a round one that is smaller than its line is wide.
         r = number(half, 4)
@@ -55,6 +71,20 @@ def _marks(marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], 
         radii = np.maximum(radii - line / 2, half)
     marked = zip(numbers(places[:, 0], 3), numbers(places[:, 1], 3), numbers(radii, 4), strict=True)
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
+
+
+def _spiral(radius: float, line: float) -> NDArray[np.float64]:
+    """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius."""
+    turns = radius / line
+    step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by so much
+    angles = np.arange(0, 2 * np.pi * (turns + 1) + step, step)
+    reach = np.minimum(angles / (2 * np.pi) * line, radius)
+    return reach[:, np.newaxis] * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _write_svg(path: StrPath, sheet: Sheet, layers: Iterable[str], overwrite: bool) -> None:
+    """Write a drawing in millimeters, with a layer for each pen."""
+    write_text(path, drawing(*sheet.size, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
 
 def draw_dots(
@@ -193,8 +223,13 @@ class Stipples(ReadOnly):
         self,
         path: StrPath,
         *,
-        width: float = 200.0,
+        width: float | None = None,
+        height: float | None = None,
+        paper: str | tuple[float, float] | None = None,
+        landscape: bool = False,
+        margin: float | None = None,
         marks: str = "disks",
+        fill: str = "solid",
         pen_width: float | None = None,
         tour: bool = True,
         scale: float | None = None,
@@ -207,13 +242,24 @@ class Stipples(ReadOnly):
         path : str or path-like
             .svg: a drawing in millimeters with one layer per pen. .png and other formats of pixels: what `draw` gives.
             .csv: a line for each dot, with places and radii in pixels.
-        width : float
-            Width on paper in millimeters, for .svg and .png.
-        marks : {"disks", "circles", "points"}
-            For .svg: filled dots; their outlines; or tiny loops that a pen makes dots of.
+        width, height : float, optional
+            Greatest width and height of the drawing in millimeters, for .svg and .png; without paper it is 200 wide by
+            default.
+        paper : str or (float, float), optional
+            "a2" to "a6", "letter", "legal", "tabloid", or width and height in millimeters. The drawing is fitted into
+            its margins, and centered.
+        landscape : bool
+            Turn the paper so that it is wide.
+        margin : float, optional
+            Around the drawing, in millimeters; by default 10 on paper, else 0.
+        marks : {"disks", "circles", "points", "line"}
+            For .svg: disks; their outlines; tiny loops that a pen makes dots of; or one line through the dots of each
+            layer, which does not cross itself.
+        fill : {"solid", "spiral"}
+            What disks are filled with: a color, or a spiral of the pen's line.
         pen_width : float, optional
             Width of the pen's line in millimeters, for .svg. By default such that points cover what the dots of a layer
-            do; 0.3 for circles.
+            do; 0.3 for the others.
         tour : bool
             Write dots in the order of the tour, else in that in which they were placed.
         scale : float, optional
@@ -222,26 +268,36 @@ class Stipples(ReadOnly):
             Replace an existing file.
         """
         check_choice("marks", marks, MARKS)
-        check_positive("width", width, "in millimeters")
+        check_choice("fill", fill, FILLS)
+        check_that("tour", tour or marks != "line", 'be True for marks="line"')
+        fitted = {"width": width, "height": height, "paper": paper, "landscape": landscape, "margin": margin}
+        sheet = Sheet.of(self.size, **fitted)  # type: ignore[arg-type]
         pen = None if pen_width is None else check_positive("pen_width", pen_width, "in millimeters")
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
         order = self.order if tour else np.arange(len(self))
         if suffix == ".svg":
-            self._write_svg(path, width, self._marked_layers(order, width / self.size[1], marks, pen), overwrite)
+            _write_svg(path, sheet, self._marked_layers(order, sheet, marks, fill, pen), overwrite)
         elif suffix == ".csv":
             columns = (*self.points[order].T, self.radii[order], self.masses[order], self.layers[order])
             rows = zip(*(column.tolist() for column in columns), strict=True)
             write_csv(path, ("x", "y", "radius", "mass", "layer"), rows, overwrite=overwrite)
         else:
             drawn = self.draw(scale=scale)
-            dpi = drawn.shape[1] / width * _INCH
-            write_image(path, drawn, metadata=Metadata(dpi=(dpi, dpi)), overwrite=overwrite)
+            per_mm = drawn.shape[1] / (self.size[1] * sheet.scale)
+            whole = np.rint(np.array(sheet.size[::-1]) * per_mm).astype(int) - drawn.shape[:2]
+            around = [(int(more) // 2, int(more) - int(more) // 2) for more in np.maximum(whole, 0)]
+            page = np.pad(drawn, [*around, (0, 0)][: drawn.ndim], constant_values=int(self.paper[0]))
+            metadata = Metadata(dpi=(per_mm * _INCH, per_mm * _INCH))
+            write_image(path, page, metadata=metadata, overwrite=overwrite)
 
-    def save_cells(self, path: StrPath, *, width: float = 200.0, overwrite: bool = False) -> None:
-        """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson)."""
+    def save_cells(self, path: StrPath, *, overwrite: bool = False, **fitted: Any) -> None:
+        """Write the cells of the dots as polygons: lines in millimeters (.svg), or in pixels (.geojson).
+
+        The drawing is fitted by `width`, `height`, `paper`, `landscape` and `margin`, as in `save`.
+        """
         if check_choice("suffix", Path(path).suffix.lower(), (".svg", ".geojson")) == ".svg":
-            scale = check_positive("width", width, "in millimeters") / self.size[1]
-            self._write_svg(path, width, self._cell_layers(scale), overwrite)
+            sheet = Sheet.of(self.size, **fitted)
+            _write_svg(path, sheet, self._cell_layers(sheet), overwrite)
             return
         cells = self.cells()
         polygons: list[Polygon] = []
@@ -254,35 +310,38 @@ class Stipples(ReadOnly):
                 polygons.append(Polygon(len(polygons), (np.concatenate([cells[dot], cells[dot][:1]]),)))
         write_geojson(path, polygons, properties, overwrite=overwrite)
 
-    def _write_svg(self, path: StrPath, width: float, layers: Iterable[str], overwrite: bool) -> None:
-        """Write a drawing in millimeters, with a layer for each pen."""
-        height = self.size[0] * width / self.size[1]
-        write_text(path, drawing(width, height, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
-
     def _marked_layers(
-        self, order: NDArray[np.intp], scale: float, marks: str, pen_width: float | None
+        self, order: NDArray[np.intp], sheet: Sheet, marks: str, fill: str, pen_width: float | None
     ) -> Iterator[str]:
         if not self.paper.all():
             yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'
         for pen, name in enumerate(self.names):
             own = order[self.layers[order] == pen]
-            radii, ink = self.radii[own] * scale, hexadecimal(self.colors[pen])
+            radii, ink = self.radii[own] * sheet.scale, hexadecimal(self.colors[pen])
             # By default points cover what the dots do.
             suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(own) else _LINE
             line = suiting if pen_width is None else pen_width
             look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
             look += ' stroke-linecap="round" stroke-linejoin="round"'
-            look = f'fill="{ink}"' if marks == "disks" else look
+            look = f'fill="{ink}"' if marks == "disks" and fill == "solid" else look
             # Inks on white paper let the light of others through.
             blend = ' style="mix-blend-mode:multiply"' if len(self.names) > 1 and self.paper.all() else ""
-            yield from layer(pen + 1, name, look + blend, _marks(marks, self.points[own] * scale, radii, line))
+            # The line of a pen, too, is whole within the frame.
+            reach = 0.0 if self.bleed or marks == "disks" else min(line, min(self.size) * sheet.scale) / 2
+            frame = np.array(self.size[::-1]) * sheet.scale
+            places = np.clip(self.points[own] * sheet.scale, reach, frame - reach) + sheet.corner
+            yield from layer(pen + 1, name, look + blend, _marks(marks, places, radii, line, fill))
 
-    def _cell_layers(self, scale: float) -> Iterator[str]:
+    def _cell_layers(self, sheet: Sheet) -> Iterator[str]:
         cells = self.cells()
         for pen, name in enumerate(self.names):
             look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
             own = self.order[self.layers[self.order] == pen]
-            corners = (" ".join(numbers(cells[dot].ravel() * scale, 3)) for dot in own if len(cells[dot]))
+            corners = (
+                " ".join(numbers((cells[dot] * sheet.scale + sheet.corner).ravel(), 3))
+                for dot in own
+                if len(cells[dot])
+            )
             outlines = (f'<path d="M{ones}Z"/>\n' for ones in corners)
             yield from layer(pen + 1, name, f'{look} stroke-linejoin="round"', outlines)
 

@@ -22,12 +22,14 @@ from cvtimg._shared.checks import (
 )
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_dots, place_pens
 from cvtimg.artwork.stipples import Stipples
-from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, process_coverages
+from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, pen_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
 from cvtimg.placement.pictures import enlarge
 
 #: Dots by default: enough for faces.
 _USUAL_DOTS = 20_000
+#: Colors of pens, of which mixtures of three are looked at.
+_MOST_PENS = 12
 #: Least diameter of dots in pixels, finer than which an image is enlarged, and the most pixels that it then has.
 _FINEST, _MOST_PIXELS = 1.25, 1 << 28
 
@@ -43,6 +45,7 @@ def stipple(
     dot_diameter: float | None = None,
     radius_range: tuple[float, float] | None = None,
     layers: str | None = None,
+    pens: Sequence[str] | None = None,
     invert: bool = False,
     tones: str = "light",
     bleed: bool = False,
@@ -77,6 +80,9 @@ def stipple(
     layers : {"cmyk"}, optional
         Draw in color, with a layer for each pen: cyan, magenta, yellow and black, whose dots keep apart as far as there
         is room. `n_dots` is the number of all together.
+    pens : sequence of str, optional
+        Draw with pens of up to 12 colors, such as ``["#000", "#e4002b", "navy"]``, in place of those of `layers`. The
+        mixture of dots and paper whose light is nearest is drawn, with the least ink.
     invert : bool
         Draw light on dark paper.
     tones : {"light", "true"}
@@ -118,10 +124,16 @@ def stipple(
         check_excluded("dot_diameter", True, n_dots=n_dots, radius_range=radius_range)
         check_needs("dot_diameter", True, 'dots of one size, not "sized"', dots != "sized")
     how = Dots(dots, radius_range, bleed)
-    if layers is not None:
-        check_choice("layers", layers, ("cmyk",))
-        check_needs("invert=True", invert, "layers=None: inks darken the paper", False)
-        coverages, pens = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
+    if layers is not None or pens is not None:
+        check_excluded("pens", pens is not None, layers=layers)
+        check_needs("invert=True", invert, "neither layers nor pens: inks darken the paper", False)
+        if pens is None:
+            check_choice("layers", layers or "", ("cmyk",))
+            coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
+        else:
+            inked = _colors_of(pens)
+            colors = np.array(list(inked.values()), np.uint8)
+            coverages = pen_coverages(image, colors, white_cutoff, max_ink, tones)
         count = _Count.of_ink(coverages, n_dots, dot_diameter)
         inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
         # All pens have dots of about one size.
@@ -130,23 +142,40 @@ def stipple(
         placed = place_pens(inks, counts.tolist(), count.scaled(how))
     else:
         coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
-        pens = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}
+        inked = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}
         count = _Count.of_ink(coverages, n_dots, dot_diameter)
         area = disk_area(count.enlarged(coverages[0]))
         placed = [place_dots(area, count.of(area), count.scaled(how))]
     height, width = coverages[0].shape
     paper = np.full(3, 0 if invert else 255, np.uint8)
-    colors = np.array(list(pens.values()), np.uint8)
+    colors = np.array(list(inked.values()), np.uint8)
     return _together(
         placed,
         count.factor,
-        names=tuple(pens),
+        names=tuple(inked),
         colors=colors,
         paper=paper,
         size=(height, width),
         max_ink=max_ink,
         bleed=bleed,
     )
+
+
+def _colors_of(pens: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """Return the color of each pen by its name, as it was given."""
+    from PIL import ImageColor
+
+    check_that("pens", not isinstance(pens, str) and 1 <= len(pens) <= _MOST_PENS, f"be 1 to {_MOST_PENS} colors")
+    colors: dict[str, tuple[int, int, int]] = {}
+    for pen in pens:
+        try:
+            red, green, blue, *_ = ImageColor.getrgb(pen)
+        except ValueError as error:
+            raise ValueError(f"pens: {pen!r} must be a color such as '#e4002b' or 'navy'") from error
+        check_that(f"pens: {pen!r}", (red, green, blue) != (255, 255, 255), "not be white, as the paper is")
+        colors[pen] = red, green, blue
+    check_that("pens", len(set(colors.values())) == len(pens), "be different colors")
+    return colors
 
 
 @dataclass(frozen=True, slots=True)

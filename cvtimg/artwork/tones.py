@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ TOUCHING = np.pi / np.sqrt(12)
 COVERING = 2 * np.pi / np.sqrt(27)
 #: Steps of tables of tones.
 TABLE_SIZE = 4096
+#: Steps of each channel in tables of mixtures, and what ink costs there, in squared light: less than any error counts.
+_GRID, _LEAST_INK = 33, 1e-4
 #: Ways to come from an image to the tones of a drawing.
 TONES = ("light", "true")
 #: Pens of process colors: what each name draws.
@@ -196,6 +199,58 @@ def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: st
     q is 1 for dots that fall on each other by chance (Demichel), and 0 for dots that never do. Dots here keep apart as
     far as there is room, which black takes: q is k, which drawings bear out.
     """
+    light, opacity = _light_to_draw(image, max_ink, tones)
+    lightest = light.max(axis=2)
+    black = 1 - lightest
+    share = np.maximum(1 - black * black, np.float32(1e-6))
+    inks = [(lightest - light[:, :, channel]) / share for channel in range(3)]
+    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]
+
+
+def pen_coverages(
+    image: Any, pens: NDArray[np.uint8], white_cutoff: float, max_ink: float, tones: str = "true"
+) -> list[Floats32]:
+    """Compute the coverage of pens of any colors, (L, 3), on white paper, for tones scaled by `max_ink`.
+
+    Dots keep apart, so that the light of a pixel is the mean of the paper and the pens by what they cover. Of all
+    mixtures the one is taken whose light is nearest, and of several the one with the least ink.
+    """
+    from scipy.ndimage import map_coordinates
+
+    light, opacity = _light_to_draw(image, max_ink, tones)
+    places = np.sqrt(light.transpose(2, 0, 1)) * (_GRID - 1)
+    axis = (np.arange(_GRID) / (_GRID - 1)) ** 2
+    colors = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    inks = to_space(pens, "linear").astype(np.float64)
+    table = _mixtures(colors, inks).reshape(_GRID, _GRID, _GRID, -1).astype(np.float32)
+    found = [map_coordinates(table[..., pen], places, order=1, mode="nearest") for pen in range(len(pens))]
+    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in found]
+
+
+def _mixtures(colors: NDArray[np.float64], inks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, L) shares of inks (L, 3) in the mixtures with white paper that are nearest to colors (N, 3), all linear."""
+    seen = np.stack([2 * np.array(_LUMINANCE), np.array([0.5, -0.5, 0.0]), np.array([-0.25, -0.25, 0.5])])
+    ends, wanted = np.concatenate([np.ones((1, 3)), inks]) @ seen.T, colors @ seen.T
+    shares, least = np.zeros((len(colors), len(ends))), np.full(len(colors), np.inf)
+    # The nearest point of a convex hull lies in a simplex of its corners.
+    for chosen in chain.from_iterable(combinations(range(len(ends)), n) for n in range(1, 5)):
+        first, *others = chosen
+        edges = ends[others] - ends[first]
+        if np.linalg.matrix_rank(edges) < len(others):
+            continue
+        parts = (wanted - ends[first]) @ np.linalg.pinv(edges)
+        weights = np.column_stack([1 - parts.sum(axis=1), parts])
+        off = np.square(weights @ ends[list(chosen)] - wanted).sum(axis=1)
+        ink = 1 - (weights[:, 0] if first == 0 else 0)
+        score = np.where(weights.min(axis=1) >= -1e-9, off + _LEAST_INK * ink, np.inf)
+        better = score < least
+        least[better], shares[better] = score[better], 0
+        shares[np.ix_(np.flatnonzero(better), np.array(chosen))] = weights[better]
+    return np.maximum(shares[:, 1:], 0)
+
+
+def _light_to_draw(image: Any, max_ink: float, tones: str) -> tuple[Floats32, Floats32 | None]:
+    """Return the light (H, W, 3) that a drawing in color is to have, and the opacity."""
     light, opacity = linear_light(image)
     if tones == "light":
         before = luminance(light)
@@ -207,9 +262,4 @@ def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: st
         apart *= np.minimum(after / np.maximum(before, least), most)[:, :, np.newaxis]
         light = np.clip(after[:, :, np.newaxis] + apart, 0, 1)
     light = np.repeat(light, 3, axis=2) if light.shape[2] == 1 else light
-    light = 1 - np.float32(max_ink) * (1 - light)
-    lightest = light.max(axis=2)
-    black = 1 - lightest
-    share = np.maximum(1 - black * black, np.float32(1e-6))
-    inks = [(lightest - light[:, :, channel]) / share for channel in range(3)]
-    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in (*inks, black)]
+    return 1 - np.float32(max_ink) * (1 - light), opacity

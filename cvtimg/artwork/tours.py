@@ -13,17 +13,19 @@ from cvtimg.artwork._artwork import improve, join, walk
 _N_NEAR = 8
 #: Points of the longest part that a move may turn. Longer ones gain next to nothing and take most of the time.
 _REACH = 25_000
+#: Steps of a path that are longer than this, in their median, are few.
+_SHORT = 3.0
 
 
 def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     """Order (N, 2) points along a short open path; return the (N,) permutation of them.
 
-    The path begins at its end that is nearer to (0, 0).
+    The path begins at its end that is nearer to (0, 0), and does not cross itself.
 
     Notes
     -----
     The shortest connections first, as long as they leave paths (greedy), then 2-opt and Or-opt among the 8 nearest
-    neighbors of each point, until nothing is gained.
+    neighbors of each point, until nothing is gained; at last 2-opt where steps still cross.
 
     References
     ----------
@@ -43,6 +45,12 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     settled = np.zeros(len(tour), np.uint8)
     while improve(places, near, tour, where, settled, _REACH):
         pass
+    while len(crossed := _crossings(places[tour])):
+        is_turned = np.zeros(len(tour), np.bool_)
+        for first, last in crossed:  # turning what lies between takes a crossing out, and the path is shorter
+            if not is_turned[first : last + 2].any():
+                tour[first + 1 : last + 1] = tour[first + 1 : last + 1][::-1]
+                is_turned[first : last + 2] = True
     first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
@@ -68,6 +76,33 @@ def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArra
     tour = np.empty(n_points, np.int32)
     walk(links, int(np.flatnonzero(links[:, 1] < 0)[0]), tour)
     return tour, near
+
+
+def _crossings(path: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Find the pairs of steps (C, 2) of a path (N, 2) that cross, by the first step, the shorter gaps first."""
+    from scipy.spatial import cKDTree
+
+    if len(path) < 4:
+        return np.empty((0, 2), np.intp)
+    starts, steps = path[:-1], np.diff(path, axis=0)
+    lengths, middles = np.hypot(*steps.T), starts + steps / 2
+    usual = _SHORT * float(np.median(lengths))
+    tree, long = cKDTree(middles), np.flatnonzero(lengths > usual)
+    near = tree.query_ball_point(middles[long], (lengths[long] + usual) / 2)
+    of_long = np.repeat(long, [len(others) for others in near])
+    beside = np.concatenate([*near, []]).astype(np.intp)
+    both_long = np.stack(np.meshgrid(long, long), axis=-1).reshape(-1, 2)
+    short = tree.query_pairs(usual, output_type="ndarray")
+    pairs = np.sort(np.concatenate([short, np.column_stack([of_long, beside]), both_long]), axis=1)
+    first, last = pairs[pairs[:, 1] > pairs[:, 0] + 1].T
+
+    def side(of: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        away = points - starts[of]
+        return np.sign(steps[of, 0] * away[:, 1] - steps[of, 1] * away[:, 0])
+
+    apart = side(first, path[last]) * side(first, path[last + 1]) < 0
+    apart &= side(last, path[first]) * side(last, path[first + 1]) < 0
+    return np.column_stack([first, last])[apart][np.argsort((last - first)[apart], kind="stable")]
 
 
 def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -9,6 +9,8 @@ from cvtimg.options.record import Given
 EXAMPLES = """\
   cvtimg stipple portrait.jpg -n 20000 -o portrait.svg
   cvtimg stipple photo.jpg --pen 0.4mm --width 200mm --marks points -o a.svg
+  cvtimg stipple photo.jpg --paper a4 --landscape --pen 0.3mm --marks line -o line.svg
+  cvtimg stipple photo.jpg -n 30000 --pens '#000,#e4002b,#0057b8' --marks points -o pens.svg
   cvtimg stipple photo.jpg -n 8000 --dots sized --radius-range 0.5 4 -o a.png
   cvtimg stipple photo.jpg -n 60000 --layers cmyk -o pens.svg
   cvtimg stipple logo.png -n 3000 --invert --cells cells.geojson -o dots.csv
@@ -28,27 +30,33 @@ def stipple(given: Given) -> Todo:
     """
     if given.radius_range and not 0 < given.radius_range[0] <= given.radius_range[1]:
         raise WrongUsageError("--radius-range: A and B must be > 0, the least first")
+    if given.marks == "line" and given.order != "tour":
+        raise WrongUsageError("--marks line needs --order tour")
     named = "{}.svg" if given.out_dir else "{}-stippled.svg"
     return planned(plan_of(given, named), _stipple, COLUMNS, given)
 
 
 def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     import cvtimg
+    from cvtimg.artwork.papers import Sheet
 
     image = cvtimg.read_image(task.source)
     stopwatch.lap("read")
-    diameter = given.pen and given.pen / given.width * image.shape[1]
+    names = ("width", "height", "paper", "landscape", "margin")
+    fitted = {name: getattr(given, name) for name in names}
+    scale = Sheet.of(image.shape[:2], **fitted).scale
+    diameter = given.pen and given.pen / scale
     result = cvtimg.stipple(image, given.number, **given.arguments | {"dot_diameter": diameter})
     stopwatch.lap("stipple")
     drawing = {
-        "width": given.width,
+        "fill": given.fill,
         "marks": given.marks,
         "pen_width": given.pen or given.pen_width,
         "tour": given.order == "tour",
     }
-    result.save(task.output, **drawing, overwrite=given.overwrite)
+    result.save(task.output, **fitted, **drawing, overwrite=given.overwrite)
     if "--cells" in task.outputs:
-        result.save_cells(task.outputs["--cells"], width=given.width, overwrite=given.overwrite)
+        result.save_cells(task.outputs["--cells"], **fitted, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
         "width": image.shape[1],
@@ -56,7 +64,7 @@ def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "n": len(result),
         "layers": list(result.names),
         "radius": float(result.radii.mean()) if len(result) else None,
-        "radius_mm": float(result.radii.mean() * given.width / image.shape[1]) if len(result) else None,
+        "radius_mm": float(result.radii.mean() * scale) if len(result) else None,
         "max_ink": result.max_ink,
         "ink": result.ink,
         "energy": result.energy,

@@ -6,6 +6,7 @@ from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Pair, Real, Text, Whole, late, passed
 
+_PAPERS = ("a2", "a3", "a4", "a5", "a6", "letter", "legal", "tabloid")
 _PER_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "": 1.0}
 
 
@@ -17,6 +18,24 @@ def _length(text: str | float) -> float:
         return float(Real(above=0).parse(plain.removesuffix(unit)) * _PER_MM[unit])
     except ValueError as error:
         raise ValueError(f"{plain!r} must be a length > 0 such as 200mm, 20cm or 8in") from error
+
+
+def _paper(text: str) -> str | tuple[float, float]:
+    """Read a sheet of paper: its name, or its width and height such as 300x200mm."""
+    plain = str(text).strip().lower()
+    width, cross, height = plain.partition("x")
+    if not (cross and height):
+        return str(Choice(_PAPERS).parse(plain))
+    unit = next(unit for unit in _PER_MM if height.endswith(unit))
+    return _length(width if unit and width.endswith(unit) else width + unit), _length(height)
+
+
+def _margin(text: str | float) -> float:
+    return 0.0 if str(text).strip().rstrip("cimn") in ("0", "0.0") else _length(text)
+
+
+def _pens(text: str) -> tuple[str, ...]:
+    return tuple(f"#{common.color(pen)[:6]}" for pen in common.names(text))
 
 
 STIPPLE = (
@@ -60,6 +79,13 @@ STIPPLE = (
         "layers",
         Choice(("cmyk",)),
         "Draw in color, with a layer for each of the pens cyan, magenta, yellow and black.",
+        excludes=("invert", "pens"),
+    ),
+    passed(
+        "pens",
+        Text(_pens),
+        "Draw with pens of these colors, such as '#000,#e4002b,navy', a layer for each.",
+        metavar="COLOR,...",
         excludes=("invert",),
     ),
     passed(
@@ -73,16 +99,30 @@ STIPPLE = (
     Option(
         "width",
         Text(_length),
-        "Width of the drawing: 200mm, 20cm or 8in; for .svg, .png.",
+        "Greatest width of the drawing, such as 200mm, the default without --paper, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
-        default=200,
-    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000),
+    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000, default=200),
+    Option("height", Text(_length), "Greatest height of the drawing.", metavar="LENGTH"),
+    Option(
+        "paper",
+        Text(_paper),
+        "Fit the drawing to the middle of a sheet: a2 to a6, letter, legal, tabloid, or a size such as 300x200mm.",
+        metavar="SHEET",
+    ),
+    switch("landscape", "Turn the sheet of --paper so that it is wide.", needs=("paper",)),
+    Option("margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"),
     Option(
         "marks",
-        Choice(("disks", "circles", "points"), {"disks": "filled disks"}),
-        "What a dot is in .svg: a filled disk, its outline, or a tiny loop that a pen dots.",
+        Choice(("disks", "circles", "points", "line"), {"disks": "filled disks", "line": "one line"}),
+        "What a dot is in .svg: a disk, its outline, a tiny loop that a pen dots, or a place on one line through all.",
         default="disks",
     ).on_page("Marks"),
+    Option(
+        "fill",
+        Choice(("solid", "spiral")),
+        "Fill disks with color, or with a spiral of the pen's line.",
+        default="solid",
+    ),
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
     ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", low=0.01, high=100, default="auto"),

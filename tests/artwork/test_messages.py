@@ -45,6 +45,10 @@ def dotted(n_dots: int | None = 9, **options: Any) -> Callable[[], Any]:
         (dotted(50, dot_diameter=2), "dot_diameter takes no n_dots"),
         (dotted(None, dot_diameter=2, dots="sized"), "dots of one size"),
         (dotted(tones="dark"), "tones"),
+        (dotted(pens=["#fff"]), "must not be white"),
+        (dotted(pens=["blood"]), "'blood' must be a color"),
+        (dotted(pens=["red", "#f00"]), "pens must be different colors"),
+        (dotted(pens=["red"], layers="cmyk"), "pens takes no layers"),
         *(
             (lambda each=each, scale=scale: each.draw(scale=scale), "scale=")
             for each in (DOTS, TILES)

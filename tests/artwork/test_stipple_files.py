@@ -5,6 +5,7 @@ import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -25,6 +26,8 @@ def places_in(path: Path) -> np.ndarray:
     circles = [(float(node.get("cx", "")), float(node.get("cy", ""))) for node in root.iter(f"{SVG}circle")]
     # Lines and loops begin at their left end.
     half = 0.05 * float(root[0].get("stroke-width", "0"))
+    if len(lines := [node.get("d", "")[1:].split() for node in root.iter(f"{SVG}path")]) == 1:
+        return np.array(lines[0], float).reshape(-1, 2)
     starts = [re.split("[hl]", node.get("d", "")[1:])[0].split() for node in root.iter(f"{SVG}path")]
     return np.array(circles or [(float(x) + half, float(y)) for x, y in starts])
 
@@ -36,8 +39,62 @@ def test_a_drawing_has_each_dot_in_millimeters_in_the_order_of_the_tour(tmp_path
     root = ElementTree.parse(path).getroot()
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("160mm", "80mm", "0 0 160 80")
     assert np.allclose(places_in(path), 2 * STIPPLES.points[STIPPLES.order], atol=6e-4)
+    if marks == "line":
+        with pytest.raises(ValueError, match="tour must be True"):
+            STIPPLES.save(path, marks=marks, tour=False)
+        return
     STIPPLES.save(path, width=160, marks=marks, tour=False, overwrite=True)
     assert np.allclose(places_in(path), 2 * STIPPLES.points, atol=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "size", "corner", "scale"),
+    [
+        ({"paper": "a4"}, (210, 297), (10, 101), 190 / 80),
+        ({"paper": "A4", "landscape": True, "margin": 5}, (297, 210), (5, 33.25), 287 / 80),
+        ({"paper": (300, 100), "height": 60, "margin": 0}, (300, 100), (90, 20), 1.5),
+        ({"height": 20}, (40, 20), (0, 0), 0.5),
+        ({"width": 80, "margin": 3}, (86, 46), (3, 3), 1),
+        ({}, (200, 100), (0, 0), 2.5),
+    ],
+)
+def test_a_drawing_lies_in_the_middle_of_its_sheet(
+    tmp_path: Path, fitted: dict[str, Any], size: tuple[float, float], corner: tuple[float, float], scale: float
+) -> None:
+    path = tmp_path / "a.svg"
+    STIPPLES.save(path, tour=False, **fitted)
+    root = ElementTree.parse(path).getroot()
+    assert (root.get("width"), root.get("height")) == (f"{size[0]}mm", f"{size[1]}mm")
+    assert np.allclose(places_in(path), scale * STIPPLES.points + corner, atol=6e-4)
+    STIPPLES.save(tmp_path / "a.png", scale=3, **fitted)
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width / image.height == pytest.approx(size[0] / size[1], rel=0.02)
+        assert image.width / image.info["dpi"][0] * 25.4 == pytest.approx(size[0], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "message"),
+    [
+        ({"paper": "a9"}, "paper='a9' must be one of"),
+        ({"paper": "a6", "margin": 60}, "margin=60 must leave room on 105 x 148 mm"),
+        ({"landscape": True}, "landscape must have a paper"),
+    ],
+)
+def test_sheets_that_cannot_be_are_refused(tmp_path: Path, fitted: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        STIPPLES.save(tmp_path / "a.svg", **fitted)
+
+
+def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    STIPPLES.save(path, width=800, fill="spiral", pen_width=0.5, tour=False)
+    for node, point, radius in zip(
+        ElementTree.parse(path).getroot()[0], 10 * STIPPLES.points, 10 * STIPPLES.radii, strict=True
+    ):
+        turns = np.array(node.get("d", "")[1:].split(), float).reshape(-1, 2) - point
+        reach = np.hypot(*turns.T)
+        assert reach.max() == pytest.approx(radius - 0.25, abs=2e-3)
+        assert np.hypot(*np.diff(turns, axis=0).T).sum() * 0.5 == pytest.approx(np.pi * radius**2, rel=0.25)
 
 
 def test_disks_have_the_radii_of_dots_and_points_the_width_of_the_pen(tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from cvtimg.artwork.stipples import draw_dots
-from cvtimg.artwork.tones import disk_area, ink_coverage
+from cvtimg.artwork.tones import disk_area, ink_coverage, pen_coverages
+from cvtimg.colors.spaces import from_space, to_space
 
 GRAYS = np.array([[0, 60, 128, 188, 255]], np.uint8)
 
@@ -56,3 +57,18 @@ def test_a_lattice_of_disks_of_this_area_covers_the_share(coverage: float) -> No
     radius = np.sqrt(area * spacing**2 * np.sqrt(0.75) / np.pi)
     drawn = draw_dots(points, np.full(len(points), radius), (round(20 * spacing * np.sqrt(0.75)), 400))
     assert drawn.mean() == pytest.approx(coverage, abs=0.003)
+
+
+def test_mixtures_of_pens_have_the_light_of_the_image_where_they_can() -> None:
+    pens = np.uint8([[0, 0, 0], [228, 0, 43], [0, 87, 184]])
+    inks, rng = to_space(pens, "linear"), np.random.default_rng(0)
+    shares = rng.dirichlet(np.ones(4), 60)[:, 1:]  # with paper for the rest
+    light = 1 - shares.sum(axis=1, keepdims=True) + shares @ inks
+    image = from_space(light, "linear", np.dtype(np.float64))[np.newaxis]
+    found = np.stack(pen_coverages(image, pens, 0.0, 1.0), axis=-1)[0]
+    np.testing.assert_allclose(1 - found.sum(axis=1, keepdims=True) + found @ inks, light, atol=0.02)
+    gray = np.stack(pen_coverages(np.full((1, 1), 0.5), pens, 0.0, 1.0), axis=-1)[0, 0]
+    assert gray[0] > 0.7
+    assert gray[1:].max() < 0.02
+    beyond = pen_coverages(np.float64([[[0, 1, 0]]]), pens, 0.0, 1.0)  # no mixture is green
+    assert 0 < sum(float(ink[0, 0]) for ink in beyond) <= 1

@@ -34,6 +34,17 @@ def test_a_tour_of_many_points_is_within_a_tenth_of_the_shortest() -> None:
     assert tour_length(points, find_tour(points)) < 1.1 * 0.7124 * np.sqrt(n_points)
 
 
+def test_a_tour_does_not_cross_itself() -> None:
+    points = np.random.default_rng(4).random((1500, 2)) ** [1, 3]
+    points[:40] *= 20  # long steps
+    path = points[find_tour(points)]
+    steps = np.diff(path, axis=0)
+    away = path[np.newaxis] - path[:-1, np.newaxis]
+    side = np.sign(steps[:, :1] * away[..., 1] - steps[:, 1:] * away[..., 0])  # of each point to each step
+    apart = side[:, :-1] * side[:, 1:] < 0
+    assert not (apart & apart.T).any()
+
+
 def test_the_tour_is_the_same_in_any_unit_and_starts_at_the_corner() -> None:
     points = np.random.default_rng(1).random((300, 2))
     order = find_tour(points)
