@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from cvtimg.artwork import Stipples
+from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Call, Line, Named, literal
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing, Layer
@@ -14,7 +15,8 @@ from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
-_DRAWN = {"width": 200.0, "marks": "disks", "pen_width": "auto", "order": "tour"}
+_DRAWN = {"width": 200.0, "paper": "none", "landscape": False, "marks": "disks", "pen_width": "auto", "order": "tour"}
+_PAPER = {"none": "as large as the drawing", "a5": "A5", "a4": "A4", "a3": "A3", "letter": "Letter"}
 
 
 def _radius(name: str, label: str, default: float, largest: float) -> Number:
@@ -62,7 +64,9 @@ class StippleTab(Tab):
         ),
         ("invert", {"when": {"layers": ["one"]}}),
         "marks",
-        "width",
+        Choice(name="paper", label="Paper", default="none", choices=_PAPER, flag="--paper"),
+        Switch(name="landscape", label="Landscape", flag="--landscape", when={"paper": [*_PAPER][1:]}),
+        ("width", {"when": {"paper": ["none"]}}),
         ("pen_width", {"always": False, "when": {"by": ["n"]}}),
         "order",
     )
@@ -83,12 +87,24 @@ class StippleTab(Tab):
         keywords = self.keywords(settings)
         if settings["by"] == "pen":
             pen, width = settings["pen"], settings["width"]
-            text = f"{literal(pen)} / {literal(width)} * image.shape[1]"
-            keywords["dot_diameter"] = Named(text, pen / width * request.picture.size[1])
+            text, diameter = (
+                f"{literal(pen)} / {literal(width)} * image.shape[1]",
+                pen / width * request.picture.size[1],
+            )
+            if settings["paper"] != "none":
+                scale = self._scale(request)
+                text, diameter = f"{literal(pen)} / {literal(scale)}", pen / scale
+            keywords["dot_diameter"] = Named(text, diameter)
         if "least" in self.in_effect(settings):
             keywords["radius_range"] = (settings["least"], settings["greatest"])
         number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
         return [reading(request), Line("result", Call("stipple", (IMAGE, *number), keywords))]
+
+    def _scale(self, request: Request) -> float:
+        """Return the millimeters of a pixel of the picture."""
+        drawn = _drawing(self, request.settings)
+        fitted = {name: drawn[name] for name in ("width", "paper", "landscape") if name in drawn}
+        return Sheet.of(request.picture.size, **fitted).scale
 
     def scaled(self, request: Request) -> Settings:
         number, most = request.settings["n_dots"], max(1, math.prod(request.size) // 16)
@@ -99,7 +115,7 @@ class StippleTab(Tab):
         svg = written_as("drawing.svg", lambda path: self.outputs(request)[0].writing(path).run(values))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
         if len(result):
-            scale = request.settings["width"] / request.size[1]
+            scale = self._scale(request) * request.picture.size[1] / request.size[1]
             facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
         return Drawing(svg), facts
 
