@@ -99,7 +99,8 @@ class Mosaic(ReadOnly):
     energies : tuple of float
         Before each step on the whole image, and at the end. They may rise in between; the least is kept.
     psnr : float
-        Peak signal-to-noise ratio of `image`, in decibels; infinite if it equals the image.
+        Peak signal-to-noise ratio of `image`, in decibels; infinite if it equals the image. Of images with alpha, over
+        the pixels that are seen of either, in the mean of how they look on black and on white.
     """
 
     points: NDArray[np.float64]
@@ -307,9 +308,24 @@ def mosaic(
         colors = _restricted(colors, painted.areas, palette, has_alpha)
     squared = _unit(samples.dtype, space) ** 2
     history = tuple(squared * energy for energy in energies)
-    error = float(np.mean((colors[painted.labels].astype(np.float32) - samples) ** 2, dtype=np.float64))
-    psnr = float(10 * np.log10(peak(samples.dtype) ** 2 / error)) if error else np.inf
+    psnr = _psnr(colors[painted.labels], samples, has_alpha)
     return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history, psnr)
+
+
+def _psnr(drawn: NDArray[Any], samples: NDArray[Any], has_alpha: bool) -> float:
+    """Compare (H, W, C) images where anything is to be seen; of those with alpha, as they look on black and on white."""
+    white = peak(samples.dtype)
+    pair = drawn.astype(np.float32), samples.astype(np.float32)
+    if not has_alpha:
+        error = float(np.mean((pair[0] - pair[1]) ** 2, dtype=np.float64))
+    else:
+        seen = (drawn[..., -1] > 0) | (samples[..., -1] > 0)
+        if not seen.any():
+            return np.inf
+        inks, alphas = zip(*((one[seen, :-1] * (one[seen, -1:] / white), one[seen, -1:]) for one in pair), strict=True)
+        on_black, clearer = inks[0] - inks[1], alphas[1] - alphas[0]
+        error = float(np.mean((on_black**2 + (on_black + clearer) ** 2) / 2, dtype=np.float64))
+    return float(10 * np.log10(white**2 / error)) if error else np.inf
 
 
 def _descended(

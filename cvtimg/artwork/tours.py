@@ -15,17 +15,19 @@ _N_NEAR = 8
 _REACH = 25_000
 #: Steps of a path that are longer than this, in their median, are few.
 _SHORT = 3.0
+#: Steps that cross are longer by more than this part than those in their place, but for rounding.
+_ROUNDING = 1e-9
 
 
 def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     """Order (N, 2) points along a short open path; return the (N,) permutation of them.
 
-    The path begins at its end that is nearer to (0, 0), and does not cross itself.
+    The path begins at its end that is nearer to (0, 0).
 
     Notes
     -----
     The shortest connections first, as long as they leave paths (greedy), then 2-opt and Or-opt among the 8 nearest
-    neighbors of each point, until nothing is gained; at last 2-opt where steps still cross.
+    neighbors of each point, until nothing is gained.
 
     References
     ----------
@@ -45,14 +47,20 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     settled = np.zeros(len(tour), np.uint8)
     while improve(places, near, tour, where, settled, _REACH):
         pass
-    while len(crossed := _crossings(places[tour])):
-        is_turned = np.zeros(len(tour), np.bool_)
-        for first, last in crossed:  # turning what lies between takes a crossing out, and the path is shorter
-            if not is_turned[first : last + 2].any():
-                tour[first + 1 : last + 1] = tour[first + 1 : last + 1][::-1]
-                is_turned[first : last + 2] = True
     first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
     return tour[:: 1 if first <= last else -1].astype(np.intp)
+
+
+def uncrossed(points: NDArray[np.float64], tour: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return a tour through (N, 2) points, its ends the same, that is shorter where it crossed itself, and does not."""
+    tour = tour.copy()
+    while len(crossed := _crossings(points[tour])):
+        has_moved = np.zeros(len(tour), np.bool_)
+        for first, last in crossed:  # turning what lies between takes a crossing out
+            if not (has_moved[first] or has_moved[last]):
+                tour[first + 1 : last + 1] = tour[first + 1 : last + 1][::-1]
+                has_moved[first : last + 1] = True
+    return tour
 
 
 def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -102,7 +110,11 @@ def _crossings(path: NDArray[np.float64]) -> NDArray[np.intp]:
 
     apart = side(first, path[last]) * side(first, path[last + 1]) < 0
     apart &= side(last, path[first]) * side(last, path[first + 1]) < 0
-    return np.column_stack([first, last])[apart][np.argsort((last - first)[apart], kind="stable")]
+    first, last = first[apart], last[apart]
+    turned = np.hypot(*(path[last] - path[first]).T) + np.hypot(*(path[last + 1] - path[first + 1]).T)
+    shorter = turned < (1 - _ROUNDING) * (lengths[first] + lengths[last])  # else steps lie on each other
+    order = np.argsort((last - first)[shorter], kind="stable")
+    return np.column_stack([first, last])[shorter][order]
 
 
 def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

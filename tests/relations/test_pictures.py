@@ -69,9 +69,7 @@ OF_GRAY: dict[str, Callable[[Image], Any]] = {"three equal bands": lambda image:
 EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
 #: What is not so yet.
 EXCEPT |= {
-    (verb, "an alpha that is opaque", inputs)
-    for verb in ("segment", "mosaic")
-    for inputs in (gray_picture, color_picture)
+    (verb, "an alpha that is opaque", inputs) for verb in ("segment",) for inputs in (gray_picture, color_picture)
 }
 
 RELATIONS = [
