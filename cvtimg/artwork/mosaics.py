@@ -313,7 +313,7 @@ def mosaic(
 
 
 def _psnr(drawn: NDArray[Any], samples: NDArray[Any], has_alpha: bool) -> float:
-    """Compare (H, W, C) images where anything is to be seen; of those with alpha, as they look on black and on white."""
+    """Compare (H, W, C) images where anything is seen; of those with alpha, as they look on black and on white."""
     white = peak(samples.dtype)
     pair = drawn.astype(np.float32), samples.astype(np.float32)
     if not has_alpha:
