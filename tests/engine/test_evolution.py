@@ -119,3 +119,21 @@ def test_the_callback_stops_evolution(tables: dict[str, NDArray[Any]]) -> None:
     seen: list[float] = []
     tessellate(tables["iris"], 10, effort="best", callback=lambda _, energy: bool(seen.append(energy)) or len(seen) > 3)
     assert len(seen) == 4
+
+
+@pytest.mark.parametrize(("n_rows", "n_dims", "k"), [(3000, 10, 30), (3000, 2, 20), (40_000, 8, 20)])
+def test_separated_clusters_are_all_found(n_rows: int, n_dims: int, k: int) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        centers = 20 * rng.permuted(np.tile(np.arange(k), (n_dims, 1)), axis=1).T
+        rows = centers[rng.integers(0, k, n_rows)] + rng.normal(size=(n_rows, n_dims))
+        found = tessellate(rows, k, rng=seed).generators
+        assert len(set(((centers[:, None] - found) ** 2).sum(axis=2).argmin(axis=1))) == k
+
+
+def test_a_far_row_of_many_has_a_generator() -> None:
+    rows = np.random.default_rng(0).random((40_000, 5))
+    rows[12345] = -9999
+    result = tessellate(rows, 4)
+    assert result.masses.min() == 1
+    assert result.energy < 1.01 * tessellate(np.delete(rows, 12345, axis=0), 3).energy
