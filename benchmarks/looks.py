@@ -6,8 +6,9 @@ and squared errors of cvtimg are multiples of theirs, with geometric means over 
 better by SSIMULACRA2, less than 0 where it was out of reach, and "second" by how many dB of a measure that nothing was
 tuned for: the blurred difference in Oklab, masked by texture. Seconds are those of processors, of whole processes.
 
-The part gif has files of pngquant's colors by gifsicle, also lossy ones; the part sheet writes parts of the pictures
-three times as large: as they are, in pngquant's 256 colors, and by cvtimg at the same score.
+The part drawn has thirty drawings of `drawings.py` without a target; the part gif has files of pngquant's colors by
+gifsicle, also lossy ones; the part sheet writes parts of the pictures three times as large: as they are, in pngquant's
+256 colors, and by cvtimg at the same score.
 
     python benchmarks/looks.py [--quick] [--parts png] [--k 48 256] [--pictures 4] [--rivals pngquant Pillow]
 """
@@ -22,13 +23,14 @@ import numpy as np
 import oxipng
 from common import OUT, Picture, Rows, group, parser, picture_sets, progress, read_rgb, run, run_process, squared_error
 from dithering import programs
+from drawings import drawings
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 from whole_process import Spelling, find_cvtimg, spell_cvtimg
 
 from cvtimg.colors.spaces import to_space
-from cvtimg.looks import VisualQuality
+from cvtimg.looks import VisualQuality, content_quality
 from cvtimg.looks.rate import visibility
 from cvtimg.plotting import Panel, contact_sheet
 
@@ -137,6 +139,28 @@ def gif(given: argparse.Namespace) -> tuple[Rows, Rows]:
     return compare(given, {f"gifsicle --lossy={lossy}": spelled(lossy) for lossy in LOSSY}, ".gif", True)
 
 
+def drawn(given: argparse.Namespace) -> tuple[Rows, Rows]:
+    """Drawings: what `cvtimg quantize` makes without a target, beside pngquant's 256 colors."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    rows, path, rival = Rows(), find_cvtimg(given.cvtimg)[0], programs(["pngquant"])
+    before, theirs, ours = (OUT / f"drawn_{name}.png" for name in ("before", "theirs", "ours"))
+    for name, pixels in drawings():
+        Image.fromarray(pixels).save(before, optimize=True)
+        made(next(iter(rival.values()))(before, theirs, 256, True))
+        made([path, "quantize", before, "-o", ours, "--overwrite", "--quiet"])
+        seen, one, other = (np.asarray(Image.open(file).convert("RGBA")) for file in (before, theirs, ours))
+        sizes = {"before": before.stat().st_size, "pngquant": theirs.stat().st_size, "cvtimg": ours.stat().st_size}
+        row = {
+            "drawing": name,
+            **sizes,
+            "its content": content_quality(seen, one),
+            "content": content_quality(seen, other),
+        }
+        rows.append(row)
+    ratio = float(np.exp(np.mean([np.log(row["cvtimg"] / row["pngquant"]) for row in rows])))
+    return rows, Rows([{"bytes": ratio, "least content": min(row["content"] for row in rows)}])
+
+
 def sheet(given: argparse.Namespace) -> Rows:
     """Parts of pictures."""
     shown, path = [], find_cvtimg(given.cvtimg)[0]
@@ -161,4 +185,4 @@ if __name__ == "__main__":
     read.add_argument("--pictures", type=int, metavar="N", help="at most N pictures of each set (default: all)")
     read.add_argument("--rivals", nargs="+", default=["pngquant"], metavar="WORD", help="programs with such a word")
     read.add_argument("--cvtimg", metavar="PATH", help="the command to measure (default: that beside this Python)")
-    run(read, png, gif, sheet)
+    run(read, png, gif, drawn, sheet)
