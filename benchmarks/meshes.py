@@ -3,9 +3,9 @@
 Prints, for an ocean with a coast and a size image, processor seconds and qualities beside Gmsh's Frontal on the same
 borders and sizes; and, for eleven domains, how often each program is best and worst by eight measures. DistMesh has
 four starts, and cvtimg those of effort best; then each has one. For images of labels, prints how far the area of the
-worst piece is off.
+worst piece is off. For outlines of maps as they are, prints angles beside both (--outlines FILE).
 
-    python benchmarks/meshes.py [--quick] [--only ocean,domains,labels] [--starts N]
+    python benchmarks/meshes.py [--quick] [--only ocean,domains,labels,outlines] [--starts N]
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import shapely
 from common import DATA, parser, pin_threads, print_table, timed, write_results
 from mesh_domains import comparison, ocean
 from mesh_labels import of_labels
+from mesh_outlines import of_outlines
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
@@ -43,6 +44,9 @@ def options() -> argparse.Namespace:
     read = parser(__doc__)
     read.add_argument("--only", default=",".join(PARTS), help=f"parts to run, of {','.join(PARTS)}")
     read.add_argument("--starts", type=int, default=4, help="starts of DistMesh; cvtimg has 24 with effort best")
+    read.add_argument(
+        "--outlines", type=Path, help="land-10m.json of the npm package world-atlas, for the part outlines"
+    )
     return read.parse_args()
 
 
@@ -275,43 +279,49 @@ def turning(ring: Points) -> NDArray[np.float64]:
 
 def by_triangle(rings: list[Points], n: int) -> tuple[Points, Triangles]:
     """Mesh with triangle: angles of at least 30 degrees, and a largest area."""
-    import triangle
-
-    domain = shapely.Polygon(rings[0], rings[1:])
 
     def make(length: float) -> tuple[Points, Triangles]:
-        cut = outlines(rings, length)
-        offsets = np.cumsum([0, *map(len, cut)])
-        segments = [
-            np.stack([np.arange(len(ring)), np.roll(np.arange(len(ring)), -1)], axis=1) + start
-            for ring, start in zip(cut, offsets, strict=False)
-        ]
-        given = {"vertices": np.vstack(cut), "segments": np.vstack(segments)}
-        if len(rings) > 1:
-            given["holes"] = [shapely.Polygon(ring).representative_point().coords[0] for ring in rings[1:]]
-        made = triangle.triangulate(given, f"pq30a{3**0.5 / 4 * length**2 * 1.3:.9f}")
-        return made["vertices"], made["triangles"]
+        return triangulated(outlines(rings, length), f"pq30a{3**0.5 / 4 * length**2 * 1.3:.9f}")
 
-    return nearest_number(make, domain.area, n)
+    return nearest_number(make, shapely.Polygon(rings[0], rings[1:]).area, n)
+
+
+def triangulated(rings: list[Points], flags: str = "pq30") -> tuple[Points, Triangles]:
+    """Mesh rings with triangle."""
+    import triangle
+
+    starts, each = np.cumsum([0, *map(len, rings)]), [np.arange(len(ring)) for ring in rings]
+    segments = [np.stack([at, np.roll(at, -1)], axis=1) + start for at, start in zip(each, starts, strict=False)]
+    given = {"vertices": np.vstack(rings), "segments": np.vstack(segments)}
+    if len(rings) > 1:
+        given["holes"] = [shapely.Polygon(ring).representative_point().coords[0] for ring in rings[1:]]
+    made = triangle.triangulate(given, flags)
+    return made["vertices"], made["triangles"].astype(np.int32)
+
+
+def gmsh_of_rings(rings: list[Points], length: float | None = None) -> tuple[Points, Triangles]:
+    """Mesh with Gmsh's Frontal, with edges of one length, or as long as the distances of points on rings are."""
+    with gmsh_frontal() as gmsh:
+        loops = []
+        for ring in rings:
+            steps = np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1)
+            sizes = (steps + np.roll(steps, 1)) / 2 if length is None else np.full(len(ring), length)
+            tags = [gmsh.model.geo.addPoint(*place, 0, size) for place, size in zip(ring, sizes, strict=True)]
+            lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, [*tags[1:], tags[0]], strict=True)]
+            for line in lines if length else []:
+                gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
+            loops.append(gmsh.model.geo.addCurveLoop(lines))
+        gmsh.model.geo.addPlaneSurface(loops)
+        return meshed(gmsh)
 
 
 def by_gmsh_uniformly(rings: list[Points], n: int) -> tuple[Points, Triangles]:
     """Mesh with Gmsh's Frontal and edges of one length."""
-    domain = shapely.Polygon(rings[0], rings[1:])
 
     def make(length: float) -> tuple[Points, Triangles]:
-        with gmsh_frontal() as gmsh:
-            loops = []
-            for ring in outlines(rings, length):
-                tags = [gmsh.model.geo.addPoint(*place, 0, length) for place in ring]
-                lines = [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, [*tags[1:], tags[0]], strict=True)]
-                for line in lines:
-                    gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
-                loops.append(gmsh.model.geo.addCurveLoop(lines))
-            gmsh.model.geo.addPlaneSurface(loops)
-            return meshed(gmsh)
+        return gmsh_of_rings(outlines(rings, length), length)
 
-    return nearest_number(make, domain.area, n)
+    return nearest_number(make, shapely.Polygon(rings[0], rings[1:]).area, n)
 
 
 def by_distmesh(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangles]:
@@ -418,6 +428,15 @@ def main() -> None:
         tables["domains"], tables["domains, one start"] = with_domains(1 if read.quick else read.starts)
     if "labels" in read.only:
         tables["labels"] = of_labels(read.data or DATA, read.quick)
+    if "outlines" in read.only:
+        import cvtimg
+
+        def ours(rings: list[Points]) -> tuple[Points, Triangles]:
+            mesh = cvtimg.mesh_region(rings)
+            return mesh.points, mesh.triangles
+
+        programs = {"cvtimg": ours, "triangle pq30": triangulated, "Gmsh Frontal": gmsh_of_rings}
+        tables["outlines"] = [{"program": name} | of_outlines(read.outlines, make) for name, make in programs.items()]
     for name, rows in tables.items():
         header = list(rows[0])
         print_table(name, header, [[str(row[column]) for column in header] for row in rows])
