@@ -98,12 +98,47 @@ def white(sigma: float) -> Callable[[Floats, Random], tuple[Floats, Floats]]:
     return lambda clean, rng: (clean, clean + sigma * rng.standard_normal(clean.shape))
 
 
+def by_bands(
+    share: float, sigma: float = SIGMA, other: float = 0.0
+) -> Callable[[Floats, Random], tuple[Floats, Floats]]:
+    """Return what adds noise of which bands share a part, and independent noise of `other` levels."""
+
+    def spoil(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
+        same, apart = rng.standard_normal((*clean.shape[:2], 1)), rng.standard_normal(clean.shape)
+        noise = sigma * (np.sqrt(share) * same + np.sqrt(1 - share) * apart)
+        return clean, clean + noise + other * rng.standard_normal(clean.shape)
+
+    return spoil
+
+
+def in_gray(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
+    """Return a gray photograph in three bands, and with the same noise in all."""
+    return by_bands(1.0)(np.repeat(np.rint(clean.mean(axis=2, keepdims=True)), 3, axis=2), rng)
+
+
+def salt_and_pepper(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
+    """Return a photograph, and with 5 % of its pixels black or white."""
+    hit, ends = rng.random(clean.shape[:2]) < 0.05, rng.choice([0.0, 255.0], clean.shape[:2])
+    return clean, np.where(hit[:, :, None], ends[:, :, None], clean)
+
+
+def in_rows(clean: Floats, rng: Random) -> tuple[Floats, Floats]:
+    """Return a photograph, and with offsets of its rows, of 8 levels, and noise of 3."""
+    return clean, clean + rng.normal(0, 8, (len(clean), 1, 1)) + rng.normal(0, 3, clean.shape)
+
+
 LIGHT = {"light, weak": (0.5, 3.0), "light": (2.0, 5.0), "light, strong": (8.0, 5.0)}
 CASES: dict[str, Callable[[Floats, Random], tuple[Floats, Floats | Image.Image]]] = {
     **{f"blurred by {blur} px": as_blurred(blur) for blur in (0.6, 0.8, 1.2)},
     "blurred by 0.8 px, JPEG": lambda clean, rng: (clean, as_jpeg(blurred(clean, 0.8, rng)[1])),
     "scaled by 1.5": scaled,
     "mosaic, JPEG": demosaiced,
+    "gray in three bands": in_gray,
+    "bands correlated by 0.5": by_bands(0.5),
+    "luma 12, chroma 2": by_bands(1.0, 12, 2),
+    "noise of 10 levels, JPEG 92": compressed(92, 10),
+    "salt and pepper": salt_and_pepper,
+    "offsets of rows": in_rows,
     **{name: as_light(*strength) for name, strength in LIGHT.items()},
     **{f"JPEG {quality}": compressed(quality, 0) for quality in (50, 75, 90)},
     "noise of 5 levels, JPEG 75": compressed(75, 5),
