@@ -46,11 +46,11 @@ _MAX_SWEEPS = 1000
 _STRIPE = 64
 #: Pixels up to this distance tell over which area what a segment does not explain is correlated.
 _CORRELATED = 3
-#: Pixels, some more or fewer, of which variances are taken.
+#: Pixels of which variances are taken; up to four times as many where rows are long.
 _ENOUGH_SAMPLES = 1 << 15
-#: Regions of an image of more pixels move in one of half the size, and so on; of one beyond the most, in one that has
-#: about so many, which is held in memory.
-_ENOUGH_PIXELS, _MOST_PIXELS = 1 << 19, 1 << 22
+#: Regions of an image of more pixels move in a smaller one, whose sides are halved until it has at most four times the
+#: second number of pixels; it is held in memory.
+_ENOUGH_PIXELS, _MOST_PIXELS = 1 << 19, 1 << 17
 #: Superpixels in which regions move, and sweeps that these get: 2,000 that settle gain 1 % of energy.
 _N_LEAVES, _LEAF_SWEEPS = 500, 4
 #: Pixels above which superpixels are found at half the size.
@@ -293,7 +293,8 @@ class State:
         n_labels, means = len(self.rates), self.cells.means
         variances, products = np.zeros((n_labels, *(means.shape[1],) * 2)), np.zeros((2 * len(steps) + 2, n_labels))
         n_rows = -(-_ENOUGH_SAMPLES // (self._shape[1] * len(self._stripes)))
-        bands = [self._image.rows(first, min(last, first + max(n_rows, 8)), margin) for first, last in self._stripes]
+        some = self._stripes[:: max(8 * self._shape[1] * len(self._stripes) // (4 * _ENOUGH_SAMPLES), 1)]
+        bands = [self._image.rows(first, min(last, first + max(n_rows, 8)), margin) for first, last in some]
         parts = []
         for band in bands:
             labels = band.labels[margin:-margin, margin:-margin]
