@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.cli.segment_outputs import OF_LINES, check_room, kind_of, outputs_of, write_outputs
+from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -92,6 +93,8 @@ def segment(given: Given) -> Todo:
         raise WrongUsageError("--properties are those of images, not of --objects with --volume")
     if given.threshold is not None and given.number != "auto":
         raise WrongUsageError("--threshold and -k N exclude each other")
+    if given.number != "auto" and (given.number or 0) > MAX_COLORS and not given.superpixels:
+        raise WrongUsageError(f"-k: '{given.number}' must be auto or a whole number in 1..{MAX_COLORS}")
     given.averaging = _averaging(given)
     outputs = outputs_of(given)
     contours = [str(path) for option, path in outputs.items() if kind_of(option) == "contours"]

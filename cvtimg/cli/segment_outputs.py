@@ -63,7 +63,14 @@ class Subject:
     given: Given  # how edges and contours are drawn
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
+    bands: NDArray[Any] | None = None  # (H, W, C) channels to measure in place of those of the image ...
+    channels: Sequence[str] = ()  # ... and their names
     in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
+
+    @property
+    def measured(self) -> tuple[NDArray[Any], Sequence[str]]:
+        """What tables measure, and the names of its channels."""
+        return (self.image, self.header.channels) if self.bands is None else (self.bands, self.channels)
 
     @property
     def tree(self) -> RegionHierarchy:
@@ -103,13 +110,26 @@ class Subject:
 
         from cvtimg.labels import region_table
 
-        size, channels = self.header.pixel_size, self.header.channels
-        more = self.given.properties or ()
-        table = region_table(self.labels, self.image, more, pixel_size=size, channels=channels)
+        more, size = self.given.properties or (), self.header.pixel_size
+        image, channels = self.measured
+        table = region_table(self.labels, image, more, pixel_size=size, channels=channels)
+        if place := self.header.geo_transform:
+            table |= self._on_map(table, place)
         if self.given.objects:
             table["touches_edge"] = _touch_edges(self.labels, table["label"])
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
+
+    def _on_map(self, table: Mapping[str, NDArray[Any]], place: Sequence[float]) -> dict[str, NDArray[Any]]:
+        """Return centroids in the coordinates of the map and, where these are meters, areas in m2."""
+        from cvtimg.pictures import read_metadata
+        from cvtimg.pictures.formats.geotiff import is_in_meters
+
+        a, b, c, d, e, f = place
+        x, y = table["x"], table["y"]
+        columns = {"x_map": a * x + b * y + c, "y_map": d * x + e * y + f}
+        areas = {"area_m2": table["area"] * abs(a * e - b * d)}
+        return (areas if is_in_meters(read_metadata(self.source).geo) else {}) | columns
 
     def metadata(self, nodata: float | None = None) -> Metadata | None:
         """Return where and how large pixels are: the georeference of a GeoTIFF, with a value for no data, or a size."""
@@ -143,7 +163,11 @@ def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: b
     places = [{}] if found.pages is None else found.pages.places
     tree = found.results[0].hierarchy if found.pages is None else None
     each = zip(found.images, found.labels, places, strict=True)
-    subjects = [Subject(task.source, image, own, found.header, given, tree, at, in_volume) for image, own, at in each]
+    others, names = _other_channels(task.source, given) if given.measure else ([None] * len(places), ())
+    subjects = [
+        Subject(task.source, image, labels, found.header, given, tree, at, bands, names, in_volume)
+        for (image, labels, at), bands in zip(each, others, strict=True)
+    ]
     for option, path in task.outputs.items():
         kind = kind_of(option)
         if kind == "tree":
@@ -156,6 +180,26 @@ def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: b
             _write_image(kind, subjects[0], path, given.overwrite)
         else:
             _write_pages(kind, subjects, path, found.pages, given.overwrite)
+
+
+def _other_channels(source: Path, given: Given) -> tuple[Sequence[NDArray[Any] | None], Sequence[str]]:
+    """Read the channels that --measure names, of all pages, whichever channel is segmented."""
+    from cvtimg.pictures import open_stack
+    from cvtimg.pictures.formats.opening import selected, selecting
+    from cvtimg.pictures.formats.stored import place_of
+
+    with selecting(replace(selected(), channel=None)):
+        stack = open_stack(source, frames=False)
+    images = [image.reshape(*image.shape[:2], -1) for image in stack.images]
+    assert stack.header is not None  # in tiles, there is none
+    n_bands, named = images[0].shape[2], tuple(stack.header.channels)
+    names = named if len(named) == n_bands else tuple(str(band) for band in range(1, n_bands + 1))
+    chosen = (
+        range(n_bands)
+        if given.measure == ("all",)
+        else [place_of(it, n_bands, names, "channel") for it in given.measure]
+    )
+    return [image[..., list(chosen)] for image in images], [names[band] for band in chosen]
 
 
 def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
@@ -247,9 +291,11 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
         frames.setdefault(subject.place.get("t"), []).append(subject)
     tables = []
     for frame, planes in frames.items():
-        volume, image = np.stack([plane.labels for plane in planes]), np.stack([plane.image for plane in planes])
-        header = planes[0].header
-        table = volume_table(volume, image, pixel_size=header.pixel_size, channels=header.channels)
+        volume, image = (
+            np.stack(each) for each in zip(*((plane.labels, plane.measured[0]) for plane in planes), strict=True)
+        )
+        header, channels = planes[0].header, planes[0].measured[1]
+        table = volume_table(volume, image, pixel_size=header.pixel_size, channels=channels)
         table["touches_edge"] = _touch_edges(volume, table["label"])
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables

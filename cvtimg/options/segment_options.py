@@ -31,7 +31,7 @@ SEGMENT = (
     common.IMAGES,
     Option(
         "number",
-        Whole(1, common.MAX_COLORS, auto=True),
+        Whole(1, 2**31 - 1, auto=True),
         "Number of segments; auto picks it at the elbow of the energy. Without it, regions as by --hierarchy.",
         "--segments -k",
     ).on_page("Segments", slider=(2, 64), log=True, default=4),
@@ -186,6 +186,12 @@ SEGMENT = (
         "With --objects: end them where segments end, or halfway in value between each and the background.",
         default="segment",
         needs=("objects",),
+    ),
+    Option(
+        "measure",
+        Text(common.names),
+        "Channels that --table measures, by name or number, or all; by default, those that are segmented.",
+        metavar="all|NAME,...",
     ),
     Option(
         "properties",

@@ -169,6 +169,26 @@ def test_contours_of_a_geotiff_are_in_its_coordinates_and_its_nodata_is_left_out
         assert (x.min(), x.max(), y.min(), y.max()) == (west, west + 40, 4_599_940, 4_599_990)
 
 
+@pytest.mark.parametrize("is_in_meters", [True, False])
+def test_a_table_of_a_geotiff_is_in_its_coordinates(run: Run, is_in_meters: bool) -> None:
+    image = np.zeros((6, 8), np.uint16)
+    image[:, 4:] = 900
+    keys = (1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32633 if is_in_meters else 2263)
+    tifffile.imwrite("geo.tif", image, extratags=[*GEO[:2], (34735, "H", len(keys), keys)])
+    run("geo.tif", "-k", "2", "--table", "a.csv")
+    header, first, _ = (line.split(",") for line in Path("a.csv").read_text().splitlines())
+    row = dict(zip(header, first, strict=True))
+    assert (float(row["x_map"]), float(row["y_map"])) == (500_020, 4_599_970)
+    assert row.get("area_m2") == ("2400" if is_in_meters else None)
+
+
+def test_superpixels_may_be_more_than_segments(run: Run) -> None:
+    write_image("flat.png", RNG.integers(0, 256, (280, 300), np.uint8))
+    (row,) = run("flat.png", "-k", "70000", "--superpixels", "-o", "l.npy").rows
+    assert row["k"] == np.load("l.npy").max() > 65536
+    assert "1..65536" in run("flat.png", "-k", "70000").err
+
+
 def test_labels_and_reduced_colors_of_a_geotiff_lie_where_it_does(run: Run) -> None:
     rgb = np.repeat(RGB, 2, axis=0)
     tifffile.imwrite("geo.tif", rgb, photometric="rgb", extratags=GEO)

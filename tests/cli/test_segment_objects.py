@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from commands import RowOf
 from images import discs
 
@@ -60,3 +61,28 @@ def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], row_of: RowO
     assert row["k"] == expected.n_segments
     assert row["elbow"] == expected.curve.elbows()
     np.testing.assert_array_equal(read_labels("cells-labels.png"), expected.labels)
+
+
+@pytest.mark.parametrize(
+    ("measure", "columns"),
+    [("all", ["mean_DAPI", "mean_GFP"]), ("GFP", ["mean_GFP"]), ("2,DAPI", ["mean_GFP", "mean_DAPI"])],
+)
+def test_one_channel_is_segmented_and_others_are_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measure: str, columns: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    down, right = np.mgrid[:60, :90]
+    nuclei = np.uint8(20 + 150 * ((np.hypot(down - 30, right - 25) < 9) | (np.hypot(down - 30, right - 65) < 9)))
+    tifffile.imwrite(
+        "a.tif",
+        np.stack([nuclei, right.astype(np.uint8)]),
+        imagej=True,
+        metadata={"axes": "CYX", "Labels": ["DAPI", "GFP"]},
+    )
+    how = ["--objects", "--channel", "DAPI", "--measure", measure, "--table", "t.csv", "--quiet"]
+    assert cli.main(["segment", "a.tif", *how]) == 0
+    header, *rows = (line.split(",") for line in Path("t.csv").read_text().splitlines())
+    assert [name for name in header if name.startswith("mean")] == columns
+    means = sorted(float(row[header.index("mean_GFP")]) for row in rows)
+    assert means == pytest.approx([25, 65], abs=0.5)
+    assert cli.main(["segment", "a.tif", *how[:4], "RFP", "--table", "u.csv", "--quiet"]) == 1

@@ -24,10 +24,10 @@ class GeoTag(IntEnum):
 
 
 class _GeoKey(IntEnum):
-    """Keys in `GeoTag.KEYS`, and two of their values."""
+    """Keys in `GeoTag.KEYS`, and some of their values."""
 
-    RASTER_TYPE, GEOGRAPHIC, PROJECTED = 1025, 2048, 3072
-    PIXEL_IS_POINT, USER_DEFINED = 2, 32767
+    MODEL_TYPE, RASTER_TYPE, GEOGRAPHIC, PROJECTED, LINEAR_UNITS = 1024, 1025, 2048, 3072, 3076
+    PIXEL_IS_POINT, USER_DEFINED, IS_PROJECTED, METER = 2, 32767, 1, 9001
 
 
 #: Types of the values of these tags, as in Python's struct.
@@ -45,11 +45,8 @@ class Place(NamedTuple):
     @classmethod
     def of(cls, tags: Tags) -> Place:
         """Read the tags of a page; damaged tags are ignored."""
-        keys: dict[int, int] = {}
+        keys = _keys(tags)
         transform = epsg = nodata = None
-        with suppress(TypeError, ValueError, IndexError):
-            flat = [int(value) for value in tags.get(GeoTag.KEYS, ())]
-            keys = {flat[at]: flat[at + 3] for at in range(4, len(flat) - 3, 4) if flat[at + 1] == 0}
         code = keys.get(_GeoKey.PROJECTED, keys.get(_GeoKey.GEOGRAPHIC, 0))
         epsg = code if 0 < code < _GeoKey.USER_DEFINED else None
         with suppress(TypeError, ValueError, IndexError):
@@ -59,6 +56,22 @@ class Place(NamedTuple):
         with suppress(TypeError, ValueError):
             nodata = float(str(tags[GeoTag.NODATA]).strip("\0 ")) if GeoTag.NODATA in tags else None
         return cls(transform, epsg, nodata)
+
+
+def _keys(tags: Tags) -> dict[int, int]:
+    """Return the keys whose values are numbers in the tag of keys; none if that is damaged."""
+    with suppress(TypeError, ValueError, IndexError):
+        flat = [int(value) for value in tags.get(GeoTag.KEYS, ())]
+        return {flat[at]: flat[at + 3] for at in range(4, len(flat) - 3, 4) if flat[at + 1] == 0}
+    return {}
+
+
+def is_in_meters(tags: Tags) -> bool:
+    """Whether map coordinates are meters of a projection: where the file says so, and in UTM."""
+    keys = _keys(tags)
+    in_utm = keys.get(_GeoKey.PROJECTED, 0) // 100 in (326, 327)
+    unit = keys.get(_GeoKey.LINEAR_UNITS, _GeoKey.METER if in_utm else 0)
+    return keys.get(_GeoKey.MODEL_TYPE) == _GeoKey.IS_PROJECTED and unit == _GeoKey.METER
 
 
 def geo_tags(tags: Tags) -> dict[int, Any]:
