@@ -34,7 +34,7 @@ from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
 from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
-from cvtimg.segmentation.touching import BACKGROUNDS, numbers_of, split_at_saddles, with_own_borders
+from cvtimg.segmentation.touching import BACKGROUNDS, largest_by_label, numbers_of, split_at_saddles, with_own_borders
 
 _Floats = NDArray[np.float32]
 _Inside = NDArray[np.bool_]
@@ -265,11 +265,11 @@ def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.
 
 def _most_compact(objects: NDArray[np.int32], n: int) -> NDArray[np.float64]:
     """Return some times the size of the largest disc in each object of a plane, which a long one does not reach."""
-    from scipy.ndimage import distance_transform_edt, maximum
+    from scipy.ndimage import distance_transform_edt
 
     if objects.ndim != 2 or n < 2:
         return np.full(n, np.inf)
-    radii = np.append(0.0, maximum(distance_transform_edt(objects), objects, np.arange(1, n)))
+    radii = largest_by_label(distance_transform_edt(objects), objects)
     return SETTINGS.most_discs * np.pi * radii**2
 
 
@@ -485,7 +485,7 @@ def _ground(objects: _Inside) -> _Inside:
 
     The last is the inside of a ring, or of a dish.
     """
-    from scipy.ndimage import distance_transform_edt, label, maximum
+    from scipy.ndimage import distance_transform_edt, label
 
     pores, n_pores = label(~objects)
     is_ground = np.zeros(n_pores + 1, np.bool_)
@@ -499,8 +499,8 @@ def _ground(objects: _Inside) -> _Inside:
         pieces, n_pieces = label(objects, np.ones((3,) * objects.ndim))
         firsts = np.unique(pieces, return_index=True)[1][-n_pieces:]  # in reading order: what is before is around
         around = pores.ravel()[np.maximum(firsts - 1, 0)]
-        thick = maximum(distance_transform_edt(objects), pieces, np.arange(1, n_pieces + 1))
-        free = np.append(0, maximum(distance_transform_edt(~objects), pores, np.arange(1, n_pores + 1)))
+        thick = largest_by_label(distance_transform_edt(objects), pieces)[1:]
+        free = largest_by_label(distance_transform_edt(~objects), pores)
         for pore in np.flatnonzero((np.bincount(around, minlength=n_pores + 1) >= SEVERAL) & ~is_ground):
             is_ground[pore] = free[pore] > np.sort(thick[around == pore])[-SEVERAL]
     is_ground[0] = False

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.labels.components import find_borders
+from cvtimg.segmentation.touching import largest_by_label
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +85,10 @@ def _cuts(
     parts: NDArray[np.int32], distance: NDArray[np.float32]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return which parts meet, and of each cut how deep, how much narrower, and the radius of the smaller part."""
-    from scipy.ndimage import maximum
-
     borders = find_borders(parts)
     pairs = borders.pairs + 1
     n_cuts = len(pairs)
-    thickest = np.append(0.0, maximum(distance, parts, np.arange(1, int(parts.max()) + 1)))
+    thickest = largest_by_label(distance, parts)
     smaller = thickest[pairs].min(axis=1) if n_cuts else np.zeros(0)
     radii = np.maximum(smaller, 1.0)
     # Pixels on both sides of each cut, and those where the cut ends: next to pixels of neither part.

@@ -150,6 +150,14 @@ def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[n
     return np.square(values - color).sum(axis=-1)
 
 
+def largest_by_label(values: NDArray[Any], labels: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the largest value, >= 0, of each label from 0, whose is 0; without a sort, as in scipy.ndimage."""
+    largest = np.zeros(int(labels.max(initial=0)) + 1)
+    np.maximum.at(largest, labels.ravel(), values.ravel())
+    largest[0] = 0
+    return largest
+
+
 def numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     return numbers_of(np.bincount(objects.ravel()) > 0)[objects]
