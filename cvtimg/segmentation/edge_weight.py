@@ -315,8 +315,9 @@ class State:
         covariances = products[::2] / np.maximum(products[1::2], 1)
         share = products[1] * (np.arange(n_labels) > 0)
         share /= share.sum()
-        c = np.maximum(covariances[0], 1e-9)
-        s = np.maximum(c + 2 * covariances[1:].sum(axis=0), 1e-9)
+        least_variance = max(1e-9 * float((share * covariances[0]).sum()), 1e-100)  # of segments of one color
+        c = np.maximum(covariances[0], least_variance)
+        s = np.maximum(c + 2 * covariances[1:].sum(axis=0), least_variance)
         g0 = float(np.exp((share * np.log(c)).sum()))
         g = max(float(np.exp((share * np.log(s)).sum())), g0)
         c[share == 0] = g0
