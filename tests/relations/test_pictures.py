@@ -67,10 +67,6 @@ OF_GRAY: dict[str, Callable[[Image], Any]] = {"three equal bands": lambda image:
 
 #: What cannot be so: an array (H, W) of floats is a table to `energy_curve`.
 EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
-#: What is not so yet.
-EXCEPT |= {
-    (verb, "an alpha that is opaque", inputs) for verb in ("segment",) for inputs in (gray_picture, color_picture)
-}
 
 RELATIONS = [
     Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
