@@ -47,7 +47,7 @@ def test_a_script_of_the_gallery_draws_its_figure(script: Path) -> None:
 
 
 def test_every_figure_of_the_pages_has_a_script() -> None:
-    measured = {"looks", "tables", "time_energy"}  # by benchmarks/looks.py, tables.py, engine.py
+    measured = {"grid", "looks", "tables", "time_energy"}  # by benchmarks/looks.py, tables.py, engine.py
     drawn = {path.stem.removeprefix("plot_") for path in GALLERY.glob("plot_*.py")}
     drawn |= {path.stem.removeprefix("draw_") for path in (ROOT / "docs").glob("draw_*.py")}
     drawn |= {path.stem for path in (ROOT / "examples").glob("*.py")}

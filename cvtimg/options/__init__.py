@@ -35,15 +35,16 @@ _MODULES = {
 PANELS = {
     "What to get": "",
     "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
-    "chance strongest background neck_depth object_border threshold compactness edit merge weights motion channels "
+    "chance strongest no_split diameter min_contrast exclude_edges measure background neck_depth object_border "
+    "threshold compactness edit merge weights motion channels "
     "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "
     "keep_bays region layers",
     "Colors": "space dither dither_strength palette ramp lock color_bits depth shared_palette "
     "palette_per_frame alpha_threshold matte",
     "Output": "output out_dir ext in_place yes preserve skip_if_larger write labels mean edges overlay contours table "
     "masks tree strengths generators save_palette csv sheet plot histograms view over edge_mode line_color "
-    "line_width subpixel simplify properties width marks pen_width order cells outline scale measures keep_metadata "
-    "optimize overwrite as_json quiet report dry_run",
+    "line_width subpixel simplify properties width height landscape margin bleed marks fill pen_width order cells "
+    "outline scale measures keep_metadata optimize overwrite as_json quiet report dry_run",
     "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
     "channel_axis axes channel t z series pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",

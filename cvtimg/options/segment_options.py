@@ -191,7 +191,7 @@ SEGMENT = (
         "measure",
         Text(common.names),
         "Channels that --table measures, by name or number, or all; by default, those that are segmented.",
-        metavar="all|NAME,...",
+        metavar="NAME,...|all",
     ),
     Option(
         "properties",

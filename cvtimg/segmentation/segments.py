@@ -121,8 +121,8 @@ def segment(
     >>> image[:, 12:] = 200
     >>> image[5, 5] = 180  # a speck
     >>> result = segment(image, 2, smallest_detail=1)
-    >>> np.unique(result.labels, return_counts=True)[1].tolist(), segment(image, 2).labels[5, 5].item()
-    ([240, 360], 2)
+    >>> np.unique(result.labels, return_counts=True)[1].tolist()
+    [240, 360]
     """
     of_planes = {"shading": shading, "averaging": averaging, "components": components, "min_size": min_size}
     check_excluded("spacing", spacing is not None, **of_planes, objects=objects)

@@ -67,7 +67,6 @@ segment a.png -k 2 -o a.jpg | .jpg' must end in one of .png, .tif, .tiff, .npy
 segment a.png -k 2 --line-color loud | 'loud' must be a color such as '#rgb'
 segment a.png -k 2 --averaging after --radius 0 | --radius: radius=0.0 must be > 0
 segment a.png b.png -k 2 --overlay a.png | --overlay is for one input
-segment a.png --objects --neck-depth 2 | --objects with --neck-depth needs -k
 restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
 restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
 restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
