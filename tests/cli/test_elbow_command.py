@@ -53,7 +53,7 @@ def test_one_plot_has_all_curves(run: Run, suffix: str) -> None:
     assert run("elbow", "drawing.png", "table.npy", "--k-max", 8, "--plot", out, "--quiet").status == 0
     if suffix == ".svg":
         text = Path(out).read_text()
-        for shown in ("drawing: 6 by chord", "table: 3 by chord", "k = 2", "k = 4", "original", "generators k"):
+        for shown in ("drawing: elbow at k=6", "table: elbow at k=3", "k = 2", "k = 4", "original", "generators k"):
             assert shown in text
     else:
         with Image.open(out) as image:

@@ -41,14 +41,15 @@ def with_alpha(image: Image, alpha: Image) -> PIL.Image.Image:
     )
 
 
-#: What is compared of each verb, and how; parts may differ by a few pixels where two are equally near.
+#: What is compared of each verb, and how. Parts may differ by a few pixels where two are equally near; descents of other
+#: roundings may end elsewhere; and curves are exact for one band, and searched for more.
 VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
     "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(2e-3)),
     "segment": (lambda image: cvtimg.segment(image, 4).labels, alike),
     "superpixels": (lambda image: cvtimg.superpixels(image, 40).labels, alike),
     "segment_hierarchy": (lambda image: cvtimg.segment_hierarchy(image).cut(), alike),
-    "mosaic": (lambda image: cvtimg.mosaic(image, 30).psnr, close(2e-3)),
-    "energy_curve": (lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]), close(1e-2)),
+    "mosaic": (lambda image: cvtimg.mosaic(image, 30).psnr, close(2e-2)),
+    "energy_curve": (lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]), close(1e-1)),
 }
 
 #: Changes of any picture.
