@@ -89,7 +89,8 @@ def variants(control: Control, tab: str) -> list[Any]:
     if isinstance(control, Switch):
         return [not control.default]
     if isinstance(control, Number):
-        return [VALUES.get((tab, control.name), control.default if control.default == "auto" else 2 * control.default)]
+        other = control.default if control.default == "auto" else 2 * control.default
+        return [VALUES.get((tab, control.name), other if other == "auto" or other <= control.high else control.low)]
     if isinstance(control, Brushed):
         return [["erase 12 20,20 50,30", "add 5 30,25"]]
     if isinstance(control, Edits):

@@ -41,8 +41,8 @@ def with_alpha(image: Image, alpha: Image) -> PIL.Image.Image:
     )
 
 
-#: What is compared of each verb, and how. Parts may differ by a few pixels where two are equally near; descents of other
-#: roundings may end elsewhere; and curves are exact for one band, and searched for more.
+#: What is compared of each verb, and how. Parts may differ by a few pixels where two are equally near; descents of
+#: other roundings may end elsewhere; and curves are exact for one band, and searched for more.
 VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
     "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(2e-3)),
     "segment": (lambda image: cvtimg.segment(image, 4).labels, alike),
