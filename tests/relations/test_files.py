@@ -50,7 +50,7 @@ def test_a_batch_that_is_ended_and_resumed_has_the_report_of_one_that_is_not(
 ) -> None:
     out, report, number = tmp_path / "out", tmp_path / "r.csv", getattr(signal, name)
     words = command(pictures, out, report)
-    process = subprocess.Popen([sys.executable, "-m", "cvtimg", *words], stderr=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-P", "-m", "cvtimg", *words], stderr=subprocess.PIPE)
     while process.poll() is None and len(list(out.glob("[0-9]*.png")) if out.exists() else []) < 4:
         if report.exists():
             rows(report)  # it can be read at any moment
@@ -87,7 +87,7 @@ def test_rows_that_are_known_early_stand_in_the_order_of_the_inputs(
 
 def test_files_are_written_though_nobody_reads_what_is_printed(pictures: Path, tmp_path: Path) -> None:
     words = [str(pictures), "-k", "4", "--effort", "fast", "--json", "--out-dir", str(tmp_path / "out")]
-    process = subprocess.Popen([sys.executable, "-m", "cvtimg", "quantize", *words], stdout=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-P", "-m", "cvtimg", "quantize", *words], stdout=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.close()
     assert process.wait() == 0
