@@ -52,7 +52,8 @@ class Placement(ReadOnly):
 
     def _claims(self) -> Claims:
         yield "masses are not negative", self.masses >= 0
-        yield "generators are in the region", self.region.contains(self.points)
+        inward = self.points + 1e-6 * (self.centroids - self.points)  # those on the boundary are there but for rounding
+        yield "generators are in the region", self.region.contains(self.points) | self.region.contains(inward)
 
     def _repr_html_(self) -> str:
         """Draw the generators, with y down in images and in each pair of axes if there are more than two."""

@@ -101,20 +101,17 @@ def read(content: str | bytes, suffix: str = ".csv", **how: Any) -> Rows:
 
 
 def frames() -> dict[str, Callable[[Rows], Any]]:
+    """Return what makes data frames; those of polars, which little else needs, are skipped where it is not installed."""
     pandas = pytest.importorskip("pandas")
-    found = {
+    return {
         "pandas": lambda rows: pandas.DataFrame(rows, columns=NAMES),
         "nullable": lambda rows: pandas.DataFrame(rows, columns=NAMES).convert_dtypes(),
         "of Arrow": lambda rows: pandas.DataFrame(rows, columns=NAMES).convert_dtypes(dtype_backend="pyarrow"),
         "mixed": lambda rows: pandas.DataFrame(
             {"a": rows[:, 0], "b": pandas.array(rows[:, 1], "Float64"), "c": rows[:, 2]}
         ),
+        "polars": lambda rows: pytest.importorskip("polars").DataFrame(rows, schema=NAMES),
     }
-    try:
-        import polars
-    except ImportError:
-        return found
-    return {**found, "polars": lambda rows: polars.DataFrame(rows, schema=NAMES)}
 
 
 SINCE = "2026-11-27"
