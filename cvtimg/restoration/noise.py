@@ -267,6 +267,8 @@ def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
     """(C, C) covariance of the noise of bands, of a version or of half of what two differ by; NaN where unknown."""
     look = _Look.of(versions, *numbers)
     large, squares = look.patches(_SIDES[0], per_value=1), np.diag(np.square(_levels_of(look)))
+    if look.has_texture and not squares.any():  # flat patches, as of drawings: axes would hang on rounding
+        return squares
     if large is not None and _QUIET * len(large[0]) >= _FEWEST and np.isfinite(squares).all():
         axes, powers = _flat(large[0], squares)
     elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):

@@ -101,7 +101,7 @@ def read(content: str | bytes, suffix: str = ".csv", **how: Any) -> Rows:
 
 
 def frames() -> dict[str, Callable[[Rows], Any]]:
-    """Return what makes data frames; those of polars, which little else needs, are skipped where it is not installed."""
+    """Return what makes data frames; those of polars are skipped where it is not installed."""
     pandas = pytest.importorskip("pandas")
     return {
         "pandas": lambda rows: pandas.DataFrame(rows, columns=NAMES),
