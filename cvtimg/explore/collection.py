@@ -20,10 +20,9 @@ class Collection:
     def __init__(self, store: Store) -> None:
         self._store, self._path = store, store.archive
 
-    def begin(self) -> dict[str, Any]:
+    def begin(self) -> None:
         """Empty the archive."""
         self._path.unlink(missing_ok=True)
-        return {}
 
     def add(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Add the file ``output`` that the settings of a tab make of a picture; return its name and its size."""
