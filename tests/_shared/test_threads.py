@@ -123,6 +123,10 @@ def test_the_limit_of_threads_holds_for_the_blas(before: str) -> None:
     )
     free = {name: value for name, value in os.environ.items() if name not in threads.THREAD_VARIABLES}
     done = subprocess.run(
-        [sys.executable, "-c", command], env={**free, "CVTIMG_THREADS": "1"}, capture_output=True, text=True, timeout=60
+        [sys.executable, "-P", "-c", command],
+        env={**free, "CVTIMG_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.stdout.strip() == "{1}", done.stderr
