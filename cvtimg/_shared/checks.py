@@ -347,11 +347,17 @@ def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDA
 def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite.
 
-    Pixels that are masked in any band of a masked array are outside.
+    Pixels that are masked in any band of a masked array are outside, and so are the transparent ones of an image that
+    says that its last channel is alpha, which is not returned.
     """
     array = array_of(image)
     _check_image_form(name, array)
     inside = _inside(name, array, image, mask)
+    if says_alpha(image):
+        seen = array[..., -1] > 0
+        inside = seen if inside is None else inside & seen
+        check_that(name, inside.any(), "have a pixel in its mask that is not transparent")
+        array = array[..., :-1]
     if array.dtype.kind == "f" and inside is not None:
         array = np.where(np.isfinite(array), array, array.dtype.type(0))
     array = check_image(name, array)

@@ -329,7 +329,12 @@ def _dither(
     alpha = samples.alpha
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
     kinds, allowed = kinds_of(samples.colors, alpha), allowed_for(kinds_of(palette, alpha))
-    return dithering.dither(places, samples.inverse, ends, method, strength, kinds, allowed, samples.inside)
+    inverse, clear = samples.inverse, np.flatnonzero(kinds == CLEAR)
+    if len(clear) > 1:  # transparent pixels are one piece, whatever their hidden colors
+        seen = np.arange(len(kinds), dtype=np.int32)
+        seen[clear] = clear[0]
+        inverse = seen[inverse]
+    return dithering.dither(places, inverse, ends, method, strength, kinds, allowed, samples.inside)
 
 
 def _energy(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int32]) -> float:

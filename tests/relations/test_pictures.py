@@ -9,7 +9,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 from reference import same_partition
-from relations.relation import Relation, close, quick_and_wide
+from relations.relation import Relation, close, equal, quick_and_wide
 from skimage.filters import gaussian
 
 import cvtimg
@@ -73,11 +73,50 @@ EXCEPT = {
     for change in ("floats in 0..1", "an alpha that is opaque", "three equal bands")
 }
 
+
+def with_holes(rng: np.random.Generator) -> tuple[Image, Image]:
+    """Return a picture, and which of its pixels can be seen."""
+    return color_picture(rng), gray_picture(rng) > 110
+
+
+def noisy_below(given: tuple[Image, Image]) -> tuple[Image, Image]:
+    """Change the colors that cannot be seen."""
+    image, seen = given
+    noise = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
+    return np.where(seen[..., None], image, noise), seen
+
+
+def of_seen(verb: Callable[[Image], Any]) -> Callable[[tuple[Image, Image]], Any]:
+    """Return what a verb makes of a picture with transparent pixels, but for what it has at these."""
+
+    def result(given: tuple[Image, Image]) -> Any:
+        image, seen = given
+        made = np.asarray(verb(with_alpha(image, np.where(seen, np.uint8(255), np.uint8(0)))))
+        return made[seen] if made.shape[:2] == seen.shape else made
+
+    return result
+
+
+#: Verbs that read transparent pictures, and what is compared.
+OF_HOLES: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], None]]] = {
+    **VERBS,
+    "find_palette": (lambda image: cvtimg.find_palette(image, 6).colors, equal),
+    "count_objects": (lambda image: cvtimg.segmentation.count_objects(image).labels, equal),
+    "denoise": (lambda image: cvtimg.denoise([image]).image, equal),
+    **{
+        f"quantize, dither {dither}": (lambda image, d=dither: cvtimg.quantize(image, 6, dither=d).image, equal)
+        for dither in ("floyd-steinberg", "edge-aware", "blue-noise")
+    },
+}
+
 RELATIONS = [
     Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
     for verb, (result, follows) in VERBS.items()
     for inputs in (gray_picture, color_picture)
     for change, form in {**FORMS, **(OF_GRAY if inputs is gray_picture else {})}.items()
     if (verb, change, inputs) not in EXCEPT
+] + [
+    Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
+    for verb, (result, follows) in OF_HOLES.items()
 ]
 test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)

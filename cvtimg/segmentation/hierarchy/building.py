@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_partial_image, check_that, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import peak, says_alpha, white_of
+from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
@@ -79,7 +79,9 @@ def segment_hierarchy(
     """
     check_choice("space", space, SPACES)
     check_count("n_leaves", n_leaves, _MOST_LEAVES, "the most leaves")
-    array, inside = _without_alpha(image, *check_partial_image("image", image, mask))
+    array, inside = check_partial_image("image", image, mask)
+    if array.shape[2] in (2, 4) and (array[..., -1][inside] == white_of(array.dtype)).all():
+        array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared
     if array.shape[2] not in (1, 3):
         space = "rgb"
     factor = reduction(inside.size)
@@ -95,17 +97,6 @@ def segment_hierarchy(
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
     return _measured(leaves, values, peak(array.dtype) / peak(values.dtype))
-
-
-def _without_alpha(
-    image: Any, array: NDArray[Any], inside: NDArray[np.bool_]
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Leave out transparent pixels and the alpha of an image that says so, or where a last band is white throughout."""
-    if array.shape[2] in (2, 4) and (says_alpha(image) or (array[..., -1][inside] == white_of(array.dtype)).all()):
-        inside = inside & (array[..., -1] > 0)
-        check_that("image", inside.any(), "have a pixel in its mask that is not transparent")
-        array = np.ascontiguousarray(array[..., :-1])
-    return array, inside
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
