@@ -21,6 +21,9 @@ _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
 _QUIET = (0.15, 0.35)
 #: The mean of the quiet blocks is this many standard deviations below the mean of all.
 _LESS_IN_QUIET = 0.674
+#: Where more than this share of the second differences are 0, the others are edges: rounded noise of a standard deviation
+#: of 0.2 levels leaves fewer.
+_FLAT = 0.5
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
 
@@ -102,4 +105,6 @@ def _block_covariances(values: NDArray[Any], inside: NDArray[np.bool_] | None) -
     bands = np.moveaxis(differences[:, : width // n_columns * n_columns], 2, 0).copy()  # for long loops
     products = np.stack([(band * bands).sum(axis=1) for band in bands]).reshape(n_dims, n_dims, -1, n_columns)
     covariances: NDArray[np.float64] = products.sum(axis=3).transpose(2, 0, 1) / (height * n_columns)
+    flat = (bands == 0).all(axis=0).reshape(height, -1, n_columns).mean(axis=(0, 2))
+    covariances[flat > _FLAT] = 0
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]

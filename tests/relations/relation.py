@@ -24,7 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 #: Inputs of each relation in the quick run, and in the slow one.
-QUICK, WIDE = 2, 20
+QUICK, WIDE = 2, 10
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,20 @@ def energy(before: float, after: float) -> None:
     np.testing.assert_allclose(after, before, rtol=0.1)
 
 
+def drawing(rng: np.random.Generator) -> tuple[int, Image]:
+    """Return the segments of a picture, each in a gray of its own, and their number."""
+    sides = tuple(int(side) for side in rng.integers(24, 90, 2))
+    labels = segment(np.dstack([gray_picture(rng, sides) for _ in range(3)]), int(rng.integers(2, 7))).labels
+    _, places = np.unique(labels, return_inverse=True)
+    n = int(places.max()) + 1
+    return n, (places.reshape(labels.shape) * (255 // n)).astype(np.uint8)
+
+
+def hardly_fewer(drawn: Image, labels: Image) -> None:
+    """Assert that segments are those that were drawn, but for small ones that are not worth their edge."""
+    assert same_partition(drawn, labels) >= 0.9
+
+
 _HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
     "mirrored": (lambda image: image[:, ::-1], lambda labels: labels[:, ::-1]),
     "upside down": (lambda image: image[::-1], lambda labels: labels[::-1]),
@@ -115,6 +129,16 @@ RELATIONS = [
             **_TOLD,
         )
         for axis, name in enumerate(("planes", "rows", "columns"))
+    ),
+    Relation(
+        "segment",
+        "its own output",
+        drawing,
+        lambda drawn: drawn[1],
+        lambda drawn: drawn,
+        hardly_fewer,
+        since="2026-11-28",
+        rival=lambda drawn: segment(drawn[1], drawn[0]).labels,
     ),
     Relation(
         "superpixels",
