@@ -190,7 +190,7 @@ def _share(
     plan: Plan, find: Callable[[ColorSamples], NDArray[Any]], count: Callable[[Task], ColorSamples], *, running: Running
 ) -> NDArray[Any] | None:
     """Find the palette of all images together, or None; inputs that cannot be read move to the missing of the plan."""
-    from cvtimg.colors.counting import add_samples, in_fixed_order
+    from cvtimg.colors.counting import add_samples
 
     check_plan(plan, running)
     if any(is_pipe(task.source) for task in plan.tasks):
@@ -199,7 +199,7 @@ def _share(
     try:
         total, failed = fold(plan.tasks, count, add_samples, running)
         if total is not None:
-            palette = find(in_fixed_order(total))
+            palette = find(total)
     except ValueError as error:
         raise WrongUsageError(f"--shared-palette: {error}") from error
     plan.missing += [(str(task.source), OSError(failed[task.source])) for task in plan.tasks if task.source in failed]

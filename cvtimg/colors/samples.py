@@ -16,127 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.threads import in_parts, n_threads, of_each
-from cvtimg.colors import _counting
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
-# --- counts of small pixels, in a table with an entry for each value that a pixel can have
-
-#: Pixels of up to this many bytes are counted in a table.
-TABLE_BYTES = 3
-#: Pages of keys with equal bits but for the last 16.
-_OF_16_BITS = (1 << 16) // _counting.PAGE_SIZE
-#: Fewer pixels are counted by one thread.
-_PIXELS_OF_A_THREAD = 1 << 18
-
-
-class CountTable:
-    """Counts of pixels of up to three bytes: 2^24 counts, 64 MiB, in pages that take memory from their first use."""
-
-    def __init__(self, n_bytes: int) -> None:
-        n_pages = max(1, (1 << 8 * n_bytes) // _counting.PAGE_SIZE)
-        self._key_bits = _interleave(n_bytes)
-        self._pages = np.zeros(n_pages, np.uint16)
-        self._counts = np.zeros((n_pages + 1, _counting.PAGE_SIZE), np.uint32)
-        self._n_used = self._n_pixels = 0
-
-    def has_room(self, n_more: int) -> bool:
-        """Whether this many more pixels overflow no count."""
-        return self._n_pixels + n_more < 1 << 32
-
-    def add(self, pixels: NDArray[np.uint8]) -> None:
-        """Count (N, B) pixels."""
-        self._n_pixels += len(pixels)
-        if min(n_threads(), len(pixels) // _PIXELS_OF_A_THREAD) > 1 and len(self._pages) > _OF_16_BITS:
-            self._add_sorted(pixels)
-        else:
-            self._n_used = _counting.count_keys(
-                pixels.reshape(-1), self._key_bits, self._pages, self._counts, self._n_used
-            )
-
-    def _add_sorted(self, pixels: NDArray[np.uint8]) -> None:
-        """Count pixels by the high bits of their keys, of which each thread has its own."""
-        bands = np.array_split(pixels, min(n_threads(), len(pixels) // _PIXELS_OF_A_THREAD))
-        in_pages = np.zeros((len(bands), len(self._pages)), np.int32)
-        keys = np.empty(len(pixels), np.uint16)
-
-        def count(n: int) -> None:
-            page = self._pages[n * _OF_16_BITS : (n + 1) * _OF_16_BITS]
-            _counting.count_sorted(keys[ends[n] : ends[n + 1]], page, self._counts)
-
-        work = 4 * len(pixels)
-        of_each(lambda n: _counting.count_pages(bands[n], self._key_bits, in_pages[n]), len(bands), work)
-        new = np.flatnonzero((self._pages == 0) & in_pages.any(axis=0))
-        self._pages[new] = np.arange(self._n_used + 1, self._n_used + len(new) + 1)
-        self._n_used += len(new)
-        sizes = in_pages.reshape(len(bands), -1, _OF_16_BITS).sum(axis=2, dtype=np.int64)
-        starts = np.cumsum(sizes.T).reshape(sizes.T.shape).T - sizes
-        starts, ends = np.ascontiguousarray(starts), np.append(starts[0], len(pixels))
-        of_each(lambda n: _counting.sort_keys(bands[n], self._key_bits, starts[n], keys), len(bands), work)
-        of_each(count, sizes.shape[1], work)
-
-    def close(self) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Return the (M, B) distinct pixels and their (M,) counts; from then on the table only looks up pixels."""
-        firsts = range(0, len(self._pages), _OF_16_BITS)
-        groups = [self._pages[first : first + firsts.step] for first in firsts]
-        work = self._n_used * _counting.PAGE_SIZE
-        n_colors = of_each(lambda n: np.count_nonzero(self._counts[groups[n][groups[n] > 0]]), len(groups), work)
-        before = np.cumsum([0, *n_colors])
-        keys, density = np.empty(before[-1], np.uint32), np.empty(before[-1])
-
-        def number(n: int) -> None:
-            _counting.number_keys(groups[n], self._counts, firsts[n], before[n], keys, density)
-
-        of_each(number, len(groups), work)
-        return _pixels_of(keys, len(self._key_bits)), density
-
-    def look_up(self, pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
-        """Return the (N,) index of each of (N, B) pixels among the distinct ones."""
-        n_pixels, n_bytes = pixels.shape
-        flat, inverse = pixels.reshape(-1), np.empty(n_pixels, np.int32)
-
-        def look_up(start: int, stop: int) -> None:
-            part = flat[start * n_bytes : stop * n_bytes]
-            _counting.look_up_keys(part, self._key_bits, self._pages, self._counts, inverse[start:stop])
-
-        in_parts(look_up, n_pixels, work=n_pixels)
-        return inverse
-
-
-def _interleave(n_bytes: int) -> NDArray[np.uint32]:
-    """Return the (B, 256) bits of the key that each byte sets; bits of equal rank are neighbors, as are near colors."""
-    values = np.arange(256, dtype=np.uint32)
-    key_bits = np.zeros((n_bytes, 256), np.uint32)
-    for byte in range(n_bytes):
-        for bit in range(8):
-            key_bits[byte] |= (values >> bit & 1) << (n_bytes * bit + n_bytes - 1 - byte)
-    return key_bits
-
-
-def _pixels_of(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
-    """Return the (M, B) bytes of keys, by tables for their lower and upper 12 bits."""
-    half = np.arange(1 << 12, dtype=np.uint32)
-    lower, upper = _deinterleave(half, n_bytes), _deinterleave(half << np.uint32(12), n_bytes)
-    pixels = np.empty((len(keys), n_bytes), np.uint8)
-
-    def fill(start: int, stop: int) -> None:
-        pixels[start:stop] = lower[keys[start:stop] & 0xFFF] | upper[keys[start:stop] >> 12]
-
-    in_parts(fill, len(keys), work=16 * len(keys))
-    return pixels
-
-
-def _deinterleave(keys: NDArray[np.uint32], n_bytes: int) -> NDArray[np.uint8]:
-    """Return the (M, B) bytes of keys: the inverse of `_interleave`."""
-    pixels = np.zeros((len(keys), n_bytes), np.uint8)
-    for byte in range(n_bytes):
-        for bit in range(8):
-            pixels[:, byte] |= (keys >> (n_bytes * bit + n_bytes - 1 - byte) & 1).astype(np.uint8) << bit
-    return pixels
-
-
-# --- colors of images
-
+#: Entries of a table of counts, for each pixel, from which sorting is faster.
+_OF_TABLE = 16
 #: The `inverse` of colors without their pixels.
 NO_PIXELS = np.empty((0, 0), np.int32)
 
@@ -187,6 +70,10 @@ class ColorSamples(WeightedSamples):
         """Return, for each pixel, which of the (M, ...) values its color has: (H, W, ...)."""
         return take_rows(values, self.inverse)
 
+    def without_pixels(self) -> ColorSamples:
+        """Return the colors without `inverse`."""
+        return replace(self, inverse=NO_PIXELS, inside=None)
+
     def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
         """Return some of the colors, without `inverse`."""
         return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, NO_PIXELS, self.alpha)
@@ -226,20 +113,17 @@ def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | No
     alpha = check_alpha(alpha, image, rows.shape[1])
     if rows.dtype.kind == "f":
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
-    pixels = rows.view(np.uint8)
+    numbers = _numbers_of(rows)
     in_order = rows.shape[1] <= MAX_ORDERED_DIMS
-    if pixels.shape[1] <= TABLE_BYTES:
-        table = CountTable(pixels.shape[1])
-        table.add(pixels)
-        (colors, density), inverse = table.close(), table.look_up(pixels)
-    else:
-        colors, density, inverse = _count_in_hash_table(pixels)
-        if in_order:
-            order = along_curve(colors.view(rows.dtype))
-            rank = np.empty(len(order), np.int32)
-            rank[order] = np.arange(len(order), dtype=np.int32)
-            colors, density, inverse = colors[order], density[order], rank[inverse]
-    samples = ColorSamples(colors.view(rows.dtype), density, in_order, inverse.reshape(height, width), alpha, inside)
+    inverse, density = _counted(numbers)
+    colors = np.empty((len(density), rows.shape[1]), rows.dtype)
+    colors[inverse] = rows
+    if in_order and rows.dtype != np.uint8:
+        order = along_curve(colors)
+        rank = np.empty(len(order), np.int32)
+        rank[order] = np.arange(len(order), dtype=np.int32)
+        colors, density, inverse = colors[order], density[order], rank[inverse]
+    samples = ColorSamples(colors, density, in_order, inverse.reshape(height, width), alpha, inside)
     return samples if inside is None else samples.weighted(inside)
 
 
@@ -274,21 +158,35 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])
 
 
-_Counted = tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int32]]
+def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return an (N,) number or, of many bytes, a record of each row: equal for equal rows, near for near 8-bit colors.
+
+    Of up to four bands of 8 bits it is the place on a Morton curve: bits of equal rank are side by side.
+    """
+    pixels = rows.view(np.uint8)
+    n_bytes = pixels.shape[1]
+    if rows.dtype == np.uint8 and n_bytes <= MAX_ORDERED_DIMS:
+        values, bits = np.arange(256, dtype=np.uint32)[:, None], np.arange(8)
+        spread = ((values >> bits & 1) << n_bytes * bits).sum(axis=1, dtype=np.uint32)
+        numbers = np.zeros(len(rows), np.uint32)
+        for band in range(n_bytes):
+            numbers |= (spread << np.uint32(n_bytes - 1 - band))[pixels[:, band]]
+        return numbers
+    if n_bytes > 8:
+        return pixels.view(f"V{n_bytes}")[:, 0]
+    wide = np.zeros((len(rows), 8), np.uint8)
+    wide[:, :n_bytes] = pixels
+    return wide.view(np.uint64)[:, 0]
 
 
-def _count_in_hash_table(pixels: NDArray[np.uint8], capacity: int = 1 << 16) -> _Counted:
-    """Count pixels of any size, in a hash table that grows with the number of colors."""
-    n_pixels = len(pixels)
-    capacity = min(capacity, n_pixels)
-    firsts, density = np.empty(capacity, np.int64), np.empty(capacity)
-    inverse = np.empty(n_pixels, np.int32)
-    n_done = n_colors = 0
-    while True:
-        slots = np.full(1 << (2 * capacity - 1).bit_length(), -1, np.int32)
-        _counting.rehash(pixels, firsts[:n_colors], slots)
-        n_done, n_colors = _counting.count_rows(pixels, n_done, slots, firsts, density, inverse, n_colors)
-        if n_done == n_pixels:
-            return pixels[firsts[:n_colors]], density[:n_colors].copy(), inverse
-        capacity = min(4 * capacity, n_pixels)
-        firsts, density = np.resize(firsts, capacity), np.resize(density, capacity)
+def _counted(numbers: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the (N,) rank of each number among the distinct ones, and how often each of these occurs."""
+    size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else np.inf
+    if size > _OF_TABLE * len(numbers):
+        _, inverse, counts = np.unique(numbers, return_inverse=True, return_counts=True)
+        return inverse.astype(np.int32), counts.astype(np.float64)
+    table = np.bincount(numbers)
+    present = np.flatnonzero(table)
+    ranks = np.empty(len(table), np.int32)
+    ranks[present] = np.arange(len(present), dtype=np.int32)
+    return ranks[numbers], table[present].astype(np.float64)

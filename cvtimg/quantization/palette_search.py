@@ -16,7 +16,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg.colors.counting import add_samples, coarser, count_picture, in_fixed_order
+from cvtimg.colors.counting import add_samples, coarser, count_picture
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -345,7 +345,7 @@ def shared_palette(
     samples = pairwise_sum((count_picture(image) for image in images), add_samples)
     if samples is None:
         refuse("images", [], "at least one")
-    return find_palette(in_fixed_order(samples), n_colors, space=space, locked=locked, **engine)
+    return find_palette(samples, n_colors, space=space, locked=locked, **engine)
 
 
 class Merged(NamedTuple):

@@ -9,8 +9,9 @@ import numpy as np
 
 from cvtimg._shared.checks import check_colors
 from cvtimg._shared.pixels import white_of
-from cvtimg.colors.counting import Counter
+from cvtimg.colors.counting import Count
 from cvtimg.colors.places import CLEAR, kinds_of
+from cvtimg.colors.samples import color_samples
 from cvtimg.pictures.stacks import Stack
 from cvtimg.pictures.tiles import Band
 from cvtimg.quantization.driver import QuantizeOptions
@@ -23,11 +24,11 @@ class TiledSource:
 
     def __init__(self, stack: Stack, target: Path, overwrite: bool) -> None:
         self._stack, self._target, self._overwrite = stack, target, overwrite
-        counter = Counter(alpha=stack.content.form.alpha)
+        count = Count()
         for band, inside in stack:
             if inside.any():
-                counter.add(band if inside.all() else band[inside][None])
-        count = counter.total()
+                pixels = band if inside.all() else band[inside][None]
+                count = count.plus(color_samples(pixels, alpha=stack.content.form.alpha))
         self._n_distinct, self._exact = count.n_distinct, count.exact
         # Counts may take more memory than the bands, and are let go before the pixels are mapped.
         self.counted = [count.of_some("is not left out")]

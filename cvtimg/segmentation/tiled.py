@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg.colors.counting import Counter
+from cvtimg.colors.counting import Count
+from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
@@ -177,7 +178,7 @@ class PixelsOnDisk:
         n_dims = (form.shape[2] if len(form.shape) > 2 else 1) - form.alpha
         self._pixels = RowsOnDisk(folder / "pixels", (*form.shape[:2], n_dims), form.dtype)
         self._inside = RowsOnDisk(folder / "inside", form.shape[:2], np.bool_)
-        counter, top = Counter(), 0
+        count, top = Count(), 0
         for band, known in stack:
             colors = band.reshape(*known.shape, -1)
             colors = colors[:, :, :-1] if form.alpha else colors
@@ -185,9 +186,8 @@ class PixelsOnDisk:
             rows = slice(top, top + len(band))
             self._pixels[rows][:], self._inside[rows][:] = colors, seen
             if seen.any():
-                counter.add(colors if seen.all() else colors[seen][None])
+                count = count.plus(color_samples(colors if seen.all() else colors[seen][None], alpha=False))
             top += len(band)
-        count = counter.total()
         self.exact = count.exact
         self.values = values_of(count.of_some("is known"), np.empty((0, 0), np.bool_), space, form.dtype)
         self.frame = frame_of(self._pixels[:], self._inside[:], prod(form.shape[:2]) <= _MOST_TO_TURN)

@@ -39,15 +39,6 @@ def test_samples_agree_with_numpy_unique(dtype: Any) -> None:
     check()
 
 
-def test_more_colors_than_the_first_table_holds_are_all_found() -> None:
-    values = np.arange(5 << 16, dtype=np.float32).reshape(5, -1)
-    image = np.concatenate([values, values[::-1]])
-    samples = color_samples(image)
-    assert samples.n_colors == values.size
-    assert (samples.density == 2).all()
-    np.testing.assert_array_equal(samples.colors[samples.inverse][..., 0], image)
-
-
 @pytest.mark.slow
 def test_every_24_bit_color_is_counted() -> None:
     values = np.arange(1 << 24, dtype=np.uint32).view(np.uint8).reshape(4096, 4096, 4)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,10 @@ from numpy.typing import NDArray
 from cvtimg import find_palette, quantize, read_image, write_image
 from cvtimg.cli import app as cli
 from cvtimg.colors import counting
-from cvtimg.colors.counting import Counter
+from cvtimg.colors.counting import Count
 from cvtimg.colors.samples import color_samples
 from cvtimg.pictures import tiles
 from cvtimg.quantization import QuantizedSeries, QuantizeOptions, Reading, Writing, files, map_to_palette
-from cvtimg.quantization import tiled as tiled_quantization
 
 RNG = np.random.default_rng(31)
 zarr = pytest.importorskip("zarr")
@@ -167,7 +165,7 @@ def test_the_row_tells_whether_all_colors_were_told_apart(
     monkeypatch.setattr(tiles, "_LARGE", 1000)
     for exact in (True, False):
         if not exact:
-            monkeypatch.setattr(tiled_quantization, "Counter", partial(Counter, 2000))
+            monkeypatch.setattr(counting, "MOST_COLORS", 2000)
         assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--json", "--overwrite"]) == 0
         assert json.loads(capsys.readouterr().out)["exact"] is exact
 
@@ -214,32 +212,22 @@ def test_a_damaged_tile_leaves_no_output() -> None:
 @given(cuts=st.lists(st.integers(1, 599), max_size=5), channels=st.sampled_from([1, 2, 3, 4, 5]))
 def test_counting_in_parts_is_counting(cuts: list[int], channels: int) -> None:
     image = np.repeat(PICTURE, 2, axis=2)[..., :channels]
-    counter = Counter()
+    count, whole = Count(), color_samples(image)
     for part in np.split(image, sorted(set(cuts))):
-        counter.add(part)
-    count, whole = counter.total(), color_samples(image)
-    samples = count.of_some()
+        count = count.plus(color_samples(part))
     assert count.exact
-    order, expected = np.lexsort(samples.colors.T), np.lexsort(whole.colors.T)
-    np.testing.assert_array_equal(samples.colors[order], whole.colors[expected])
-    np.testing.assert_array_equal(samples.density[order], whole.density[expected])
-
-
-def test_counts_beyond_32_bits_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(counting.CountTable, "has_room", lambda table, n_more: False)
-    counter = Counter()
-    for part in np.split(PICTURE, 4):
-        counter.add(part)
-    assert counter.total().of_some().density.sum() == PICTURE[..., 0].size
+    np.testing.assert_array_equal(count.of_some().colors, whole.colors)
+    np.testing.assert_array_equal(count.of_some().density, whole.density)
 
 
 @pytest.mark.parametrize("dtype", [np.uint16, np.float32])
-def test_of_too_many_colors_neighbours_are_taken_together(dtype: type) -> None:
+def test_of_too_many_colors_neighbours_are_taken_together(dtype: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(counting, "MOST_COLORS", 2000)
     image = RNG.integers(0, 65536, (100, 100, 3)).astype(dtype)
-    counter = Counter(most=2000)
+    count = Count()
     for part in np.split(image, 10):
-        counter.add(part)
-    samples, exact, _ = counter.total()
+        count = count.plus(color_samples(part))
+    samples, exact, _ = count
     assert samples is not None
     assert not exact
     assert samples.n_colors <= 2000

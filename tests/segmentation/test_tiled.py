@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
-from cvtimg.colors.counting import Counter
+from cvtimg.colors import counting
 from cvtimg.labels import region_means
 from cvtimg.pictures import image_info, open_stack, tiles
 from cvtimg.segmentation import Averaging, segment_file
@@ -122,12 +122,9 @@ def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
 
 
 def test_exact_says_whether_all_colors_were_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    def few(n_colors: int) -> type[Counter]:
-        return type("Few", (Counter,), {"__init__": lambda self: Counter.__init__(self, n_colors)})
-
     write(noisy((96, 80)).astype(np.uint16) * 200)
     assert segment_file("a.tif", "b.tif", 3).exact
-    monkeypatch.setattr(tiled_segmentation, "Counter", few(500))
+    monkeypatch.setattr(counting, "MOST_COLORS", 500)
     assert not segment_file("a.tif", "b.tif", 3, overwrite=True).exact
 
 
