@@ -17,41 +17,10 @@ from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, squared_distances, usual_step
 from cvtimg.quantization import _dithering
 
-# --- a grid over the space of colors whose cells list the entries of a palette that can be nearest in them
-# Dithering looks up nearest entries at arbitrary places, one after the other. With the grid each look-up compares one
-# to three entries on average, and is exact.
-
 #: Number of coordinates of a place in the kernels.
 MAX_DIMS = _dithering.DIMS
-
-
-class _Cells(NamedTuple):
-    """How fine the grid is: cells for each entry (fewer would have more candidates, more would take longer to list)."""
-
-    per_entry: int = 64
-    most: int = 1 << 18
-
-
-_CELLS = _Cells()
-
-
-def nearest_grid(
-    places: NDArray[np.float32], palette: NDArray[np.float32], allowed: NDArray[np.bool_], near: float, far: float
-) -> _dithering.Grid:
-    """Cover the (M, 4) places of colors and their surroundings with cells; `allowed` are the entries of each kind."""
-    # Look-ups are usually within `near` of a color, and always within `far`. The outermost cells reach that far.
-    low, high = places.min(axis=0), places.max(axis=0)
-    varies = np.minimum(low, palette.min(axis=0)) < np.maximum(high, palette.max(axis=0))
-    margin = np.where(varies, np.float32(1.01 * near) + np.float32(1e-5) * high.max(), np.float32(0))
-    outside = np.where(varies, np.float32(1.01 * (far - near)), np.float32(0))
-    low, size = low - margin, high - low + 2 * margin
-    n_in_all = min(_CELLS.per_entry * len(palette), _CELLS.most)
-    n_cells = np.where(varies, int(n_in_all ** (1 / max(int(varies.sum()), 1))), 1).astype(np.int32)
-    form = np.stack([low, size / n_cells, outside]).astype(np.float32)
-    return _dithering.Grid(palette, allowed.view(np.uint8), form, n_cells)
-
-
-# --- methods
+#: What rounding to float32 may change of a place on a line, per unit of the largest coordinate.
+_DOUBT = 1e-5
 
 #: Strength for palettes that were made for the image: most of the grain comes from the last tenth. Up to this strength
 #: errors are limited to the usual step between entries.
@@ -78,7 +47,8 @@ class Job(NamedTuple):
     kinds: NDArray[np.uint8]  # (M,) which entries each color may take
     inverse: NDArray[np.int32]  # (H, W) color of each pixel
     entries: NDArray[np.float32]  # (K, 4) places of the palette
-    grid: _dithering.Grid  # finds nearest entries
+    finder: _dithering.Finder  # of nearest entries
+    ranks: NDArray[np.uint16]  # (K,) of the entries along the main axis of the palette, usually that of brightness
     strengths: NDArray[np.float32]  # (n_kinds,) fraction of the error handed on
     step: float  # usual distance from an entry to the nearest other one
     longest: float  # longest error handed on
@@ -113,9 +83,9 @@ def dither(
     if strength > STRENGTH:
         caution = (1 - strength) / (1 - STRENGTH)
         longest = max(step, caution * step + (1 - caution) * _WIDEST_GAPS * _widest_gap(entries))
-    grid = nearest_grid(colors, entries, allowed, step, longest)
+    finder, ranks = _finder(entries, allowed, doubt=_DOUBT * float(max(colors.max(), entries.max())))
     clean = np.zeros(inverse.shape, bool) if inside is None else ~inside
-    return chosen(Job(colors, kinds, inverse, entries, grid, strengths, step, longest, clean))
+    return chosen(Job(colors, kinds, inverse, entries, finder, ranks, strengths, step, longest, clean))
 
 
 def energy_of(
@@ -171,7 +141,7 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
 def _diffuse(job: Job, clean: NDArray[np.bool_]) -> NDArray[np.int32]:
     labels = np.empty(job.inverse.shape, np.int32)
     _dithering.diffuse(
-        job.places, job.kinds, job.inverse, job.grid, job.strengths, job.longest, clean.view(np.uint8), labels
+        job.places, job.kinds, job.inverse, job.finder, job.strengths, job.longest, clean.view(np.uint8), labels
     )  # fmt: skip
     return labels
 
@@ -180,12 +150,11 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
     """Mix entries for each color, and let a mask pick one of them: the same wherever the color is at that place."""
     turns = mask()
     mixtures = np.empty((len(job.places), int(turns.max()) + 1), np.uint16)
-    ranks = _ranks(job.entries)
 
     def mix(start: int, stop: int) -> None:
         some = slice(start, stop)
         _dithering.mix(
-            job.places[some], job.kinds[some], job.grid, job.strengths, job.longest, ranks, mixtures[some]
+            job.places[some], job.kinds[some], job.finder, job.strengths, job.longest, job.ranks, mixtures[some]
         )  # fmt: skip
 
     in_parts(mix, len(job.places), work=32 * mixtures.size)
@@ -236,13 +205,19 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
     return float(np.sqrt(np.maximum(squared_distances(middles, palette).min(axis=1), 0).max()))
 
 
-def _ranks(palette: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return the (K,) ranks of the entries along the main axis of the palette, usually that of brightness."""
+def _finder(
+    palette: NDArray[np.float32], allowed: NDArray[np.bool_], *, doubt: float
+) -> tuple[_dithering.Finder, NDArray[np.uint16]]:
+    """Return what finds nearest entries, and their (K,) ranks: by the main axis, usually that of brightness."""
     steps = palette - palette.mean(axis=0, dtype=np.float64)
-    axis = np.linalg.eigh(steps.T @ steps)[1][:, -1]
+    axis = np.linalg.eigh(np.einsum("kc,kd->cd", steps, steps))[1][:, -1].astype(np.float32)
+    along = np.einsum("kd,d->k", palette, axis)
+    order = np.argsort(along, kind="stable")
     ranks = np.empty(len(palette), np.uint16)
-    ranks[np.argsort(steps @ axis, kind="stable")] = np.arange(len(palette))
-    return ranks
+    ranks[order] = np.arange(len(palette))
+    of_kinds = [order[some[order]] for some in allowed]
+    names, ends = np.concatenate(of_kinds), np.cumsum([0, *map(len, of_kinds)], dtype=np.int32)
+    return _dithering.Finder(palette, axis, along[names], names.astype(np.uint16), ends, doubt), ranks
 
 
 def _to_kernels(*arrays: NDArray[Any]) -> tuple[list[NDArray[np.float32]], Frame]:
