@@ -16,7 +16,7 @@ from drawing import draw_cells, panels, save
 from numpy.typing import NDArray
 
 from cvtimg import place_generators
-from cvtimg.placement import PolygonRegion, SampleMoments, as_gauge
+from cvtimg.placement import PolygonRegion, SampleMoments
 
 #: A town by a lake, in kilometers.
 TOWN = PolygonRegion(
@@ -44,7 +44,7 @@ def main(path: Path) -> dict[str, float]:
         "Evenly spread": place_generators(TOWN, 24, fixed=STANDING),
         "By where people live": place_generators(TOWN, 24, fixed=STANDING, density=people),
     }
-    walked = SampleMoments(TOWN.sample(100_000, density=people), as_gauge(2))
+    walked = SampleMoments(TOWN.sample(100_000, density=people))
     ways = {}
     for name, placement in placements.items():
         moments = walked(placement.points)

@@ -21,7 +21,6 @@ from cvtimg._shared.threads import in_parts
 from cvtimg.designs import _designs
 from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.regions import Box
 from cvtimg.placement.samples import SampleMoments
@@ -172,7 +171,7 @@ class Cube(SampleMoments):
     ) -> None:
         loads = np.full(len(samples), 1 / len(samples)) if weights is None else weights / weights.sum()
         region = unit_box(samples.shape[1], periodic)
-        super().__init__(WeightedSamples(samples, loads, in_order=False), LpGauge(2), region)
+        super().__init__(WeightedSamples(samples, loads, in_order=False), 2, region)
         self.samples, self.weights, self.periodic, self.exact = samples, weights, periodic, exact
 
     @cached_property

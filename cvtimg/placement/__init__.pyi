@@ -9,11 +9,6 @@ from .descent import DESCENTS as DESCENTS
 from .descent import Descent as Descent
 from .descent import Terms as Terms
 from .implicit import ImplicitRegion as ImplicitRegion
-from .metrics import GAUGES as GAUGES
-from .metrics import Gauge as Gauge
-from .metrics import LpGauge as LpGauge
-from .metrics import PolygonGauge as PolygonGauge
-from .metrics import as_gauge as as_gauge
 from .moments import CellMoments as CellMoments
 from .moments import Moments as Moments
 from .moments import PixelMoments as PixelMoments

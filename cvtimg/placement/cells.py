@@ -12,7 +12,6 @@ from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg.placement.densities import ConstantDensity, Density, Points
-from cvtimg.placement.metrics import LpGauge
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.polygons import triangle_areas, triangulate
 from cvtimg.placement.regions import Box, Region
@@ -203,7 +202,7 @@ def measure_cells(points: Points, region: Region) -> CellMeasures:
         sums = polygon_sums(voronoi_cells(points, region), points)
     else:
         samples = region.sample(int(np.clip(_SAMPLES * len(points), *_SAMPLE_RANGE)))
-        sums = SampleMoments(samples, LpGauge(2), region).cells(points)
+        sums = SampleMoments(samples, 2, region).cells(points)
     gaps = region.nearest(points, points, 2)[0][:, 1]  # infinite for a single point
     return CellMeasures(
         **regularity(sums, gaps),

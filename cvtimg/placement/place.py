@@ -25,7 +25,6 @@ from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_alo
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
-from cvtimg.placement.metrics import LpGauge, MetricLike, PolygonGauge, as_gauge
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, PlacementEffort, check_apart, picture_moments, place_by_levels
 from cvtimg.placement.polygons import PictureRegion, as_region
@@ -50,7 +49,7 @@ def place_generators(
     density: DensityLike = None,
     fixed: ArrayLike | None = None,
     on_boundary: ArrayLike | str | None = None,
-    metric: MetricLike = 2,
+    metric: float = 2,
     method: str | None = None,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -72,9 +71,9 @@ def place_generators(
         Points of the boundary, which stay; or how many to spread along it, corners first, before the others are
         placed (in the plane); or "auto" to let generators whose cells meet the boundary move along it. These follow
         the fixed ones; with "auto" they may be any, and the energy may rise at some moves.
-    metric : float, str or (M, 2) array
+    metric : float
         Power p of the p-norm, by which places are nearest and which is squared in the energy: 2, the Euclidean, 1, 20,
-        numpy.inf; "triangle"; or the corners of a convex polygon around the origin, where the distance is 1.
+        numpy.inf.
     method : {"l-bfgs", "over-relaxed", "lloyd"}, optional
         How generators move: "lloyd" by default with ``on_boundary="auto"``, else "l-bfgs".
     effort : {"fast", "balanced", "best"}
@@ -107,11 +106,10 @@ def place_generators(
     >>> sorted(placement.points.round(3).tolist())
     [[0.5, 0.5], [1.5, 0.5]]
     """
-    weight, gauge, shape = as_density(density), as_gauge(metric), np.shape(density)  # type: ignore[arg-type]
+    weight, shape = as_density(density), np.shape(density)  # type: ignore[arg-type]
     check_needs("region=None", region is None, "an image as density", len(shape) > 0)
     where = as_region(np.ones(shape, bool) if region is None else region)
-    flat = not isinstance(gauge, PolygonGauge) or where.n_dims == 2
-    check_in_range("metric", metric, flat, "the power of a p-norm where the region is not in the plane")
+    check_in_range("metric", metric, metric >= 1, ">= 1, the power of a p-norm")
     check_count("n_generators", n_generators, MOST_POINTS, "what memory holds")
     settings, random = EFFORTS[check_choice("effort", effort, EFFORTS)], np.random.default_rng(rng)
     auto = isinstance(on_boundary, str)
@@ -126,17 +124,17 @@ def place_generators(
         may_rise=auto,
         watch=Watch(callback),
     )
-    if isinstance(where, PictureRegion) and where.n_dims == 2 and gauge == LpGauge(2):
+    if isinstance(where, PictureRegion) and where.n_dims == 2 and metric == 2:
         moments, watch = picture_moments(_on_pixels(where, weight), n_generators), terms.watch
         end = place_by_levels(moments, n_generators, still, descend, settings, random, watch)
         if auto:
             end = descend(moments, end.generators, replace(terms, stopping=settings.in_picture))
         return Placement.of(end, where)
     cells: CellMoments
-    if where.is_polygonal and gauge == LpGauge(2):
+    if where.is_polygonal and metric == 2:
         cells = PolygonMoments(where, weight)
     else:
-        cells = SampleMoments(_samples(where, weight, n_generators, settings, random), gauge, where)
+        cells = SampleMoments(_samples(where, weight, n_generators, settings, random), metric, where)
     ends = []
     for _ in range(settings.n_starts):
         start = np.concatenate([still, draw_start(where, weight, n_generators - len(still), random)])

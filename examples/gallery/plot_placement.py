@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg import place_generators
 from cvtimg.engine import WeightedSamples
-from cvtimg.placement import Box, Placement, PolygonRegion, SampleMoments, as_gauge
+from cvtimg.placement import Box, Placement, PolygonRegion, SampleMoments
 
 INK, PAPER = "#1b2a41", "#e0c9a6"
 SIDE = 400
@@ -69,9 +69,8 @@ for axes, title, placement in (
     draw_cells(axes, placement)
     if title.startswith("a periodic"):
         axes.add_patch(Rectangle((0, 0), 1, 1, fill=False, edgecolor="#c1121f", linewidth=1.4))
-KITE = [[2, 0], [0, 1], [-1, 0], [0, -1]]
-for axes, metric in zip(panels[4:], (1, 20, "triangle", KITE), strict=True):
+for axes, metric in zip(panels[4:], (1, 1.5, 4, 20), strict=True):
     axes.set_title(f"metric={metric}")
     placement = place_generators(SQUARE, 60, metric=metric)
-    draw_labels(axes, SampleMoments(grid(), as_gauge(metric)).labels(placement.points))
+    draw_labels(axes, SampleMoments(grid(), metric).labels(placement.points))
     axes.plot(*placement.points.T, "o", color=INK, markersize=2.2)
