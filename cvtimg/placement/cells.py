@@ -33,8 +33,6 @@ _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 120
 _COARSEST = 0.5
 #: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
 _SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
-#: How far the frame of points is that closes all cells, in sides of the picture.
-_FAR_AWAY = 8.0
 #: Corners of cells nearer to each other than this, in pixels, are one.
 _APART = 1e-7
 
@@ -234,30 +232,23 @@ def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
     """Compute the Voronoi cells of (N, 2) points, cut off at the sides of a picture of a shape (H, W).
 
     The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A point without a cell, as
-    one of two in the same place, has an empty polygon.
+    one of two in the same place, has an empty polygon. Sides are borders to mirror images of the points.
     """
     from scipy.spatial import Voronoi
 
     size = np.array(shape[::-1], np.float64)
-    frame = size / 2 + _FAR_AWAY * size.max() * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    found = Voronoi(np.concatenate([points, frame]))
-    own, first = np.unique(found.point_region[: len(points)], return_index=True)  # points in one place share a cell
+    inner = np.clip(points, _APART, size - _APART)  # on a side, a point would be its own mirror image
+    mirrored = [np.where(axis, 2 * side - inner, inner) for axis in np.eye(2, dtype=bool) for side in (0 * size, size)]
+    diagram = Voronoi(np.concatenate([inner, *mirrored]))
+    own, first = np.unique(diagram.point_region[: len(points)], return_index=True)  # points in one place share a cell
     cells = [np.empty((0, 2))] * len(points)
-    for point, number in zip(first.tolist(), own.tolist(), strict=True):
-        cell = _distinct(found.vertices[found.regions[number]])
-        if len(cell) and (cell.min() < 0 or (cell > size).any()):
-            cell = _cut_off(cell, size)
-        x, y = cell.T
-        cells[point] = cell[:: 1 if x @ np.roll(y, -1) >= y @ np.roll(x, -1) else -1]
+    for point, region in zip(first.tolist(), own.tolist(), strict=True):
+        corners = np.clip(diagram.vertices[diagram.regions[region]], 0, size)
+        after = np.roll(corners, -1, axis=0)
+        corners, (x, y) = corners[np.abs(after - corners).max(axis=1) > _APART], corners.T
+        if len(corners) > 2:
+            cells[point] = corners[:: 1 if x @ after[:, 1] >= y @ after[:, 0] else -1]
     return tuple(cells)
-
-
-def _cut_off(polygon: Points, size: Points) -> Points:
-    """Cut a convex polygon off at the sides of a picture, one after the other."""
-    for axis in (0, 1):
-        for sign, side in ((1, 0.0), (-1, size[axis])):
-            polygon = _distinct(clipped(polygon, axis, side, sign))
-    return polygon
 
 
 def clipped(polygon: Points, axis: int, side: float, sign: int) -> Points:
@@ -269,9 +260,3 @@ def clipped(polygon: Points, axis: int, side: float, sign: int) -> Points:
     cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
     cuts[:, axis] = side
     return np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
-
-
-def _distinct(places: Points) -> Points:
-    """Leave out corners that coincide, and polygons without an area."""
-    apart = np.hypot(*(np.roll(places, -1, axis=0) - places).T) > _APART
-    return places[apart] if apart.sum() > 2 else np.empty((0, 2))

@@ -11,17 +11,16 @@ Programming 45 (1989) 503-528, doi 10.1007/BF01589116.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from operator import mul
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
-from cvtimg._shared.threads import in_parts, in_stripes
+from cvtimg._shared.threads import in_parts
 from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
 
@@ -30,89 +29,61 @@ Projection = Callable[[Points, Points], Points]
 
 #: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
-#: Steps of a kernel that NumPy needs for each number that it is given, and rows whose products are summed at a time.
-_STEPS, _BLOCK = 8, 1 << 14
+#: Steps of a kernel that NumPy needs for each number that it is given.
+_STEPS = 8
 
 
 class StepMemory:
-    """The inverse Hessian of limited-memory BFGS: the last steps, and how they changed the gradient.
+    """The inverse Hessian of limited-memory BFGS: the last 5 steps, and how they changed the gradient.
 
-    Of `size` steps: on surfaces figures hardly change from 5 to 10; in the plane from 4 to 12, and 3 need more moves.
-    The factors of vectors in the two loops over them are found first, so that each loop is one pass.
+    On surfaces figures hardly change from 5 to 10 steps; in the plane from 4 to 12, and 3 need more moves.
     """
 
-    def __init__(self, size: int = 5) -> None:
-        self._steps: deque[Points] = deque(maxlen=size)
-        self._changes: deque[Points] = deque(maxlen=size)
-        self._products: deque[list[float]] = deque(maxlen=size)  # of each change and all steps up to its own
+    def __init__(self) -> None:
+        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=5)  # steps, changes, and their products
 
     def __len__(self) -> int:
-        return len(self._steps)
+        return len(self._pairs)
 
     def clear(self) -> None:
         """Forget all steps."""
-        for memory in (self._steps, self._changes, self._products):
-            memory.clear()
+        self._pairs.clear()
 
-    def learn(self, step: Points, change: Points) -> bool:
-        """Remember a step and the change of the gradient, unless the energy is not convex along it; tell whether."""
-        pairs = [(each, change) for each in (*self._steps, step)]
-        *along, size, square = products([*pairs, (step, step), (change, change)]).tolist()
-        is_convex = along[-1] > 1e-12 * (size * square) ** 0.5
-        if is_convex:
-            self._steps.append(step)
-            self._changes.append(change)
-            self._products.append(along)
-        return is_convex
+    def learn(self, step: Points, change: Points) -> None:
+        """Remember a step and the change of the gradient, unless the energy is not convex along it."""
+        along = product_of(step, change)
+        if along > 1e-12 * (product_of(step, step) * product_of(change, change)) ** 0.5:
+            self._pairs.append((step, change, along))
 
     def times(self, gradient: Points, start: Callable[[Points], Points]) -> Points:
         """Multiply a gradient by the inverse Hessian, which starts as `start`, at a scale that is learned."""
-        if not self:
-            return start(gradient)
-        steps, changes = list(self._steps), list(self._changes)
-        lower = [known[-number:] for number, known in enumerate(self._products, 1)]
-        along, factors = products([(step, gradient) for step in steps]), [0.0] * len(steps)
-        for number, row in reversed([*enumerate(lower)]):
-            later = sum(lower[other][number] * factors[other] for other in range(number + 1, len(lower)))
-            factors[number] = (float(along[number]) - later) / row[-1]
-        rest, last = start(_plus(gradient, [-factor for factor in factors], changes)), changes[-1]
-        along = products([*((change, rest) for change in changes), (start(last), last)])
-        scale, ends = lower[-1][-1] / float(along[-1]), list[float]()
-        for row, factor, across in zip(lower, factors, along[:-1].tolist(), strict=True):
-            ends.append(factor - (scale * across + sum(map(mul, row, ends))) / row[-1])
-        return _plus(rest, ends, steps, scale)
-
-
-def _plus(vector: Points, factors: Iterable[float], others: Sequence[Points], scale: float = 1.0) -> Points:
-    """Multiply a vector by a scale, and add others times factors."""
-
-    def add(rows: Points, *rows_of_others: Points) -> Points:
-        total = scale * rows
-        for factor, other in zip(factors, rows_of_others, strict=True):
-            total += factor * other
-        return total
-
-    return by_rows(add, vector, *others)
+        rest, factors = gradient, list[float]()
+        for step, change, along in reversed(self._pairs):
+            factors.append(product_of(step, rest) / along)
+            rest = rest - factors[-1] * change
+        rest = start(rest)
+        if self._pairs:
+            _, change, along = self._pairs[-1]
+            rest = (along / product_of(start(change), change)) * rest
+        for (step, change, along), factor in zip(self._pairs, reversed(factors), strict=True):
+            rest = rest + (factor - product_of(change, rest) / along) * step
+        return rest
 
 
 def by_rows(function: Callable[..., Points], first: NDArray[Any], *others: NDArray[Any], **options: Any) -> Points:
     """Return what a function makes of the rows of arrays, each row by itself, in the shape of the first array."""
-    given, made = (first, *others), np.empty(first.shape)
+    arrays, result = (first, *others), np.empty(first.shape)
 
-    def make(start: int, stop: int) -> None:
-        made[start:stop] = function(*(one[start:stop] for one in given), **options)
+    def compute(start: int, stop: int) -> None:
+        result[start:stop] = function(*(array[start:stop] for array in arrays), **options)
 
-    in_parts(make, len(made), _STEPS * sum(one.size for one in given))
-    return made
+    in_parts(compute, len(result), _STEPS * sum(array.size for array in arrays))
+    return result
 
 
-def products(pairs: Sequence[tuple[Points, Points]]) -> NDArray[np.float64]:
-    """Sum the products of each of M pairs of (N, D) arrays: (M,). The threads of a BLAS would change bits."""
-
-    def of_block(block: slice) -> list[float]:
-        return [np.einsum("nd,nd", one[block], other[block]) for one, other in pairs]
-
-    return np.sum(in_stripes(of_block, len(pairs[0][0]), _STEPS * len(pairs) * pairs[0][0].size, _BLOCK), axis=0)
+def product_of(first: Points, second: Points) -> float:
+    """Sum the products of two (N, D) arrays. The threads of a BLAS would change bits."""
+    return float(np.einsum("nd,nd", first, second))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -278,7 +249,7 @@ class _QuasiNewton:
             length = 1.0
             while length > _SHORTEST:
                 there = _moved(self._moments, at, length * direction, self._terms)
-                promised = min(float(products([(gradient, there.generators - at.generators)])[0]), 0.0)
+                promised = min(product_of(gradient, there.generators - at.generators), 0.0)
                 if there.energy <= at.energy + _ENOUGH * promised:
                     return there
                 length /= 2
