@@ -9,13 +9,13 @@ from cvtimg.artwork.stipples import draw_dots
 def test_disks_cover_their_union() -> None:
     rng = np.random.default_rng(0)
     points, radii = rng.random((30, 2)) * [24, 16], rng.random(30) * 3
-    fine = 8
-    x = (np.arange(24 * fine) + 0.5) / fine
-    y = (np.arange(16 * fine) + 0.5) / fine
-    squared = (x[None, :, None] - points[:, 0]) ** 2 + (y[:, None, None] - points[:, 1]) ** 2
-    inside = (squared < radii**2).any(axis=2)
-    expected = inside.reshape(16, fine, 24, fine).mean(axis=(1, 3))
-    assert np.allclose(draw_dots(points, radii, (16, 24)), expected, atol=1 / 60)
+    lines, fine = 8, 400  # of a pixel, down and across
+    x, y = (np.arange(24 * fine) + 0.5) / fine, (np.arange(16 * lines) + 0.5) / lines
+    inside = np.zeros((len(y), len(x)), bool)
+    for (center, middle), radius in zip(points, radii, strict=True):
+        inside |= (x - center) ** 2 + (y[:, np.newaxis] - middle) ** 2 < radius**2
+    expected = inside.reshape(16, lines, 24, fine).mean(axis=(1, 3))
+    np.testing.assert_allclose(draw_dots(points, radii, (16, 24)), expected, atol=0.005)
 
 
 def test_the_scale_enlarges_dots_and_paper() -> None:
