@@ -124,47 +124,6 @@ cdef inline double crossing(
     return min(max(at, low), low + 1)
 
 
-cdef inline double edge_at(const double[:, ::1] points, int32_t a, int32_t b, double y) noexcept nogil:
-    """Where an edge crosses a row; the same bits from either side."""
-    cdef int32_t low = min(a, b), high = max(a, b)
-    cdef double part = (y - points[low, 1]) / (points[high, 1] - points[low, 1])
-    return points[low, 0] + part * (points[high, 0] - points[low, 0])
-
-
-def label_triangles(
-    const double[:, ::1] points,      # IN (N, 2): corners
-    const int32_t[:, ::1] triangles,  # IN (K, 3)
-    int32_t[:, ::1] labels,           # OUT (H, W): the triangle that the middle of each pixel is in
-):
-    """Label the pixels of triangles that fill a picture; no pixel is left out between two."""
-    cdef Py_ssize_t height = labels.shape[0], width = labels.shape[1], k, x, y, first, stop, left, right
-    cdef int32_t corner, a, b, side
-    cdef double top, bottom, middle, at, low, high
-    with nogil:
-        for k in range(triangles.shape[0]):
-            top = bottom = points[triangles[k, 0], 1]
-            for side in range(1, 3):
-                top = min(top, points[triangles[k, side], 1])
-                bottom = max(bottom, points[triangles[k, side], 1])
-            first = max(<Py_ssize_t>ceil(top - 0.5), 0)
-            stop = min(<Py_ssize_t>ceil(bottom - 0.5), height)
-            for y in range(first, stop):
-                middle = y + 0.5
-                low = 1e300
-                high = -1e300
-                for side in range(3):
-                    a = triangles[k, side]
-                    b = triangles[k, (side + 1) % 3]
-                    if (points[a, 1] <= middle) != (points[b, 1] <= middle):
-                        at = edge_at(points, a, b, middle)
-                        low = min(low, at)
-                        high = max(high, at)
-                left = max(<Py_ssize_t>ceil(low - 0.5), 0)
-                right = min(<Py_ssize_t>ceil(high - 0.5), width)
-                for x in range(left, right):
-                    labels[y, x] = <int32_t>k
-
-
 def add_edge_gradient(
     const float[:, :, ::1] image,     # IN (H, W, C)
     const double[:, ::1] points,      # IN (N, 2): corners

@@ -27,7 +27,6 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
-from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
@@ -35,6 +34,7 @@ from cvtimg.artwork.tilings import (
     descend_cells,
     descend_error,
     detail_density,
+    find_triangles,
     paint,
     place_corners,
 )
@@ -141,21 +141,22 @@ class Mosaic(ReadOnly):
         """
         check_non_negative("outline", outline)
         check_positive("scale", scale)
-        size = self.labels.shape
-        height, width = (max(round(side * scale), 1) for side in size)
-        fine = int(np.clip(np.sqrt(_MOST_PARTS / (height * width)), 1, _FINE))
-        points = self.points * (np.array([width * fine, height * fine]) / size[::-1])
+        from PIL import Image, ImageDraw
+
+        size = np.array([max(round(side * scale), 1) for side in self.labels.shape])
+        fine = int(np.clip(np.sqrt(_MOST_PARTS / size.prod()), 1, _FINE))
+        factors = fine * size[::-1] / self.labels.shape[::-1]
         if self.triangles is None:
-            labels = pixel_labels((height * fine, width * fine), points)
+            labels = pixel_labels(tuple(fine * size), factors * self.points)
         else:
-            labels = np.zeros((height * fine, width * fine), np.int32)
-            label_triangles(points, self.triangles, labels)
-        colors = self._eight_bits()
-        drawn = np.empty((height, width, colors.shape[1]), np.uint8)
-        for row in range(height):
-            parts = colors[labels[row * fine : (row + 1) * fine]].reshape(fine, width, fine, -1)
-            drawn[row] = np.rint(parts.mean(axis=(0, 2), dtype=np.float32))
-        return self._outlined(drawn, outline * scale, fine) if outline else drawn
+            labels = find_triangles(self.points, tuple(fine * size), factors)[0]
+        drawn = Image.fromarray(self._eight_bits()[labels])
+        if outline:
+            pen, width = ImageDraw.Draw(drawn), max(round(outline * scale * fine), 1)
+            for polygon in filter(len, self.polygons()):
+                corners = np.concatenate([polygon, polygon[:1]]) * factors
+                pen.line(corners.ravel().tolist(), _LINES, width, joint="curve")
+        return np.asarray(drawn.reduce(fine))
 
     def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
         """Write the mosaic; the suffix picks the format.
@@ -207,21 +208,6 @@ class Mosaic(ReadOnly):
                 opacity = {"fill-opacity": round(int(colors[tile, 3]) / 255, 3)} if colors.shape[1] == 4 else {}
                 properties[tile] = {"fill": hexadecimal(colors[tile]), **opacity, "pixels": int(areas[tile])}
         write_geojson(path, polygons, properties, overwrite=overwrite)
-
-    def _outlined(self, drawn: NDArray[np.uint8], width: float, fine: int) -> NDArray[np.uint8]:
-        """Draw lines between tiles."""
-        from PIL import Image, ImageDraw
-
-        lines = Image.new("L", (drawn.shape[1] * fine, drawn.shape[0] * fine))
-        pen = ImageDraw.Draw(lines)
-        factor = np.array(lines.size) / self.labels.shape[::-1]
-        for polygon in self.polygons():
-            if len(polygon):
-                places = [tuple(place) for place in (np.concatenate([polygon, polygon[:1]]) * factor).tolist()]
-                pen.line(places, fill=255, width=max(round(width * fine), 1), joint="curve")
-        share = np.asarray(lines.reduce(fine), np.float32)[:, :, np.newaxis] / 255
-        ink = np.array([*bytes.fromhex(_LINES[1:]), 255][: drawn.shape[2]], np.float32)
-        return np.rint(drawn + share * (ink - drawn)).astype(np.uint8)
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 _PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
+#: Rows of pixels whose triangles are looked for at a time.
+_ROWS = 64
 #: Side of an equilateral triangle of area 1.
 _TRIANGLE_SIDE = 2 / 3**0.25
 
@@ -237,12 +239,8 @@ class DelaunayTiling:
 
     def labels(self, points: Floats) -> NDArray[np.int32]:
         """Triangulate the points anew, and label pixels by the triangle that their center is in."""
-        from scipy.spatial import Delaunay
-
-        self._mesh = Delaunay(points)
+        labels, self._mesh = find_triangles(points, self._shape)
         self.triangles = np.ascontiguousarray(self._mesh.simplices, np.int32)
-        labels = np.zeros(self._shape, np.int32)
-        _artwork.label_triangles(points, self.triangles, labels)
         return labels
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
@@ -266,6 +264,18 @@ class DelaunayTiling:
         """Keep points of the sides on them, and others in the picture."""
         inside = np.clip(points, 1e-3, self._size - 1e-3)
         return np.where(self._low, 0, np.where(self._high, self._size, inside))
+
+
+def find_triangles(points: Floats, shape: tuple[int, ...], scale: ArrayLike = 1.0) -> tuple[NDArray[np.int32], Any]:
+    """Triangulate points, and find the triangle of the center of each pixel in a picture of a shape and scale."""
+    from scipy.spatial import Delaunay
+
+    mesh, labels = Delaunay(points), np.empty(shape, np.int32)
+    for top in range(0, shape[0], _ROWS):  # for the sake of memory
+        rows = labels[top : top + _ROWS]
+        y, x = np.indices(rows.shape) + 0.5
+        rows[:] = mesh.find_simplex(np.stack([x, y + top], axis=2) / scale)
+    return np.maximum(labels, 0), mesh  # in none by rounding
 
 
 #: Tiles that follow from points.

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 from reference import shoelace
 from skimage import data
+from skimage.draw import polygon
 from skimage.segmentation import slic
 
 from cvtimg import mosaic, read_image
-from cvtimg.artwork._artwork import label_triangles
 from cvtimg.artwork.tilings import DelaunayTiling, Painted, VoronoiTiling, paint
 
 PHOTO = data.coffee()[::3, ::3]
@@ -68,7 +68,8 @@ def test_the_gradient_is_what_differences_of_the_error_tell(shape: str) -> None:
 
     def painted(places: np.ndarray) -> Painted:
         if isinstance(tiling, DelaunayTiling):
-            label_triangles(places, tiling.triangles, labels)  # as they are: others would be another error
+            for label, triangle in enumerate(tiling.triangles):  # as they are: others would be another error
+                labels[polygon(*(places[triangle, ::-1].T - 0.5), labels.shape)] = label
             return paint(image, labels, tiling.n_tiles)
         return paint(image, tiling.labels(places), tiling.n_tiles)
 
