@@ -14,13 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.threads import blur, in_parts
+from cvtimg._shared.threads import blur
 from cvtimg.artwork.tones import TABLE_SIZE, zero_of
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
@@ -52,15 +51,9 @@ BALANCE = Balance()
 
 def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
     """Give each pixel of the picture, before it was enlarged, the mean value of the cells that it lies in."""
-    labels, factor = moments.labels(points), round(moments.scale)
-    shares = (values / factor**2).astype(np.float32)
-    means = np.zeros([side // factor for side in labels.shape], np.float32)
-
-    def add(start: int, stop: int) -> None:
-        for row, column in product(range(factor), repeat=2):
-            means[start:stop] += shares[labels[row::factor, column::factor][start:stop]]
-
-    in_parts(add, len(means), work=8.0 * labels.size)
+    factor = round(moments.scale)
+    enlarged = values.astype(np.float32)[moments.labels(points)]
+    means: Floats32 = enlarged.reshape(len(enlarged) // factor, factor, -1, factor).mean(axis=(1, 3))
     return means
 
 

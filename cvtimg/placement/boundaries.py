@@ -7,7 +7,7 @@ or generators find the boundary themselves.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range, check_needs, check_places, check_that
 from cvtimg._shared.extras import shapely
@@ -78,7 +78,8 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
         weights = steps * density((dense[1:] + dense[:-1]) / 2) ** 0.25
         found.append(dense)
         lengths.append(np.concatenate([[0.0], np.cumsum(weights)]))
-    shares = _shares(np.array([length[-1] for length in lengths]), n_points)
+    ends = np.cumsum([0, *(length[-1] for length in lengths)])
+    shares = np.diff(np.rint(ends / ends[-1] * n_points).astype(np.intp))
     spread: list[Points] = []
     for dense, length, n in zip(found, lengths, shares, strict=True):
         corners = np.flatnonzero([(np.abs(region.corners - place).max(axis=1) < 1e-9).any() for place in dense[:-1]])
@@ -88,14 +89,6 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
         spread.append(_with_corners(points, dense[corners]))
     points = np.concatenate(spread)
     return region.to_boundary(points) if isinstance(region, ImplicitRegion) else points
-
-
-def _shares(lengths: NDArray[np.float64], n: int) -> NDArray[np.intp]:
-    """Divide n by lengths, the largest remainders rounded up."""
-    exact = lengths / lengths.sum() * n
-    shares = np.floor(exact).astype(np.intp)
-    shares[np.argsort(shares - exact, kind="stable")[: n - shares.sum()]] += 1
-    return shares
 
 
 def _with_corners(points: Points, corners: Points) -> Points:

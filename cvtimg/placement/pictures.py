@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
-from cvtimg._shared.threads import in_stripes
 from cvtimg.engine.samples import along_curve
 from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
@@ -88,17 +87,9 @@ def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
     if factor == 1:
         return density
-    height, width = density.shape
-    large = np.empty((height, factor, width, factor), np.float32)
-
-    def enlarge_stripe(own: slice) -> None:
-        first = max(own.start - 1, 0)
-        rows = zoom(density[first : own.stop + 1], factor, order=1, mode="nearest", grid_mode=True)
-        rows = rows.reshape(-1, factor, width, factor)[own.start - first :][: own.stop - own.start]
-        large[own] = np.where(density[own, None, :, None] == 0, 0, rows * np.float32(factor**-2))
-
-    in_stripes(enlarge_stripe, height, 32.0 * large.size)  # enlarging by 3 rounds by the place in them
-    return large.reshape(height * factor, width * factor)
+    large: NDArray[np.float32] = zoom(density, factor, order=1, mode="nearest", grid_mode=True)
+    large *= np.kron(density > 0, np.full((factor, factor), np.float32(factor**-2)))
+    return large
 
 
 def place_by_levels(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -59,8 +60,9 @@ class PolygonRegion(Region):
         check_that(f"a {geometry.geom_type} of area {geometry.area:g}", has_area, "be a polygon with area > 0")
         if not shapely.is_valid(geometry):
             mended = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
-            if not abs(mended.area - geometry.area) <= _SLIVERS * geometry.area:
-                _refuse_invalid(shapely.is_valid_reason(geometry))
+            is_near = abs(mended.area - geometry.area) <= _SLIVERS * geometry.area
+            what = f"not cross themselves or each other, and have holes inside: {shapely.is_valid_reason(geometry)}"
+            check_that("polygons", is_near, what)
             geometry = mended
         shapely.prepare(geometry)
         object.__setattr__(self, "geometry", geometry)
@@ -154,7 +156,10 @@ def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _as_geometry(shape: Any) -> Geometry:
     if isinstance(shape, Mapping):
-        return shapely.union_all(_geojson(shape))
+        parts = shapely.get_parts(shapely.get_parts(shapely.from_geojson(json.dumps(shape), on_invalid="ignore")))
+        kinds = [part.geom_type for part in parts]
+        check_in_range("GeoJSON types", sorted({*kinds}), {*kinds} == {"Polygon"}, "Polygon or MultiPolygon")
+        return shapely.union_all(parts)
     rings = [shape] if np.ndim(shape[0]) == 1 else list(shape)
     arrays = [np.asarray(ring, np.float64) for ring in rings]
     for ring in arrays:
@@ -162,33 +167,6 @@ def _as_geometry(shape: Any) -> Geometry:
         check_shape("a ring", ring.shape, is_ring, "(N, 2) coordinates, N >= 3")
         check_finite("a ring", ring)
     return shapely.Polygon(arrays[0], arrays[1:])
-
-
-def _geojson(shape: Mapping[str, Any]) -> list[Geometry]:
-    """Read all polygons of a GeoJSON object."""
-    from shapely.geometry import shape as read
-
-    kind = shape.get("type")
-    if kind == "FeatureCollection":
-        return [each for feature in shape["features"] for each in _geojson(feature)]
-    if kind == "Feature":
-        return _geojson(shape["geometry"])
-    if kind == "GeometryCollection":
-        return [each for geometry in shape["geometries"] for each in _geojson(geometry)]
-    allowed = "Polygon, MultiPolygon, Feature or FeatureCollection"
-    check_in_range("GeoJSON type", kind, kind in ("Polygon", "MultiPolygon"), allowed)
-    return [read(shape)]
-
-
-def _refuse_invalid(reason: str) -> None:
-    """Say what is wrong with polygons, from what GEOS says: a reason and a place in brackets."""
-    what, _, place = reason.rstrip("]").partition("[")
-    at = f"({', '.join(place.split())})"
-    if what in ("Hole lies outside shell", "Nested holes", "Holes are nested"):
-        raise ValueError(f"a hole at {at} must lie inside of its polygon, and not in another hole")
-    if "elf-intersection" in what:
-        raise ValueError(f"polygons must not cross themselves or each other, as they do at {at}")
-    raise ValueError(f"polygons must be valid: {what} at {at}")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, init=False)
@@ -313,7 +291,9 @@ class NearestPixel:
     @classmethod
     def of(cls, mask: NDArray[np.bool_]) -> NearestPixel:
         """Make it of the pixels of a mask."""
-        centers = _border(mask)
+        from scipy.ndimage import binary_erosion
+
+        centers = np.argwhere(mask & ~binary_erosion(mask))[:, ::-1] + 0.5  # of those with a neighbor outside
         return cls(centers, np.full(centers.shape, _TO_SIDE))
 
     def __call__(self, points: Points) -> Points:
@@ -324,17 +304,6 @@ class NearestPixel:
         ends = np.clip(points[:, None], centers - half, centers + half)
         best = ((ends - points[:, None]) ** 2).sum(axis=2).argmin(axis=1)
         return ends[np.arange(len(points)), best]
-
-
-def _border(mask: NDArray[np.bool_]) -> Points:
-    """Centers of the pixels of a mask that have a neighbor outside."""
-    inner = mask.copy()
-    for axis in range(mask.ndim):
-        layers, inside = np.moveaxis(mask, axis, 0), np.moveaxis(inner, axis, 0)
-        inside[1:] &= layers[:-1]
-        inside[:-1] &= layers[1:]
-        inside[[0, -1]] = False
-    return np.stack(np.unravel_index(np.flatnonzero(mask ^ inner), mask.shape)[::-1], axis=1) + np.float64(0.5)
 
 
 def _as_mask(image: NDArray[Any]) -> NDArray[np.bool_]:

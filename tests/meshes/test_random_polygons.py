@@ -137,7 +137,7 @@ def test_any_rings_have_a_mesh_or_one_clear_error(given_rings: list[list[tuple[f
     whole = shapely.Polygon(given_rings[0], given_rings[1:])
     mended = shapely.make_valid(whole, method="structure", keep_collapsed=False)  # what doubles back has no area
     if not (abs(mended.area - whole.area) < 1e-6 and whole.area > 0):
-        with pytest.raises(ValueError, match=r"cross themselves|a hole at|must be a polygon with area > 0|be valid"):
+        with pytest.raises(ValueError, match=r"cross themselves|must be a polygon with area > 0"):
             mesh_region(given_rings, edge_length=3.0, effort="fast")
     else:
         mesh = mesh_region(given_rings, edge_length=3.0, effort="fast")

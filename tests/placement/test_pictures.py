@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reference import at_threads
 from scipy.spatial import cKDTree
 
 from cvtimg import place_generators
@@ -101,9 +100,3 @@ def test_enlarging_keeps_mass_and_white(factor: int) -> None:
     flat = enlarge(np.full((3, 4), 2, np.float32), factor)
     np.testing.assert_allclose(flat, 2 / factor**2)
     assert flat.sum() == pytest.approx(24)
-
-
-def test_threads_do_not_change_an_enlarged_image() -> None:
-    density = np.random.default_rng(0).random((301, 500)).astype(np.float32)
-    one, three = at_threads(lambda: [enlarge(density, factor).tobytes() for factor in (2, 3)])
-    assert one == three
