@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import blur
-from cvtimg.artwork.tones import TABLE_SIZE, zero_of
+from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
 from cvtimg.placement.descent import each_with_cell
@@ -101,7 +101,7 @@ class _Pen:
         self.density *= blur(_of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest")
         return picture_moments(self.density, self.n_dots)
 
-    def spread(self, *, balanced: bool = True) -> Floats:
+    def spread(self, *, balanced: bool) -> Floats:
         """Place the (N, 2) dots; balanced ones stand for about equal amounts, but for the noise of single ones."""
         with part(0, 1 / 2):
             points = place_generators(None, self.n_dots, density=self.density, effort="fast").points
@@ -127,33 +127,26 @@ class _Pen:
         return DotLayer(points, radii, found.masses, found.energy)
 
 
-def place_dots(ink: Floats32, n_dots: int, how: Dots) -> DotLayer:
-    """Place dots whose areas add up to the ink, the (H, W) area of disks that each pixel asks for."""
-    if n_dots == 0:
-        return _NO_DOTS
-    pen = _Pen(ink, n_dots, how)
-    points = pen.spread(balanced=how.dots != "sized" or how.radius_range is not None)
-    return pen.finished(points, _LAST_MOVES[how.dots])
-
-
 def place_pens(inks: Sequence[Floats32], counts: Sequence[int], how: Dots) -> list[DotLayer]:
-    """Place the dots of several pens, each with the tones of its own ink, and apart from those of the others."""
-    given = [number for number, count in enumerate(counts) if count]
-    pens = [_Pen(inks[number], counts[number], how) for number in given]
-    with part(0, 1 / 2):
-        placed = [pen.spread() for pen in each(pens)]
-    with part(1 / 2, 1):
-        apart = _kept_apart(pens, placed)
+    """Place dots of one pen or several, whose areas add up to the ink, and apart from those of the other pens.
+
+    An ink is the (H, W) area of disks that each pixel asks for.
+    """
     layers = [_NO_DOTS] * len(counts)
-    for number, pen, points in zip(given, pens, apart, strict=True):
-        layers[number] = pen.finished(points, 0)
+    pens = {number: _Pen(inks[number], count, how) for number, count in enumerate(counts) if count}
+    is_alone = len(pens) < 2
+    balanced = not is_alone or how.dots != "sized" or how.radius_range is not None
+    with part(0, 1 if is_alone else 1 / 2):
+        placed = [pen.spread(balanced=balanced) for pen in each([*pens.values()])]
+    with part(1 / 2, 1):
+        placed = placed if is_alone else _kept_apart([*pens.values()], placed)
+    for (number, pen), points in zip(pens.items(), placed, strict=True):
+        layers[number] = pen.finished(points, _LAST_MOVES[how.dots] if is_alone else 0)
     return layers
 
 
 def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
     """Move apart the dots of several pens, placed without regard to each other."""
-    if len(pens) < 2:
-        return placed
     # Dots of all pens in an area are as many as the sum of what they ask for, each in units of one dot.
     together = np.zeros_like(pens[0].amount)
     for pen in pens:
@@ -182,6 +175,8 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
     """
     if radius_range is None:
         return ink
+    from scipy.optimize import brentq
+
     least, greatest = radius_range
     darkest = float(ink.max())
     counts, edges = np.histogram(ink, TABLE_SIZE, (0, darkest))
@@ -195,7 +190,7 @@ def _amount(ink: Floats32, n_dots: int, radius_range: tuple[float, float] | None
     def excess(bent: float) -> float:
         return float((counts * tones / areas(bent)).sum()) - n_dots
 
-    bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else zero_of(excess, 0, 1)
+    bent = 0.0 if excess(0) > 0 else 1.0 if excess(1) < 0 else brentq(excess, 0, 1)
     return (
         ink / areas(bent).astype(np.float32)[np.minimum(ink * (TABLE_SIZE / darkest), TABLE_SIZE - 1).astype(np.intp)]
     )

@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_dots, place_pens
+from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_pens
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, pen_coverages, process_coverages
 from cvtimg.artwork.tours import find_tour
@@ -123,39 +123,33 @@ def stipple(
         check_positive("dot_diameter", dot_diameter, "in pixels")
         check_excluded("dot_diameter", True, n_dots=n_dots, radius_range=radius_range)
         check_needs("dot_diameter", True, 'dots of one size, not "sized"', dots != "sized")
-    how = Dots(dots, radius_range, bleed)
-    if layers is not None or pens is not None:
-        check_excluded("pens", pens is not None, layers=layers)
-        check_needs("invert=True", invert, "neither layers nor pens: inks darken the paper", False)
-        if pens is None:
-            check_choice("layers", layers or "", ("cmyk",))
-            coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
-        else:
-            inked = _colors_of(pens)
-            colors = np.array(list(inked.values()), np.uint8)
-            coverages = pen_coverages(image, colors, white_cutoff, max_ink, tones)
-        count = _Count.of_ink(coverages, n_dots, dot_diameter)
-        inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
-        # All pens have dots of about one size.
-        ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
-        counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
-        placed = place_pens(inks, counts.tolist(), count.scaled(how))
+    paper = np.full(3, 0 if invert else 255, np.uint8)
+    if pens is not None:
+        check_excluded("pens", True, layers=layers)
+        inked = _colors_of(pens)
+        colors = np.array(list(inked.values()), np.uint8)
+        coverages = pen_coverages(image, colors, white_cutoff, max_ink, tones)
+    elif layers is not None:
+        check_choice("layers", layers, ("cmyk",))
+        coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
     else:
         coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
         inked = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}
-        count = _Count.of_ink(coverages, n_dots, dot_diameter)
-        area = disk_area(count.enlarged(coverages[0]))
-        placed = [place_dots(area, count.of(area), count.scaled(how))]
-    height, width = coverages[0].shape
-    paper = np.full(3, 0 if invert else 255, np.uint8)
-    colors = np.array(list(inked.values()), np.uint8)
+    has_pens = layers is not None or pens is not None
+    check_needs("invert=True", invert, "neither layers nor pens: inks darken the paper", not has_pens)
+    count = _Count.of_ink(coverages, n_dots, dot_diameter)
+    inks = [disk_area(count.enlarged(coverage)) for coverage in coverages]
+    # All pens have dots of about one size.
+    ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
+    counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
+    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range, bleed)))
     return _together(
         placed,
         count.factor,
         names=tuple(inked),
-        colors=colors,
+        colors=np.array(list(inked.values()), np.uint8),
         paper=paper,
-        size=(height, width),
+        size=coverages[0].shape,
         max_ink=max_ink,
         bleed=bleed,
     )

@@ -6,7 +6,6 @@ its light. Paper is whatever is white, transparent or masked.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, combinations
 from typing import Any
@@ -119,24 +118,16 @@ def light_tones(
     ink = np.clip((lightness - dark) / (light - dark), 0, 1, dtype=np.float32)
     if not invert:
         np.subtract(1, ink, out=ink)
+    from scipy.optimize import brentq
+
     shares, edges = np.histogram(ink[counts], TABLE_SIZE, (0, 1))
 
     def excess(power: float) -> float:
         return float(np.average(edges[1:] ** power, weights=shares)) - how.most_ink
 
     if excess(1) > 0:
-        ink **= np.float32(how.steepest if excess(how.steepest) > 0 else zero_of(excess, 1, how.steepest))
+        ink **= np.float32(how.steepest if excess(how.steepest) > 0 else brentq(excess, 1, how.steepest))
     return ink if invert else np.subtract(1, ink, out=ink)
-
-
-def zero_of(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a function changes its sign between `low` and `high`; importing SciPy for that takes 0.4 s."""
-    width, middle, rises = high - low, low, function(high) > function(low)
-    for halving in range(1, 40):  # to 2e-12 of the width
-        middle = low + width / 2**halving
-        if (function(middle) < 0) == rises:
-            low = middle
-    return middle
 
 
 def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False, tones: str = "true") -> Floats32:

@@ -293,7 +293,9 @@ class NearestPixel:
         """Make it of the pixels of a mask."""
         from scipy.ndimage import binary_erosion
 
-        centers = np.argwhere(mask & ~binary_erosion(mask))[:, ::-1] + 0.5  # of those with a neighbor outside
+        centers = np.argwhere(mask & ~binary_erosion(mask))[:, ::-1] + np.float64(
+            0.5
+        )  # of those with a neighbor outside
         return cls(centers, np.full(centers.shape, _TO_SIDE))
 
     def __call__(self, points: Points) -> Points:

@@ -9,7 +9,7 @@ from skimage import data
 
 from cvtimg import place_generators, stipple
 from cvtimg.artwork import Stipples, ink_coverage
-from cvtimg.artwork.dot_layers import DOTS, Dots, place_dots
+from cvtimg.artwork.dot_layers import DOTS, Dots, place_pens
 from cvtimg.artwork.stipples import draw_dots
 from cvtimg.artwork.tones import process_coverages
 from cvtimg.colors.spaces import to_space
@@ -126,7 +126,7 @@ def test_dots_of_process_colors_keep_apart_and_keep_their_tones(dots: str) -> No
     blue[:, :, 0] = blue[:, :, 1] = np.linspace(60, 220, 140).astype(np.uint8)  # cyan and magenta alike
     result = stipple(blue, 1500, layers="cmyk", dots=dots, max_ink=0.5, tones="true")
     inks = process_coverages(blue, 0.0, 0.5)
-    alone = [place_dots(ink, int((result.layers == pen).sum()), Dots(dots)) for pen, ink in enumerate(inks)]
+    alone = [place_pens([ink], [int((result.layers == pen).sum())], Dots(dots))[0] for pen, ink in enumerate(inks)]
     cyan, magenta = (result.points[result.layers == pen] for pen in (0, 1))
 
     def gap(one: np.ndarray, other: np.ndarray) -> float:
