@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
     *("aiohttp", "astropy", "dask", "distributed", "fsspec", "imagecodecs", "matplotlib", "meshio", "netCDF4"),
-    *("numexpr", "oxipng", "psutil", "pyarrow", "pythoncdt", "rawpy", "roifile", "shapely", "sklearn"),
+    *("numexpr", "oxipng", "psutil", "pyarrow", "pythoncdt", "rawpy", "roifile", "sklearn"),
     *("starlette", "trimesh", "uvicorn", "websockets", "zarr"),
 )
 #: An installation without them.
@@ -151,7 +151,7 @@ NEED_EXTRAS = [
     ("quantize http://localhost/a.png -k 4", 1, "needs fsspec: pip install 'cvtimg[remote]'"),
     ("quantize a.png -k 4 --dask local", 2, "--dask needs distributed: pip install 'cvtimg[dask]'"),
     ("elbow a.png --plot plot.svg", 2, "--plot needs matplotlib: pip install 'cvtimg[plot]'"),
-    ("mesh mask.png --edge-length 4", 1, "mask.png: needs shapely: pip install 'cvtimg[mesh]'"),
+    ("mesh mask.png --edge-length 4", 1, "mask.png: meshes need pythoncdt: pip install 'cvtimg[mesh]'"),
     ("surface a.stl -n 20", 1, "a.stl: needs trimesh: pip install 'cvtimg[surfaces]'"),
     ("explore a.png", 2, "explore needs starlette: pip install 'cvtimg[explore]'"),
     ("basis a.zarr -n 2 -o a.npz", 1, "a.zarr: needs zarr: pip install 'cvtimg[zarr]'"),

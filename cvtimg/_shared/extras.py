@@ -1,4 +1,4 @@
-"""Optional dependencies, and how to install them."""
+"""Optional dependencies, and how to install them; and one that takes long to import."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 #: Extras of the package, as in pyproject.toml.
 Extra: TypeAlias = Literal[
     "codecs", "dask", "designs", "excel", "explore", "fits", "globe", "mesh", "microscopes", "microscopy",
-    "oxipng", "parquet", "plot", "raw", "regions", "remote", "sklearn", "surfaces", "zarr",
+    "oxipng", "parquet", "plot", "raw", "remote", "sklearn", "surfaces", "zarr",
 ]  # fmt: skip
 
 
@@ -27,13 +27,13 @@ def optional(name: str, extra: Extra, said: str = "needs") -> Any:
 
 
 class Lazy:
-    """A module of an extra, which is imported when something of it is asked for."""
+    """A module that is imported when something of it is asked for."""
 
-    def __init__(self, name: str, extra: Extra) -> None:
-        self._name, self._extra = name, extra
+    def __init__(self, name: str) -> None:
+        self._name = name
 
     def __getattr__(self, attribute: str) -> Any:
-        return getattr(optional(self._name, self._extra), attribute)
+        return getattr(import_module(self._name), attribute)
 
 
-shapely = Lazy("shapely", "regions")
+shapely = Lazy("shapely")

@@ -111,7 +111,8 @@ def _read_json(option: str, path: Path) -> Any:
 def _lines(text: str) -> list[Any]:
     """Read a point or a line as LON,LAT,..., or those of a GeoJSON file."""
     if text.lower().endswith((".geojson", ".json")):
-        shapely = optional("shapely", "regions")
+        import shapely
+
         content = _read_json("--strait", Path(text))
         shapes = [feature["geometry"] for feature in content["features"]] if "features" in content else [content]
         parts = shapely.get_parts([shapely.geometry.shape(shape.get("geometry", shape)) for shape in shapes])

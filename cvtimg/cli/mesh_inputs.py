@@ -23,10 +23,7 @@ def read_region(path: Path, name_by: str) -> Any:
     Features of GeoJSON with a property `name_by` are joined by its value, as a word.
     """
     import numpy as np
-
-    from cvtimg._shared.extras import optional
-
-    shapely = optional("shapely", "mesh")
+    import shapely
 
     suffix = path.suffix.lower()
     try:

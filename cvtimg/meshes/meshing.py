@@ -19,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg._shared.extras import optional, shapely
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each, part
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
@@ -190,7 +190,6 @@ def mesh_region(
     """
     least = check_non_negative("min_size", min_size)
     how = Cleaning(snap, check_non_negative("simplify", simplify), least, keep_points)
-    optional("shapely", "mesh")  # the extra that has all that meshes need, before that of regions is named
     parts = dict(region) if isinstance(region, Mapping) and "type" not in region else {}
     local, regions = None, [as_region(part) for part in (parts.values() if parts else [region])]
     if project is not None:
@@ -253,7 +252,6 @@ def mesh_labels(
     (60, [1, 2], 128.0)
     """
     segments = check_labels("labels", labels)
-    optional("shapely", "mesh")
     least = check_non_negative("min_size", min_size)
     outline = label_outline(segments, image, check_non_negative("tolerance", tolerance))
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter)

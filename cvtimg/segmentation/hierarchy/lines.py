@@ -49,7 +49,7 @@ def find_lines(
     means = np.array(drawn) / lengths_of
     order = np.argsort(-np.array(drawn), kind="stable")[:most]
     order = order[np.argsort(-means[order], kind="stable")]
-    simple = simplify(lines, off, lambda _: np.empty(0, np.intp)) if off else lines
+    simple = simplify(lines, off) if off and lines else lines
     return Lines(tuple(simple[line] for line in order), means[order])
 
 
