@@ -15,13 +15,14 @@ import lzma
 import math
 import re
 import zipfile
+from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
-from io import BytesIO, TextIOWrapper
+from io import BytesIO, StringIO
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -174,46 +175,38 @@ def _of_arrow(path: Path) -> Columns:
 
 
 class _Text(Columns):
-    """Text with a delimiter, or a sheet, whose cells become text."""
+    """Text with a delimiter, or a sheet: columns of texts, of which one record after the other is read."""
 
     def __init__(self, path: Path, dialect: Dialect) -> None:
         self.path, self._dialect = path, dialect
         self._no_value = _NO_VALUE | {mark.strip().casefold() for mark in dialect.missing_values}
-        self._is_sheet = path.suffix.lower() in _SHEETS
-        self._content, self._encoding = (b"", "") if self._is_sheet else self._read()
-        self._n_before, self._is_named_by_comment, said = (0, False, "") if self._is_sheet else self._preamble()
-        self._delimiter = dialect.delimiter or said or ("," if self._is_sheet else self._told_delimiter())
-        first = list(islice(self._records(), _LOOKED_AT))
+        self._unit = "row" if path.suffix.lower() in _SHEETS else "line"
+        records = self._sheet() if self._unit == "row" else self._records()
+        first = list(islice(records, _LOOKED_AT))
         if not first:
             raise ValueError(f"{path}: is empty")
-        rows = first[1:] or first
-        self._n_fields = Counter(map(len, rows)).most_common(1)[0][0]
-        if self._is_named_by_comment and len(first[0]) != self._n_fields:  # it says something else
-            first, self._is_named_by_comment, self._n_before = rows, False, self._n_before + 1
-        if len(first[0]) == 1 and (self._delimiter, self._n_fields, dialect.delimiter) == (",", 2, None):
-            self._delimiter, self._n_fields = ";", 1  # one name above numbers with a decimal comma
-            first = list(islice(self._records(), _LOOKED_AT))
-            rows = first[1:]
-        self.named = self._is_header(first[0], first[1:]) if dialect.header is None else dialect.header
-        head = list(first[0]) if self.named else [""] * self._n_fields
-        if len(head) == self._n_fields - 1:
-            # Without a name of the last, empty column; R gives none to the first, the names of rows.
-            is_last = all(not row[-1].strip() for row in rows if len(row) == self._n_fields)
-            head = [*head, ""] if is_last else ["", *head]
-        if len(head) > self._n_fields and not any(name.strip() for name in head[self._n_fields :]):
-            head = head[: self._n_fields]
-        if len(head) != self._n_fields:
-            row = 1 if len(first) > 1 else 0
-            raise ValueError(
-                f"{path}: line {self._line(row)} has {len(first[row])} values, and the first line {len(head)}"
-            )
-        named = [name.strip() or number for name, number in zip(head, _numbered(len(head)), strict=True)]
-        self.names, self._unnamed = _distinct(named), [not name.strip() for name in head]
+        self._n_fields = Counter(len(row) for _, row in first[1:] or first).most_common(1)[0][0]
+        first = first[self._n_above([row for _, row in first]) :]
+        texts = [text.strip() for _, row in first for text in row if "," in text]
+        commas = [text for text in texts if re.search(r"\d", text) and _WITH_COMMA.fullmatch(text)]
+        grouped = [text for text in commas if _GROUPED.fullmatch(text)]
+        # A comma, if a value can be read with a comma alone.
+        is_comma = len(commas) > len(grouped) or bool(grouped and self._delimiter == ";")
+        self._decimal = dialect.decimal or (",." if is_comma else ".,")[0]
+        rows = [row for _, row in first]
+        self.named = self._is_header(rows[0], rows[1:]) if dialect.header is None else dialect.header
+        head = self._head(rows, first[min(1, len(first) - 1)][0])
+        below = chain(first[int(self.named) + (self.named and self._is_of_units(rows[1:])) :], records)
+        self.names = _distinct(
+            [name.strip() or number for name, number in zip(head, _numbered(len(head)), strict=True)]
+        )
+        self._unnamed = [not name.strip() for name in head]
+        self._lines, self._cells = self._by_column(below)
 
     # Text and its rows
 
-    def _read(self) -> tuple[bytes, str]:
-        """Read and unpack the file; tell its encoding."""
+    def _text(self) -> str:
+        """Read, unpack and decode the file."""
         content = self.path.read_bytes()
         try:
             if content.startswith(b"PK\x03\x04"):
@@ -229,105 +222,124 @@ class _Text(Columns):
         told = next((name for bom, name in _BOMS.items() if content.startswith(bom)), None)
         if told is None and content[1:4:2] == b"\0\0":
             told = "utf-16-le"
-        for encoding in [self._dialect.encoding] if self._dialect.encoding else [told or "utf-8", "cp1252"]:
+        asked = self._dialect.encoding
+        for encoding in [asked] if asked else [told or "utf-8", "cp1252"]:
             with suppress(UnicodeDecodeError):
                 try:
-                    text = content[: 1 << 16].decode(encoding, "ignore") if content.decode(encoding) else ""
+                    text = content.decode(encoding)
                 except LookupError as error:
-                    raise ValueError(
-                        f"encoding={encoding!r} must be the name of one, such as utf-8 or cp1252"
-                    ) from error
-                if not re.search(r"[\x00-\x08\x0e-\x1f]", text):
-                    return content, encoding
-        said = f"text in {self._dialect.encoding}" if self._dialect.encoding else "text"
-        raise ValueError(f"{self.path}: is not {said}; for images there is cvtimg segment")
+                    raise ValueError(f"encoding={asked!r} must be the name of one, such as utf-8 or cp1252") from error
+                if not re.search(r"[\x00-\x08\x0e-\x1f]", text[: 1 << 16]):
+                    return text
+        raise ValueError(
+            f"{self.path}: is not text{f' in {asked}' if asked else ''}; for images there is cvtimg segment"
+        )
 
-    def _preamble(self) -> tuple[int, bool, str]:
-        """Return the number of lines before the table, whether a comment names its columns, and what ``sep=;`` says."""
-        with self._opened() as file:
-            lines = list(islice(file, _LOOKED_AT))
-        said = re.fullmatch(r"\"?sep=(.)\"?\s*", lines[0]) if lines else None
+    def _records(self) -> Iterator[tuple[int, list[str]]]:
+        """Split the text into rows, without empty lines, each with the number of the line in which it ends."""
+        text = self._text()
+        first = list(islice(StringIO(text, newline=""), _LOOKED_AT))
+        said = re.fullmatch(r"\"?sep=(.)\"?\s*", first[0]) if first else None
         n_before = 1 if said else 0
-        comments = [n for n, line in enumerate(lines) if n >= n_before and _COMMENT.match(line)]
-        while n_before < len(lines) and (n_before in comments or not lines[n_before].strip()):
+        comments = [n for n, line in enumerate(first) if n >= n_before and _COMMENT.match(line)]
+        while n_before < len(first) and (n_before in comments or not first[n_before].strip()):
             n_before += 1
-        after = re.split(r"[\t;|, ]+", lines[n_before].strip()) if n_before < len(lines) else []
-        # np.savetxt writes names above numbers as a comment.
-        names = n_before - 1 in comments and any(self._kind(part.strip("\"'")) == "number" for part in after)
-        return n_before - names, names, said[1] if said else ""
+        after = re.split(r"[\t;|, ]+", first[n_before].strip()) if n_before < len(first) else []
+        # np.savetxt writes names above numbers as a comment; one of another number of values says something else.
+        is_named = n_before - 1 in comments and any(self._kind(part.strip("\"'")) == "number" for part in after)
+        self._delimiter = self._dialect.delimiter or (said[1] if said else _told_delimiter(first[n_before:]))
 
-    @contextmanager
-    def _opened(self) -> Iterator[TextIOWrapper]:
-        with TextIOWrapper(BytesIO(self._content), encoding=self._encoding, newline="") as file:
-            yield file
+        def split(lines: Iterable[str]) -> Any:
+            lines = (line.rstrip(" \r\n") + "\n" for line in lines) if self._delimiter == " " else lines
+            return csv.reader(lines, delimiter=self._delimiter, skipinitialspace=True)
 
-    def _told_delimiter(self) -> str:
-        """Tell the delimiter: it gives all of the first rows the same number of values, two or more."""
-        best, most = ",", 0.0
-        for delimiter in _DELIMITERS:
-            with suppress(csv.Error):
-                sizes = [len(row) for row in islice(self._split(delimiter), _LOOKED_AT)]
-                size, n = Counter(sizes).most_common(1)[0] if sizes else (0, 0)
-                if size > 1 and n / len(sizes) > most:
-                    best, most = delimiter, n / len(sizes)
-        return best
-
-    def _split(self, delimiter: str, numbers: list[int] | None = None) -> Iterator[list[str]]:
-        """Split the text into rows, without empty lines; `numbers` gets the line in which each ends."""
-        with self._opened() as file:
-            lines: Iterator[str] = islice(file, self._n_before, None)
-            if self._is_named_by_comment:
-                lines = chain([next(lines).lstrip("# ")], lines)
-            whole = (line.rstrip(" \r\n") + "\n" for line in lines) if delimiter == " " else lines
-            reader = csv.reader(whole, delimiter=delimiter, skipinitialspace=True)
+        try:
+            if is_named:
+                names = next(split([first[n_before - 1].lstrip("# ")]))
+                if len(names) == len(next(split(first[n_before:]))):
+                    yield n_before, names
+            reader = split(islice(StringIO(text, newline=""), n_before, None))
             for row in reader:
                 if row:  # none is an empty line
-                    if numbers is not None:
-                        numbers[:] = [reader.line_num + self._n_before]
-                    yield row
-
-    def _records(self, numbers: list[int] | None = None) -> Iterator[list[str]]:
-        """Go through the rows of the file as texts."""
-        if self._is_sheet:
-            yield from self._sheet
-            return
-        try:
-            yield from self._split(self._delimiter, numbers)
+                    yield n_before + reader.line_num, row
         except csv.Error as error:
             raise ValueError(f"{self.path}: is not a table ({one_line(error)})") from error
 
-    @cached_property
-    def _sheet(self) -> list[list[str]]:
+    def _sheet(self) -> Iterator[tuple[int, list[str]]]:
         openpyxl = optional("openpyxl", "excel", f"{self.path}: needs")
+        self._delimiter = ","
         try:
             book = openpyxl.load_workbook(self.path, read_only=True, data_only=True)
             rows = list(book.worksheets[0].values)
         except Exception as error:  # zipfile and openpyxl raise many kinds
             raise ValueError(f"{self.path}: is not a workbook of Excel ({one_line(error)})") from error
         texts = [["" if cell is None else str(cell) for cell in row] for row in rows]
-        return [row for row in texts if any(row)]
+        return ((number, row) for number, row in enumerate(texts, 1) if any(row))
 
-    def _rows(self, numbers: list[int] | None = None) -> Iterator[list[str]]:
-        """Go through the rows below the names; comments between them, and empty ends, are left out."""
-        for row in islice(self._records(numbers), int(self.named), None):
-            extra = row[self._n_fields :]
-            if len(row) != self._n_fields and row[0].startswith("#"):
+    def _by_column(self, records: Iterable[tuple[int, list[str]]]) -> tuple[Sequence[int], list[NDArray[Any]]]:
+        """Gather the rows below the names, without comments, empty ends of rows, and notes after the last one."""
+        kind, n, ordinal = np.dtypes.StringDType(), self._n_fields, None
+        parts, lines, rows, notes = (
+            [np.empty((n, 0), kind)],
+            array("q"),
+            list[list[str]](),
+            list[tuple[int, list[str]]](),
+        )
+        for line, row in records:
+            row = row[:n] if not any(map(str.strip, row[n:])) else row
+            ordinal = self._kind(row[0]) != "text" if ordinal is None else ordinal
+            if n > 1 and (len(row) != n or ordinal) and self._is_note(row):
+                notes.append((line, row))
                 continue
-            yield row[: self._n_fields] if extra and not any(map(str.strip, extra)) else row
+            if len(row) != n and row[0].startswith("#"):
+                continue
+            for at, known in [*notes, (line, row)]:
+                if len(known) != n:
+                    raise ValueError(f"{self.path}: {self._unit} {at} has {len(known)} values, and the first line {n}")
+                lines.append(at)
+                rows.append(known)
+            notes = []
+            if len(rows) >= _LOOKED_AT:  # as texts of Python take ten times the memory
+                parts.append(np.array(rows, kind).T)
+                rows = []
+        return lines, list(np.concatenate([*parts, *([np.array(rows, kind).T] if rows else [])], axis=1))
+
+    def _is_note(self, row: Sequence[str]) -> bool:
+        """Whether a row is a single text, as titles and sources are."""
+        return self._kind(row[0]) == "text" and not any(map(str.strip, row[1:]))
 
     def cells(self) -> Iterator[Sequence[Any]]:
-        return self._rows()
+        return zip(*(column.tolist() for column in self._cells), strict=True)
 
     def place(self, row: int) -> str:
-        return f"line {self._line(row + int(self.named))}" if not self._is_sheet else f"row {row + 1 + int(self.named)}"
-
-    def _line(self, number: int) -> int:
-        """Find the line in which record `number` of the file ends: not every line is a record."""
-        at: list[int] = [number + 1]
-        next(islice(self._records(at), number, None), None)
-        return at[0]
+        return f"{self._unit} {self._lines[row]}"
 
     # Names, kinds and numbers
+
+    def _n_above(self, rows: Sequence[Sequence[str]]) -> int:
+        """Count the titles above a line of as many names as there are columns."""
+        n = next((number for number, row in enumerate(rows) if not self._is_note(row)), 0)
+        return n if len(rows[n]) == self._n_fields and "number" not in map(self._kind, rows[n]) else 0
+
+    def _is_of_units(self, rows: Sequence[Sequence[str]]) -> bool:
+        """Whether the first of some rows has a text, such as m or kg, above each column of numbers."""
+        columns = zip(*(row for row in rows if len(row) == self._n_fields), strict=True)
+        kinds = [[self._kind(text) for text in column] for column in columns]
+        above = [first for first, *below in kinds if below and set(below) <= {"number", "missing"}]
+        return "text" in above and set(above) <= {"text", "missing"} and self._kind(rows[0][0]) != "number"
+
+    def _head(self, rows: Sequence[list[str]], line: int) -> list[str]:
+        """Return a name for each column, "" where there is none."""
+        n = self._n_fields
+        head = rows[0] if self.named else [""] * n
+        if len(head) == n - 1:
+            # Without a name of the last, empty column; R gives none to the first, the names of rows.
+            is_last = all(not row[-1].strip() for row in rows[1:] if len(row) == n)
+            return [*head, ""] if is_last else ["", *head]
+        if len(head) < n or any(name.strip() for name in head[n:]):
+            n_values = len(rows[min(1, len(rows) - 1)])
+            raise ValueError(f"{self.path}: line {line} has {n_values} values, and the first line {len(head)}")
+        return head[:n]
 
     def plain(self, row: Sequence[Any]) -> list[str]:
         with_comma = [self._decimal == "," and _WITH_COMMA.fullmatch(cell.strip()) and "," in cell for cell in row]
@@ -367,23 +379,13 @@ class _Text(Columns):
             return "number"
         return "date" if _DATE.fullmatch(plain) or _is_iso(plain) else "truth" if plain in _TRUTHS else "text"
 
-    @cached_property
-    def _decimal(self) -> str:
-        """The decimal sign: a comma, if a value in the first rows can be read with a comma alone."""
-        if self._dialect.decimal is not None:
-            return self._dialect.decimal
-        texts = [text.strip() for row in islice(self._records(), _LOOKED_AT) for text in row if "," in text]
-        commas = [text for text in texts if re.search(r"\d", text) and _WITH_COMMA.fullmatch(text)]
-        grouped = [text for text in commas if _GROUPED.fullmatch(text)]
-        return "," if len(commas) > len(grouped) or (grouped and self._delimiter == ";") else "."
-
     def _number(self, text: str, *, nan_for_text: bool = False) -> float:
         plain = text.strip().replace("\u2212", "-")  # a minus of typesetters
         if plain.casefold() in self._no_value:
             return math.nan
         with suppress(ValueError):
             if not (self._decimal == "," and _WITH_COMMA.fullmatch(plain) and "." in plain):
-                return float(plain.replace("_", "x"))  # Python reads 1_000
+                return float(plain)
         fits, others = (_WITH_COMMA, ".") if self._decimal == "," else (_GROUPED, ",")
         if fits.fullmatch(plain) and re.search(r"\d", plain):
             return float(re.sub(rf"[{others} \u00a0\u202f'\u2019]", "", plain).replace(",", "."))
@@ -394,73 +396,63 @@ class _Text(Columns):
     @cached_property
     def reasons(self) -> dict[str, str]:  # type: ignore[override]
         """Why columns are left out: they hold no numbers, or number the rows."""
-        kinds = [Counter[str]() for _ in self.names]
-        rising: dict[int, tuple[int, int]] = {}  # the first and the last number of columns of whole numbers that rise
-        n_rows = 0
-        for n_rows, row in enumerate(self._rows(), 1):
-            if len(row) != self._n_fields:
-                continue  # told when it is read
-            if n_rows <= _LOOKED_AT:
-                for counts, text in zip(kinds, row, strict=True):
-                    counts[self._kind(text)] += 1
-            elif not rising:
-                break
-            for column in range(len(row)) if n_rows == 1 else list(rising):
-                first, last = rising.pop(column, (None, -1))
-                text = row[column].strip()
-                if text.isdecimal() and int(text) > last:
-                    rising[column] = (int(text) if first is None else first, int(text))
-        reasons = {}
         said = {"text": "text", "date": "dates", "truth": "truths"}
-        for name, counts in zip(self.names, kinds, strict=True):
+        reasons, numbering = {}, {}
+        for column, (name, cells) in enumerate(zip(self.names, self._cells, strict=True)):
+            counts = Counter(map(self._kind, cells[:_LOOKED_AT].tolist()))
             others = counts.total() - counts["number"] - counts["missing"]
             if others > counts["number"]:
                 reasons[name] = said[max(said, key=lambda kind: counts[kind])]
             elif not counts["number"] and counts["missing"]:
                 reasons[name] = "empty"
-        numbering = {}
-        for column, (first, last) in sorted(rising.items()):
-            name = self.names[column]
-            is_index = self.named and self._unnamed[column]  # as pandas writes it
-            if first in (0, 1) and last == first + n_rows - 1 and n_rows >= (2 if is_index else _COUNTED):
-                numbering[name] = "it counts the rows"
-            elif n_rows < _COUNTED:
-                continue
-            elif column == 0 or re.search(r"(^|[_\W])(id|nr|no|key|index)$", name, re.IGNORECASE):
-                numbering[name] = "identifiers: whole numbers in order"
-        if len(reasons) + len(numbering) < len(self.names):
-            reasons |= numbering
-        return reasons
+            elif why := self._numbering(column):
+                numbering[name] = why
+        return reasons | (numbering if len(reasons) + len(numbering) < len(self.names) else {})
+
+    def _numbering(self, column: int) -> str | None:
+        """Say how a column numbers the rows, if it does."""
+        name, n_rows, numbers = self.names[column], len(self._lines), np.zeros(2, np.int64)
+        with suppress(ValueError, OverflowError):
+            numbers = self._cells[column].astype(np.int64)
+        if not n_rows or numbers[0] < 0 or (np.diff(numbers) <= 0).any():
+            return None
+        is_index = self.named and self._unnamed[column]  # as pandas writes it
+        if numbers[0] in (0, 1) and np.ptp(numbers) == n_rows - 1 and n_rows >= (2 if is_index else _COUNTED):
+            return "it counts the rows"
+        is_id = column == 0 or re.search(r"(^|[_\W])(id|nr|no|key|index)$", name, re.IGNORECASE)
+        return "identifiers: whole numbers in order" if is_id and n_rows >= _COUNTED else None
 
     def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        parts, rows, n_read = [np.empty((0, len(columns)))], self._rows(), 0
-        while chunk := list(islice(rows, 1024)):  # more at once take longer: Python collects garbage among more lists
-            parts.append(self._numbers(chunk, columns, n_read))
-            n_read += len(chunk)
-        return np.concatenate(parts)
+        return np.stack([self._numbers(column) for column in columns], axis=1)
 
-    def _numbers(self, rows: list[list[str]], columns: Sequence[int], n_before: int) -> NDArray[np.float64]:
-        if not self._dialect.missing_values and self._decimal == ".":
+    def _numbers(self, column: int) -> NDArray[np.float64]:
+        cells, numbers = self._cells[column], list[float]()
+        if self._decimal == "." and not self._dialect.missing_values:
             with suppress(ValueError):
-                by_column = list(zip(*rows, strict=True))
-                if len(by_column) == self._n_fields:
-                    return np.stack([np.fromiter(map(float, by_column[c]), float, len(rows)) for c in columns], axis=1)
-        return np.array([self._row(row, columns, n_before + number) for number, row in enumerate(rows)])
-
-    def _row(self, row: Sequence[str], columns: Sequence[int], number: int) -> list[float]:
-        if len(row) != self._n_fields:
-            raise ValueError(
-                f"{self.path}: {self.place(number)} has {len(row)} values, and the first line {self._n_fields}"
-            )
-        values = []
-        for column in columns:
+                return cells.astype(np.float64)
+        for row, text in enumerate(cells.tolist()):
             try:
-                values.append(self._number(row[column]))
+                numbers.append(self._number(text))
             except ValueError:
-                text = row[column] if len(row[column]) < 40 else f"{row[column][:36]}..."
-                place = f"{self.path}: {self.place(number)}, column {self.names[column]!r}"
-                raise ValueError(f"{place}: {text!r} is not a number") from None
-        return values
+                shown = text if len(text) < 40 else f"{text[:36]}..."
+                place = f"{self.path}: {self.place(row)}, column {self.names[column]!r}"
+                raise ValueError(f"{place}: {shown!r} is not a number") from None
+        return np.array(numbers)
+
+
+def _told_delimiter(lines: Sequence[str]) -> str:
+    """Tell the delimiter: it gives all of the first rows the same number of values, two or more."""
+    best, most = ",", 0.0
+    for delimiter in _DELIMITERS:
+        with suppress(csv.Error):
+            stripped = (line.rstrip() + "\n" for line in lines) if delimiter == " " else lines
+            rows = [row for row in csv.reader(stripped, delimiter=delimiter, skipinitialspace=True) if row]
+            size, n = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+            if size > 1 and n / len(rows) > most:
+                best, most = delimiter, n / len(rows)
+                if delimiter == "," and size == 2 and [len(row) for row in rows[:2]] == [1, 2]:
+                    best = ";" if all(re.fullmatch(r"[-+]?\d*", part) for part in rows[1]) else ","
+    return best
 
 
 def _is_iso(text: str) -> bool:

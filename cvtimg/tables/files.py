@@ -84,7 +84,8 @@ def read_table(
         A ``.npy`` file with an (N,), (N, D) or structured array; ``.feather``, ``.arrow`` or ``.parquet``, which need
         pyarrow; the first sheet of an ``.xlsx``, which needs openpyxl. Any other file is text, also packed as .gz,
         .bz2, .xz or .zip, with tabs, semicolons, bars, commas or spaces between values, which may be in double quotes.
-        Empty lines, comments after ``#`` and a line ``sep=;`` are no rows.
+        Empty lines, comments after ``#``, a line ``sep=;``, titles above the names, units below them and notes at the
+        end are no rows.
     columns : sequence of str, optional
         Names of the columns to read, in this order. By default these are all columns of numbers but `weight`, without
         those that count rows from 0 or 1 and, if there are ten rows, identifiers: whole numbers in order, all

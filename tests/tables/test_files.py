@@ -51,6 +51,9 @@ def read(file: Path, text: str | bytes, **options: Any) -> Table:
         ("1,2\n3,4\n", ("col0", "col1")),
         ("1;2\n3;4\n", ("col0", "col1")),
         ("year,2000\n1,2\n3,4\n", ("year", "2000")),
+        # Titles, units and sources.
+        ("Trees of 2024\n\na,b\nm,kg\n1,2\n3,4\n\nSource: us\nand them\n", ("a", "b")),
+        ("Trees of 2024,\na,b\n,kg\n1,2\n3,4\nSource: us,\n", ("a", "b")),
     ],
 )
 def test_text_is_read_with_any_delimiter_quotes_and_header(file: Path, text: str, names: tuple[str, ...]) -> None:
@@ -148,6 +151,7 @@ def test_a_row_without_a_weight_is_left_out_and_one_that_lacks_what_is_not_read_
         ("a,b\n", {}, "has no rows"),
         ("a,b\n1,2\n3\n", {}, "line 3 has 1 values, and the first line 2"),
         ("a,b\n1,2\n3,4,5\n", {}, "line 3 has 3 values, and the first line 2"),
+        ("a,b\n1,2\nnote\n5,6\n", {}, "line 3 has 1 values, and the first line 2"),
         ("a,b\n1,2\n\n3,x\n", {}, "line 4, column 'b': 'x' is not a number$"),
         ('"a\n\n",b\n1,2\n3,x\n', {}, "line 5, column 'b': 'x' is not a number$"),
         ("1,2\n3,x\n", {}, "line 2, column 'col1': 'x' is not a number$"),
