@@ -19,7 +19,7 @@ from cvtimg.engine.methods.breathing import add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import SMALL_ENERGY, Points, cell_energies, cell_moments
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, fewer_points, search
-from cvtimg.engine.seeding import TooFewSamplesError, divide_worst, split
+from cvtimg.engine.seeding import TooFewSamplesError, split
 
 _FEWER = 36, 1 << 11
 #: Little moves from one number of generators to the next.
@@ -44,7 +44,9 @@ def chain(
             alone = _measured(points, _alone(points, len(found.generators), method, conditions, effort), conditions)
             end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
-            end = _divided(points, ends[-1], method, conditions)
+            start = add(points, ends[-1], 1, 0)
+            end = _measured(points, method(points, start, conditions.until(_LAST)), conditions)
+            end = min(end, ends[-1], key=lambda some: some.energies[-1])
         ends[-1:] = [replace(last, labels=None) for last in ends[-1:]]  # one for each point
         ends.append(end)
         if end.energies[-1] == 0 or conditions.watch.stopped:
@@ -108,11 +110,3 @@ def _measured(points: Points, end: Iteration, conditions: Conditions) -> Iterati
     parts = cell_energies(points, end.generators, labels)
     energy = weighted_energy(masses, parts, conditions.volume_power)
     return Iteration(end.generators, [energy], end.converged, end.labels)
-
-
-def _divided(points: Points, end: Iteration, method: Method, conditions: Conditions) -> Iteration:
-    """Divide the worst cell of an end, which lowers the energy even if the method then fails to."""
-    generators, labels = divide_worst(points, end.generators, end.labels_of(points))
-    divided = _measured(points, Iteration(generators, [], False, labels), conditions)
-    moved = _measured(points, method(points, generators, conditions.until(_LAST)), conditions)
-    return min(moved, divided, key=lambda some: some.energies[-1])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
-
-if TYPE_CHECKING:
-    from threadpoolctl import ThreadpoolController
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
 #: so that sums have the same bits for any number of threads.
@@ -118,7 +114,9 @@ def pack(
     if rows.dtype not in SAMPLE_DTYPES:  # other integers
         rows = rows.astype(np.float64)
     if frame is None:
-        low, high = limits(rows) if exact or rows.dtype.kind == "f" else (np.zeros(1), np.zeros(1))
+        # Of few columns each by itself, which is faster.
+        columns = rows.T if len(rows.T) < 8 else [rows]
+        low, high = (np.hstack([least(column, axis=0) for column in columns]) for least in (np.min, np.max))
         if center is None:
             # Differences to the place nearest to 0 of the box of the rows lose none of their digits.
             center = np.clip(0.0, low, high).astype(np.float64) if exact else _mean(rows, density)
@@ -138,22 +136,6 @@ def pack(
 
     in_parts(pack_part, n_tiles, work=4 * rows.size)
     return _points(tiles, padded, frame, n_points, in_order or order is not None)
-
-
-def limits(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the (D,) least and greatest coordinates of (N, D) rows."""
-    # Long rows are compared ten times faster than short ones.
-    n_dims, n_long = rows.shape[1], len(rows) // _kernels.TILE
-    long, rest = rows[: n_long * _kernels.TILE].reshape(n_long, n_dims * _kernels.TILE), rows[n_long * _kernels.TILE :]
-    low, high = [rest], [rest]
-
-    def compare(start: int, stop: int) -> None:
-        low.append(long[start:stop].min(axis=0).reshape(-1, n_dims))
-        high.append(long[start:stop].max(axis=0).reshape(-1, n_dims))
-
-    if n_long:
-        in_parts(compare, n_long, work=2 * rows.size)
-    return np.concatenate(low).min(axis=0), np.concatenate(high).max(axis=0)
 
 
 def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -197,31 +179,15 @@ def coarsen(points: Points, factor: int) -> Points:
     """Replace every `factor` consecutive points by their center of mass; `factor` divides the size of a tile."""
     # Where consecutive points are near each other, generators that suit the fewer points nearly suit all.
     n_tiles, n_dims, width = points.tiles.shape
-    n_merged = -(-n_tiles // factor)
-    merged, masses = np.empty((n_merged, n_dims, width), points.tiles.dtype), np.empty((n_merged, width))
-
-    def merge(start: int, stop: int) -> None:
-        # Every `factor` tiles become one tile; the last one may lack some.
-        tiles = points.tiles[start * factor : stop * factor]
-        density = points.density[start * factor * width : stop * factor * width]
-        n_missing = (stop - start) * factor - len(tiles)
-        if n_missing:
-            tiles = np.concatenate([tiles, np.repeat(tiles[-1:], n_missing, axis=0)])
-            density = np.concatenate([density, np.zeros(n_missing * width)])
-        groups, weights = (
-            tiles.reshape(-1, n_dims, width // factor, factor),
-            density.reshape(-1, width // factor, factor),
-        )
-        own = weights.sum(axis=2)
-        sums = np.einsum("tdgi,tgi->tdg", groups, weights)
-        means = np.divide(sums, own[:, None], out=groups[..., 0].astype(np.float64), where=own[:, None] > 0)
-        merged[start:stop] = (
-            means.reshape(-1, factor, n_dims, width // factor).swapaxes(1, 2).reshape(-1, n_dims, width)
-        )
-        masses[start:stop] = own.reshape(-1, width)
-
-    in_parts(merge, n_merged, work=8 * points.tiles.size)
-    return _points(merged, masses.reshape(-1), points.frame, masses.size, in_order=True)
+    groups = points.tiles.reshape(n_tiles, n_dims, width // factor, factor)
+    weights = points.density.reshape(n_tiles, width // factor, factor)
+    masses = weights.sum(axis=2)
+    sums = np.einsum("tdgi,tgi->tdg", groups, weights)
+    means = np.divide(sums, masses[:, None], out=groups[..., 0].astype(np.float64), where=masses[:, None] > 0)
+    n_merged = -(-points.n_points // factor)
+    rows, density = means.swapaxes(1, 2).reshape(-1, n_dims)[:n_merged], masses.reshape(-1)[:n_merged]
+    at_origin = Frame(np.zeros(n_dims), 1.0)
+    return replace(pack(rows, density, frame=at_origin, in_order=True, exact=points.exact), frame=points.frame)
 
 
 def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
@@ -237,32 +203,6 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     places = (np.arange(n_drawn) + rng.random()) / n_drawn * ends[-1]
     drawn, counts = np.unique(np.searchsorted(ends, places, side="right"), return_counts=True)
     return points.take(drawn, points.density[drawn] * counts * ends[-1] / (n_drawn * chances[drawn]))
-
-
-def in_main_subspace(points: Points, n_dims: int) -> tuple[Points, NDArray[np.float32]]:
-    """Project points onto the subspace where they vary most, nearly; also return its (n_dims, D) orthonormal axes."""
-    # Two passes of a randomized range finder: N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288,
-    # doi 10.1137/090771806.
-    # One thread, because the bits of a product of matrices depend on the number of threads of the BLAS.
-    with _blas().limit(limits=1, user_api="blas"):
-        axes = np.random.default_rng(0).standard_normal((n_dims, points.n_dims), np.float32)
-        shares = (points.density / points.density.max()).astype(np.float32)
-        weighted = np.matmul(axes, points.tiles) * shares.reshape(-1, 1, _kernels.TILE)
-        sums = np.zeros((n_dims, points.n_dims))
-        for tile, along in zip(points.tiles, weighted, strict=True):
-            sums += along @ tile.T
-        axes = np.ascontiguousarray(np.linalg.qr(sums.T)[0].T, np.float32)
-        tiles = np.matmul(axes.astype(points.tiles.dtype), points.tiles)
-    frame = Frame(np.zeros(n_dims), points.frame.scale)
-    return _points(tiles, points.density, frame, points.n_points, points.in_order), axes
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    """Return the BLAS that NumPy has loaded; looking for it takes some milliseconds."""
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()
 
 
 def assign(points: Points, generators: NDArray[np.float64], gaps: NDArray[Any] | None = None) -> NDArray[np.int32]:

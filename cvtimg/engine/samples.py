@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import in_parts, n_threads, of_each
-from cvtimg.engine.points import GROUPED_FROM, Frame, Points, limits, pack
+from cvtimg._shared.threads import in_parts
+from cvtimg.engine.points import GROUPED_FROM, Frame, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
 MAX_ORDERED_DIMS = 4
-#: Rows whose keys are made at once, and parts that are sorted at once.
-_ROWS, _PARTS = 1 << 15, 64
+#: Rows whose keys are made at once.
+_ROWS = 1 << 15
 #: Rows of a table are sorted along a space-filling curve, so that neighbors are compared with few generators, if there
 #: are enough generators for a gain and few enough rows that sorting does not cost more.
 _FEW_ENOUGH_TO_SORT = 1 << 23
@@ -103,8 +103,7 @@ def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:
     lost = np.uint64(max(0, 16 * n_dims + n_rows.bit_length() - 64))
     n_parts = -(-n_rows // _ROWS)
     keyed = np.empty(n_rows, np.uint64)
-    lows, highs = limits(rows)
-    low, high = float(lows.min()), float(highs.max())
+    low, high = float(rows.min()), float(rows.max())
     scale = 65535 / (high - low) if high > low else 0.0
 
     def make(first: int, last: int) -> None:
@@ -117,30 +116,8 @@ def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:
             keyed[part] = key >> lost << place_bits | np.arange(start, part.stop, dtype=np.uint64)
 
     in_parts(make, n_parts, work=16.0 * rows.size)
-    return (_sorted(keyed) & ((np.uint64(1) << place_bits) - np.uint64(1))).astype(np.intp)
-
-
-def _sorted(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Sort distinct keys: in parts, and then what of each part is between two of some keys."""
-    n_parts = min(len(keys) // _ROWS, _PARTS)
-    if n_parts < 2 or n_threads() == 1:
-        return np.sort(keys)
-    parts = np.array_split(keys, n_parts)
-
-    of_each(lambda n: parts[n].sort(), n_parts, work=16.0 * len(keys))
-    some = np.sort(np.concatenate([part[:: _ROWS // _PARTS] for part in parts]))
-    between = some[[len(some) * part // n_parts for part in range(1, n_parts)]]
-    cuts = np.array([[0, *np.searchsorted(part, between), len(part)] for part in parts])
-    ends = cuts.sum(axis=0)
-
-    def join(n: int) -> None:
-        own = keys_in_order[ends[n] : ends[n + 1]]
-        np.concatenate([part[cut[n] : cut[n + 1]] for part, cut in zip(parts, cuts, strict=True)], out=own)
-        own.sort()
-
-    keys_in_order = np.empty_like(keys)
-    of_each(join, n_parts, work=16.0 * len(keys))
-    return keys_in_order
+    keyed.sort()
+    return (keyed & ((np.uint64(1) << place_bits) - np.uint64(1))).astype(np.intp)
 
 
 def _spread(steps: NDArray[np.uint64], n_dims: int) -> NDArray[np.uint64]:

@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine import _kernels
-from cvtimg.engine.points import Points, cell_energies, cell_moments, in_main_subspace
+from cvtimg.engine.points import Points, cell_energies
 
 #: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.
 Seeding: TypeAlias = "Callable[[Points, int, np.random.Generator], NDArray[np.float64]]"
 
-#: Cells are divided by their covariances up to so many dimensions, and beyond in a subspace of so many.
+#: Cells are divided by their covariances up to this number of dimensions: each takes its square of moments.
 _MOST_DIMS = 64
+
+
+#: Products with the rows that find an axis.
+_POWERS = 4
 
 
 class _Cells(NamedTuple):
@@ -62,20 +66,12 @@ class _Cells(NamedTuple):
 
 def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Divide the cells of highest energy at their mean, across their main axis, until there are enough."""
-    # Nothing is drawn from `rng`, but for exact points. The planes are those of M. Orchard and C. Bouman, IEEE
-    # Trans. Signal Processing 39 (1991), doi 10.1109/78.107417. One pass divides all cells of more than half the
-    # highest energy.
-    if points.exact:  # in a wide range covariances, which are differences of large sums, lose their digits
+    # Nothing is drawn from `rng`, but for exact points and many columns. The planes are those of M. Orchard and
+    # C. Bouman, IEEE Trans. Signal Processing 39 (1991), doi 10.1109/78.107417. One pass divides all cells of more than
+    # half the highest energy.
+    # In a wide range covariances, which are differences of large sums, lose their digits.
+    if points.exact or points.n_dims > _MOST_DIMS:
         return kmeans_plus_plus(points, n_generators, rng)
-    if points.n_dims <= _MOST_DIMS:
-        return _divided(points, n_generators)[0].means
-    labels = _divided(in_main_subspace(points, _MOST_DIMS)[0], n_generators)[1]
-    masses, sums = cell_moments(points, labels, n_generators)
-    return sums / masses[:, None]
-
-
-def _divided(points: Points, n_generators: int) -> tuple[_Cells, NDArray[np.int32]]:
-    """Divide cells until there are enough; return them and the label of each point."""
     cells = _Cells.empty(n_generators, points.n_dims)
     labels = np.zeros(len(points.density), np.int32)
     _gather(points, labels, np.zeros(1, np.intp), cells)
@@ -91,7 +87,7 @@ def _divided(points: Points, n_generators: int) -> tuple[_Cells, NDArray[np.int3
         # Points that differ only by rounding may all end on one side.
         divided = (cells.counts[large] > 0) & (cells.counts[children] > 0)
         divisible[large] = divisible[children] = divided
-    return cells, labels
+    return cells.means
 
 
 def halves(
@@ -99,12 +95,9 @@ def halves(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
     if points.n_dims > _MOST_DIMS:
-        some, main = in_main_subspace(points, _MOST_DIMS)
-        lower, upper = halves(some, labels, chosen, n_cells)
-        masses, sums = cell_moments(points, labels, n_cells)
-        middle = np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=masses[:, None] > 0)[chosen]
-        steps = np.einsum("ne,ed->nd", (upper - lower) / 2, main)
-        return middle - steps, middle + steps
+        is_weighted = points.density > 0
+        pairs = np.array([_halves_of_one(points, np.flatnonzero(is_weighted & (labels == cell))) for cell in chosen])
+        return pairs[:, 0], pairs[:, 1]
     cells = _Cells.empty(n_cells, points.n_dims)
     _gather(points, labels, chosen, cells)
     means = cells.means[chosen]
@@ -114,6 +107,21 @@ def halves(
     # The mean of half a normal distribution is this far from the middle.
     steps[full] = axes * np.sqrt(2 / np.pi * variances)[:, None]
     return means - steps, means + steps
+
+
+def _halves_of_one(points: Points, members: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Return the approximate means (2, D) of the halves of some points, across an axis found by powers."""
+    rows, weights = points.rows(members), points.density[members]
+    mass = weights.sum() or 1.0
+    mean = np.einsum("n,nd->d", weights, rows) / mass
+    apart = rows - mean
+    axis = apart[(weights * np.einsum("nd,nd->n", apart, apart)).argmax()]
+    for _ in range(_POWERS):
+        axis = axis / (np.linalg.norm(axis) or 1.0)
+        along = np.einsum("nd,d->n", apart, axis)
+        step = np.sqrt(2 / np.pi * (weights * along**2).sum() / mass) * axis
+        axis = np.einsum("n,nd->d", weights * along, apart)
+    return np.stack([mean - step, mean + step])
 
 
 def refill(
@@ -130,21 +138,6 @@ def refill(
     refilled = generators.copy()
     refilled[worst], refilled[np.flatnonzero(empty)[:n_divided]] = halves(points, labels, worst, len(generators))
     return refilled
-
-
-def divide_worst(
-    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Divide the cell of highest energy across its main axis; return the (K + 1, D) means and the new labels."""
-    worst = np.argsort(cell_energies(points, generators, labels))[-1:]
-    lower, upper = halves(points, labels, worst, len(generators))
-    members = np.flatnonzero((labels == worst) & (points.density > 0))
-    above = np.einsum("nd,kd->n", points.rows(members) - (lower + upper) / 2, upper - lower) > 0
-    divided = labels.copy()
-    divided[members[above]] = len(generators)
-    masses, sums = cell_moments(points, divided, len(generators) + 1)
-    means = np.concatenate([generators, upper])
-    return np.divide(sums, masses[:, None], out=means, where=masses[:, None] > 0), divided
 
 
 def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
