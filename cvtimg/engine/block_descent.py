@@ -177,7 +177,7 @@ def descend(
         if (free & ~full).any():
             points = pack(*sample)
             places = points.frame.inward(generators)
-            refilled = refill(points, places, assign(points, places), free & full, free & ~full)
+            refilled = refill(points, places, assign(points, places), found.masses, conditions.n_locked)
             moved = (refilled != places).any(axis=1)
             generators[moved] = points.frame.outward(refilled[moved])
         return measure()

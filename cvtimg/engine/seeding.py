@@ -128,10 +128,14 @@ def refill(
     points: Points,
     generators: NDArray[np.float64],
     labels: NDArray[np.int32],
-    free: NDArray[np.bool_],
-    empty: NDArray[np.bool_],
+    masses: NDArray[np.float64],
+    n_locked: int,
 ) -> NDArray[np.float64]:
-    """Give each empty cell half of a free cell of high energy, where a generator lowers the energy most."""
+    """Give each empty cell half of a cell of high energy, where a generator lowers the energy most; the first stay."""
+    free = np.arange(len(generators)) >= n_locked
+    empty = free & (masses == 0)
+    if not empty.any():
+        return generators
     energies = np.where(free, cell_energies(points, generators, labels), 0)
     n_divided = min(np.count_nonzero(empty), np.count_nonzero(energies))
     worst = np.argsort(-energies, kind="stable")[:n_divided]

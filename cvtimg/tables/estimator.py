@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -138,8 +137,13 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         check_count("n_clusters", self.n_clusters, len(rows), f"for n_samples={len(rows)}")
         try:
             result = self._tessellate(rows, weights, self.n_clusters)
-        except TooFewSamplesError:
-            result = self._tessellate_distinct(rows, weights)
+        except TooFewSamplesError:  # the engine sees differences from the place nearest to 0
+            places = pack(rows, weights, exact=True).rows(np.flatnonzero(weights > 0))
+            n_distinct = len(np.unique(places, axis=0))
+            fewer = f"there are {n_distinct} clusters"
+            of = f"the {n_distinct} distinct samples of positive weight"
+            warn(f"n_clusters={self.n_clusters} is more than {of}: {fewer}", ConvergenceWarning)
+            result = self._tessellate(rows, weights, n_distinct)
         order = self._keep(result, rows.dtype)
         self.labels_, self.inertia_ = _measure(self.cluster_centers_, rows, weights)
         self.masses_ = np.bincount(self.labels_, weights, len(order)).astype(np.float64, copy=False)
@@ -249,24 +253,6 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
             checkpoint=checkpoint,
             rng=int(seed),
         )
-
-    def _tessellate_distinct(self, rows: NDArray[Any], weights: NDArray[np.float64]) -> Tessellation:
-        """Tessellate the distinct samples, of which the engine found too few."""
-        weighted = np.flatnonzero(weights > 0)
-        places = pack(rows, weights, exact=True).rows(weighted)  # as the engine sees them
-        _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        distinct = rows[weighted[first]]
-        # NumPy 2.0 gives the inverse a second axis.
-        density = np.bincount(inverse.reshape(-1), weights[weighted]).astype(np.float64, copy=False)
-        n_found = min(self.n_clusters, len(distinct))
-        if n_found < self.n_clusters:
-            warn(
-                f"n_clusters={self.n_clusters} is more than the {n_found} distinct samples of positive weight: "
-                f"there are {n_found} clusters",
-                ConvergenceWarning,
-            )
-        result = self._tessellate(distinct, density, n_found)
-        return result if n_found < len(distinct) else replace(result, generators=distinct.astype(np.float64))
 
 
 def _measure(

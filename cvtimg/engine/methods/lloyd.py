@@ -20,7 +20,7 @@ from cvtimg.engine.seeding import refill
 
 def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
     """Iterate until the energy converges. It never rises, except by the rounding of distances to float32."""
-    locked = np.arange(len(generators)) < conditions.n_locked
+    n_locked = conditions.n_locked
     labels: NDArray[np.int32]
     masses: NDArray[np.float64]
     sums: NDArray[np.float64]
@@ -33,10 +33,9 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
 
     def step() -> float:
         nonlocal generators
-        free, empty = ~locked & (masses > 0), ~locked & (masses == 0)
-        generators = np.divide(sums, masses[:, None], out=generators.copy(), where=free[:, None])
-        if empty.any():
-            generators = refill(points, generators, labels, free, empty)
+        moves = (masses > 0) & (np.arange(len(masses)) >= n_locked)
+        generators = np.divide(sums, masses[:, None], out=generators.copy(), where=moves[:, None])
+        generators = refill(points, generators, labels, masses, n_locked)
         return measure()
 
     history = iterate(measure(), step, conditions.stopping, conditions.watch)

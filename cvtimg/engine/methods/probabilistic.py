@@ -90,7 +90,6 @@ def follow_draws(
     """Follow moves of `draws` points each, and keep the best generators seen."""
     # A step draws each point once on average, so that measuring the energy costs no more than moving.
     n_drawn = -(-points.n_points // draws) * draws
-    locked = np.arange(len(generators)) < conditions.n_locked
     moving, counts = generators.copy(), np.ones(len(generators))
     best, lowest = generators, np.inf
     labels: NDArray[np.int32]
@@ -107,11 +106,9 @@ def follow_draws(
 
     def step() -> float:
         nonlocal moving
-        empty = ~locked & (masses == 0)
-        if empty.any():
-            refilled = refill(points, moving, labels, ~locked & ~empty, empty)
-            counts[(refilled != moving).any(axis=1)] = 1
-            moving = refilled
+        refilled = refill(points, moving, labels, masses, conditions.n_locked)
+        counts[(refilled != moving).any(axis=1)] = 1
+        moving = refilled
         move(moving, counts, draw(points, n_drawn, conditions.rng))
         return measure()
 

@@ -26,7 +26,9 @@ _NEVER = Stopping(tolerance=0, max_iterations=0)
 def transfer(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
     """Sweep over the points until transfers lower the energy by next to nothing. No cell loses its last point."""
     locked = np.arange(len(generators)) < conditions.n_locked
-    labels = _labels_of_full_cells(points, generators, locked)
+    labels = assign(points, generators)
+    start = cell_moments(points, labels, len(generators))[0]
+    labels = assign(points, refill(points, generators, labels, start, conditions.n_locked))
     masses: NDArray[np.float64]
     means: NDArray[np.float64]
     parts: NDArray[np.float64]
@@ -90,15 +92,3 @@ def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], 
 def _weighted(shares: NDArray[np.float64], energies: NDArray[np.float64], power: float) -> NDArray[np.float64]:
     # Not by BLAS, whose bits depend on the processor.
     return np.asarray(np.einsum("...k,...k->...", shares**power, energies))
-
-
-def _labels_of_full_cells(
-    points: Points, generators: NDArray[np.float64], locked: NDArray[np.bool_]
-) -> NDArray[np.int32]:
-    """Label points with their nearest generators, after moving the generators of empty cells."""
-    labels = assign(points, generators)
-    masses, _ = cell_moments(points, labels, len(generators))
-    empty = ~locked & (masses == 0)
-    if not empty.any():
-        return labels
-    return assign(points, refill(points, generators, labels, ~locked & ~empty, empty))
