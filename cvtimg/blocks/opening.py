@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -128,53 +129,41 @@ def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
     return rows.reshape(len(rows), -1)
 
 
-def _opened(place: str) -> Any:
-    if not is_remote(place):
-        return Path(place).open("rb")
-    with elsewhere(place) as (files, name):
-        return files.open(name, "rb")
-
-
 def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, missing: str) -> Blocks:
     files = _parquet_files(place)
     check_that(place, bool(files), "have at least one .parquet file in it")
-    headers = [_parquet_header(file) for file in files]
+    groups = [(file, group) for file in files for group in _row_groups(file)]
+    check_that(place, sum(group.count_rows() for _, group in groups) > 0, "have rows")
     names, left_out = list(columns or ()), {}
     if columns is None:
-        kinds = {name: headers[0][0].field(name).type for name in headers[0][0].names if name != weight}
+        kinds = {field.name: field.type for field in groups[0][1].physical_schema if field.name != weight}
         left_out = {
             name: str(kind) for name, kind in kinds.items() if not _is_number(kind) or name.startswith("__index")
         }
         names = [name for name in kinds if name not in left_out]
         check_that(place, bool(names), "have a column of numbers")
     # The same column may have other types in other files, and a row without a value has NaN for it.
-    types = [_type_of(file, schema, name) for file, (schema, _) in zip(files, headers, strict=True) for name in names]
+    wanted = [*names, *([] if weight is None else [weight])]
+    types = [_type_of(file, group.physical_schema, name) for file, group in groups for name in wanted]
     dtype = np.result_type(*types, *([np.float32] if missing == "drop" else []))
-    groups = [(file, group) for file, (_, sizes) in zip(files, headers, strict=True) for group in range(len(sizes))]
-    lengths = [size for _, sizes in headers for size in sizes]
-    check_that(place, sum(lengths) > 0, "have rows")
-    rows = [partial(_read_group, file, group, names, dtype, missing) for file, group in groups]
-    blocks = as_blocks(_joined(rows, lengths, (len(names),), dtype))
+    reads = [partial(_read_group, file, group, wanted, dtype, missing) for file, group in groups]
+    whole = as_blocks(_joined(reads, [group.count_rows() for _, group in groups], (len(wanted),), dtype)).rows
     if weight is None:
-        return Blocks(blocks.rows, None, None, tuple(names), left_out)
-    for file, (schema, _) in zip(files, headers, strict=True):
-        _type_of(file, schema, weight)
-    weights = [partial(_read_weights, file, group, weight, missing) for file, group in groups]
-    return Blocks(blocks.rows, _joined(weights, lengths, (), np.dtype(np.float64)), None, tuple(names), left_out)
+        return Blocks(whole, None, None, tuple(names), left_out)
+    return Blocks(whole[:, :-1], whole[:, -1].astype(np.float64), None, tuple(names), left_out)
 
 
-def _parquet_header(place: str) -> tuple[Any, list[int]]:
-    """Return the schema of a file, and the number of rows of each row group."""
-    optional("pyarrow", "parquet", f"{place}: needs")
-    from pyarrow import ArrowException, parquet
+def _row_groups(place: str) -> list[Any]:
+    """Return the row groups of a file, which are read when they are needed."""
+    pyarrow = optional("pyarrow", "parquet", f"{place}: needs")
+    from pyarrow import dataset
 
-    with _opened(place) as file:
+    with elsewhere(place) if is_remote(place) else nullcontext((None, place)) as (files, name):
         try:
-            about = parquet.ParquetFile(file)
-        except ArrowException as error:
+            (whole,) = dataset.dataset(name, format="parquet", filesystem=files).get_fragments()
+            return list(whole.split_by_row_group())
+        except pyarrow.ArrowException as error:
             raise OSError(f"{place}: is not a Parquet file ({one_line(error)})") from error
-        sizes = [about.metadata.row_group(group).num_rows for group in range(about.metadata.num_row_groups)]
-        return about.schema_arrow, sizes
 
 
 def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
@@ -203,24 +192,16 @@ def _parquet_files(place: str) -> list[str]:
     return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
 
 
-def _read_group(place: str, group: int, names: Sequence[str], dtype: np.dtype[Any], missing: str) -> NDArray[Any]:
+def _read_group(place: str, group: Any, names: Sequence[str], dtype: np.dtype[Any], missing: str) -> NDArray[Any]:
     """Read some columns of a row group, (n, C)."""
     import pyarrow
-    from pyarrow import parquet
 
-    with _opened(place) as file:
-        table = parquet.ParquetFile(file).read_row_group(group, columns=list(names))
-    rows = np.empty((table.num_rows, len(names)), dtype)
-    for number, name in enumerate(names):
-        column = table.column(name)
+    table = group.to_table(columns=list(names), schema=group.physical_schema)
+    for name, column in zip(names, table.columns, strict=True):
         whole = missing == "drop" or not column.null_count
-        check_that(f"{place}: column {name!r} of row group {group}", whole, "have no missing values")
-        rows[:, number] = (column.cast(pyarrow.float64(), safe=False) if column.null_count else column).to_numpy()
-    return rows
-
-
-def _read_weights(place: str, group: int, name: str, missing: str) -> NDArray[np.float64]:
-    return _read_group(place, group, [name], np.dtype(np.float64), missing)[:, 0]
+        check_that(f"{place}: column {name!r} of row group {group.row_groups[0].id}", whole, "have no missing values")
+    columns = [column.cast(pyarrow.float64(), safe=False) if column.null_count else column for column in table.columns]
+    return np.stack([column.to_numpy() for column in columns], axis=1).astype(dtype)
 
 
 def _joined(
