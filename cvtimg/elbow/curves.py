@@ -31,7 +31,7 @@ from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained, judged
 from cvtimg.engine.methods import Callback, Conditions, Iteration, Method, Watch, choose_method, random_numbers
 from cvtimg.engine.points import Points, float32_suffices, pack
-from cvtimg.engine.samples import MAX_ORDERED_DIMS, along_curve
+from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve, line_through
 from cvtimg.engine.search import EFFORTS
 from cvtimg.engine.tessellation import tessellate
 
@@ -227,9 +227,12 @@ def energy_curve(
     power = check_non_negative("volume_power", volume_power)
     alone = None if check_choice("effort", effort, EFFORTS) == "fast" else EFFORTS[effort]
     generator, watch = random_numbers(rng), Watch(callback)
-    exact = False
+    weighted, scale, is_table = _weighted(samples, density, space)
+    rows, line = weighted.rows, None if power else line_through(weighted.rows)
+    rows, squared = (rows, 1.0) if line is None else (line.places[:, None], float((line.direction**2).sum()))
+    exact = is_table and rows.shape[1] == 1
     while True:
-        points, scale, is_table = _points(samples, density, space, exact)
+        points = pack(rows, weighted.density, in_order=weighted.in_order, exact=exact)
         watch.outward = points.frame.energy
         conditions = Conditions(EFFORTS["balanced"].stopping, generator, 0, power, watch)
         most = min(n_max, int(np.count_nonzero(points.density)))
@@ -240,15 +243,16 @@ def energy_curve(
             from cvtimg.engine.all_counts import chain
 
             ends = chain(points, most, method, conditions, alone)
-        least = min((end.energies[-1] for end in ends if end.energies[-1] > 0), default=0.0)
+        least = min(end.energies[-1] for end in ends)  # 0 may be of rows that float32 does not tell apart
         if points.exact or not is_table or watch.stopped or float32_suffices(points, least):
             break
         exact = True
     if power:
         scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
+    found = [points.frame.outward(end.generators) for end in ends]
     curve = EnergyCurve(
-        np.array([points.frame.energy(end.energies[-1]) for end in ends]),
-        tuple(points.frame.outward(end.generators) for end in ends),
+        np.array([squared * points.frame.energy(end.energies[-1]) for end in ends]),
+        tuple(places if line is None else line.origin + line.direction * places for places in found),
         scale,
     )
     if is_table and not (power or watch.stopped or curve.is_clear) and curve.n_max > 1:
@@ -296,23 +300,24 @@ def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions)
     return ends
 
 
-def _points(
-    samples: Any, density: ArrayLike | None, space: SpaceName, exact: bool = False
-) -> tuple[Points, Scale, bool]:
-    """Pack samples of any kind; also return what their energies are measured against, and whether they are a table."""
+def _weighted(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[WeightedSamples, Scale, bool]:
+    """Return samples of any kind, what their energies are measured against, and whether they are a table."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
         n_channels = counted.colors.shape[1]
         plain = space == "rgb" and not counted.alpha
         scale = Scale(float(counted.density.sum() * n_channels), peak(counted.colors.dtype) if plain else None)
         places = to_places(counted.colors, space, counted.alpha)
-        return pack(places, counted.density, in_order=counted.in_order), scale, False
+        return WeightedSamples(places, counted.density, counted.in_order), scale, False
     rows = check_rows("samples", samples)
     weights = check_density(density, len(rows))
     ordered = rows.shape[1] <= MAX_ORDERED_DIMS
     order = along_curve(rows) if ordered else np.arange(len(rows))
-    points = pack(rows[order], weights[order], in_order=ordered, exact=exact or rows.shape[1] == 1)
-    return points, Scale(float(weights.sum() * rows.shape[1]), None), True
+    return (
+        WeightedSamples(rows[order], weights[order], ordered),
+        Scale(float(weights.sum() * rows.shape[1]), None),
+        True,
+    )
 
 
 def _is_image(samples: Any) -> bool:

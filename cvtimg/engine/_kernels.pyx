@@ -8,6 +8,7 @@ last tile padded with points of density 0.
 import os
 
 cimport cython
+from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
 
 cdef extern from "cell_weight.h" nogil:
@@ -708,20 +709,23 @@ def sum_levels(
     const double[::1] density,  # IN (M,)
     double[:, ::1] moments,     # OUT (M + 1, 6): sums of density times (1, y, y^2) before each, then what rounding took
 ):
-    cdef Py_ssize_t i, power
+    """Sum outwards from the middle, so that no sum has a level that is far away but those beyond it."""
+    cdef Py_ssize_t n = values.shape[0], middle = n // 2, step, i, before, after, power
     cdef double term[3]
     cdef double rest[3]
     with nogil:
-        moments[0, :] = 0
-        for i in range(values.shape[0]):
-            term[0], rest[0] = density[i], 0
+        moments[middle, :] = 0
+        for step in range(n):
+            i = middle + step if step < n - middle else n - 1 - step
+            before, after = (i, i + 1) if i >= middle else (i + 1, i)
+            term[0], rest[0] = density[i] if i >= middle else -density[i], 0
             for power in range(1, 3):
                 term[power] = term[power - 1] * values[i]
                 rest[power] = rest[power - 1] * values[i] + rest_of_product(term[power - 1], values[i], term[power])
             for power in range(3):
-                moments[i + 1, power] = moments[i, power] + term[power]
-                rest[power] = rest[power] + rest_of_sum(moments[i, power], term[power], moments[i + 1, power])
-                moments[i + 1, 3 + power] = moments[i, 3 + power] + rest[power]
+                moments[after, power] = moments[before, power] + term[power]
+                rest[power] = rest[power] + rest_of_sum(moments[before, power], term[power], moments[after, power])
+                moments[after, 3 + power] = moments[before, 3 + power] + rest[power]
 
 
 cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, Py_ssize_t end) noexcept nogil:
@@ -733,7 +737,7 @@ cdef inline double cell_energy(const double[:, ::1] moments, Py_ssize_t first, P
     for power in range(3):
         sums[power] = moments[end, power] - moments[first, power]
     share = sums[1] * sums[1] / sums[0]
-    if sums[2] - share > 1e-6 * moments[end, 2]:  # nine digits are left
+    if sums[2] - share > 1e-6 * (fabs(moments[first, 2]) + fabs(moments[end, 2])):  # nine digits are left
         return sums[2] - share
     for power in range(3):
         rests[power] = rest_of_sum(moments[end, power], -moments[first, power], sums[power])

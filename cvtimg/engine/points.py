@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -156,7 +157,7 @@ def scale_within(low: NDArray[Any], high: NDArray[Any], center: NDArray[np.float
 def scale_for_float32(size: float) -> float:
     """Return a power of two, usually 1, that brings places of this size to one whose squares float32 holds."""
     check_that(f"values up to {size:.3g} from their mean", size < _TOO_LARGE, f"be within {_TOO_LARGE:g} of it")
-    return 1.0 if size == 0 or 1e-6 < size < 1e6 else float(2.0 ** -np.round(np.log2(size)))
+    return 1.0 if size == 0 or 1e-6 < size < 1e6 else 2.0 ** min(-round(math.log2(size)), 1000)
 
 
 def _points(tiles: NDArray[Any], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:

@@ -65,15 +65,16 @@ def line_through(rows: NDArray[Any]) -> Line | None:
     if rows.shape[1] < 2 or (len(rows) > _FEW and line_through(rows[:: -(-len(rows) // _FEW)]) is None):
         return None
     wide = rows.astype(np.float64)
-    first = wide[0].copy()
-    wide -= first
-    farthest = wide[np.abs(wide).max(axis=1).argmax()]
+    first = wide[np.abs(wide).max(axis=1).argmin()].copy()
+    wide -= first  # differences from the least one lose no digit of another that is far away
+    sizes = np.abs(wide).max(axis=1)
+    farthest = wide[sizes.argmax()]
     widest = int(np.abs(farthest).argmax())
     if not farthest[widest]:
         return None
     direction = farthest / farthest[widest]
-    rounding = 4 * np.finfo(np.float64).eps * max(np.abs(first).max(), np.abs(farthest).max())
-    if (np.abs(wide - wide[:, [widest]] * direction) > rounding).any():
+    rounding = 4 * np.finfo(np.float64).eps * (np.abs(first).max() + sizes)
+    if (np.abs(wide - wide[:, [widest]] * direction).max(axis=1) > rounding).any():
         return None
     return Line(first - direction * first[widest], direction, np.ascontiguousarray(rows[:, widest]))
 
@@ -104,14 +105,14 @@ def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:
     n_parts = -(-n_rows // _ROWS)
     keyed = np.empty(n_rows, np.uint64)
     low, high = float(rows.min()), float(rows.max())
-    scale = 65535 / (high - low) if high > low else 0.0
+    span = high - low or 1.0
 
     def make(first: int, last: int) -> None:
         for start in range(first * _ROWS, min(last * _ROWS, n_rows), _ROWS):
             part = slice(start, min(start + _ROWS, n_rows))
             key = np.zeros(part.stop - start, np.uint64)
             for dim in range(n_dims):
-                steps = ((rows[part, dim].astype(np.float64) - low) * scale).astype(np.uint64)
+                steps = ((rows[part, dim].astype(np.float64) - low) / span * 65535).astype(np.uint64)
                 key |= _spread(steps, n_dims) << np.uint64(dim)
             keyed[part] = key >> lost << place_bits | np.arange(start, part.stop, dtype=np.uint64)
 

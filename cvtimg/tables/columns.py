@@ -279,12 +279,8 @@ class _Text(Columns):
     def _by_column(self, records: Iterable[tuple[int, list[str]]]) -> tuple[Sequence[int], list[NDArray[Any]]]:
         """Gather the rows below the names, without comments, empty ends of rows, and notes after the last one."""
         kind, n, ordinal = np.dtypes.StringDType(), self._n_fields, None
-        parts, lines, rows, notes = (
-            [np.empty((n, 0), kind)],
-            array("q"),
-            list[list[str]](),
-            list[tuple[int, list[str]]](),
-        )
+        parts: list[NDArray[Any]] = [np.empty((n, 0), kind)]
+        lines, rows, notes = array("q"), list[list[str]](), list[tuple[int, list[str]]]()
         for line, row in records:
             row = row[:n] if not any(map(str.strip, row[n:])) else row
             ordinal = self._kind(row[0]) != "text" if ordinal is None else ordinal

@@ -154,7 +154,8 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         order = np.arange(len(result.generators))
         if isinstance(self.init, str):
             # By their coordinates: labels do not depend on how the engine finds generators.
-            order = np.lexsort(result.generators.astype(np.float32).T[::-1])
+            size = np.abs(result.generators).max() or 1.0
+            order = np.lexsort((result.generators / size).astype(np.float32).T[::-1])
         self.cluster_centers_ = result.generators[order].astype(dtype)
         self.energies_, self.n_iter_ = np.array(result.energies), result.n_iter
         return order

@@ -359,6 +359,10 @@ def test_any_range_of_values_is_tessellated(size: float) -> None:
     np.testing.assert_allclose(result.energy, 0.01 * size**2, rtol=1e-6)
 
 
+def test_values_without_all_digits_are_tessellated() -> None:
+    assert tessellate(1e-310 * np.eye(5), 2).energy == 0  # its square is out of range
+
+
 def test_values_whose_squares_are_out_of_range_are_refused() -> None:
     with pytest.raises(ValueError, match=r"values up to .*e\+\d+ from their mean must be within 1e\+140 of it"):
         tessellate(np.array([[0.0, 1.0], [1e300, 2.0], [3.0, 4.0]]), 2)

@@ -79,7 +79,9 @@ _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),
     ("3 rows at 1e12", clusters, energy, with_far(1e12, 3), close(1e-6), energy_of_six),
     ("a far row in blocks", clusters, energy, in_blocks, close(1e-6), energy_of_six),
+    ("a row at -1e20", clusters, energy, with_far(-1e20), close(1e-6), energy_of_six),
     ("a far row of a curve", clusters, curve_at(5), with_far(-1e8), close(1e-3), curve_at(6)),
+    ("a row of a curve at -1e20", clusters, curve_at(5), with_far(-1e20), close(1e-3), curve_at(6)),
     ("KMeans from one start", tables, energy, lambda rows: rows, not_above(1.001), one_start),
 ]
 RELATIONS = [

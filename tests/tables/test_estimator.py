@@ -86,7 +86,7 @@ def test_a_sample_has_one_label_in_any_company() -> None:
     np.testing.assert_array_equal(cvt.predict(np.concatenate([middles, middles[:1] + 1000]))[:-1], alone)
 
 
-@pytest.mark.parametrize("scale", [1e-30, 1e30])
+@pytest.mark.parametrize("scale", [1e-100, 1e-30, 1e30, 1e100])
 def test_the_unit_of_the_samples_changes_no_label(scale: float) -> None:
     fitted, scaled = CVT(6).fit(SAMPLES), CVT(6).fit(SAMPLES * scale)
     np.testing.assert_array_equal(scaled.labels_, fitted.labels_)

@@ -5,8 +5,8 @@ cell at which the cheapest cut has k cells, or at which two cuts cost the same, 
 these two can be joined into one with k. One pass over the levels finds the cheapest cut at a given price, and 1 to 15
 prices lead to the right one. Memory is proportional to the number of levels, whatever k.
 
-Energies of intervals are differences of sums over all levels, in twice the digits of float64: the optimum is exact to k
-times 1e-28 of E(1).
+Energies of intervals are differences of sums in twice the digits of float64, from the middle level outwards, so that no
+level that is far away takes digits from the others.
 
 A. Aggarwal, B. Schieber, T. Tokuyama, Discrete & Computational Geometry 12 (1994) 263-280, doi 10.1007/BF02574380
 (prices, and how to join cuts); A. Gronlund and others, arXiv:1701.07204 (k-means by prices).
@@ -54,7 +54,7 @@ class _Cut(NamedTuple):
 class _Levels(NamedTuple):
     """Sorted distinct values (M,), their density > 0, and moments (M + 1, 6)."""
 
-    # The moments are those of `sum_levels`, where y is the level minus the mean.
+    # The moments are those of `sum_levels`, where y is the level minus the middle one.
 
     values: NDArray[np.float64]
     density: NDArray[np.float64]
@@ -98,7 +98,7 @@ def _levels(points: Points) -> _Levels:
     density /= 2.0 ** np.rint(np.log2(density.max()))  # in the middle of the range of float64, as products are split
     values = distinct.astype(np.float64)
     moments = np.empty((len(values) + 1, 6))
-    _kernels.sum_levels(values - np.average(values, weights=density), density, moments)
+    _kernels.sum_levels(values - values[len(values) // 2], density, moments)
     return _Levels(values, density, moments)
 
 
