@@ -284,7 +284,7 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
     """Measure the objects of each frame, in rows with its number."""
     import numpy as np
 
-    from cvtimg.labels import volume_table
+    from cvtimg.labels import region_table
 
     frames: dict[int | None, list[Subject]] = {}
     for subject in subjects:
@@ -295,7 +295,8 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[An
             np.stack(each) for each in zip(*((plane.labels, plane.measured[0]) for plane in planes), strict=True)
         )
         header, channels = planes[0].header, planes[0].measured[1]
-        table = volume_table(volume, image, pixel_size=header.pixel_size, channels=channels)
+        more, size = planes[0].given.properties or (), header.pixel_size
+        table = region_table(volume, image, more, pixel_size=size, channels=channels)
         table["touches_edge"] = _touch_edges(volume, table["label"])
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables

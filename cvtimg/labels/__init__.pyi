@@ -7,7 +7,6 @@ from .edges import find_edges as find_edges
 from .figures import mean_picture as mean_picture
 from .figures import region_means as region_means
 from .figures import region_table as region_table
-from .figures import volume_table as volume_table
 from .files import label_colors as label_colors
 from .files import read_labels as read_labels
 from .files import write_labels as write_labels

@@ -88,33 +88,42 @@ def region_table(
     pixel_size: PixelSize | None = None,
     channels: Sequence[str] = (),
 ) -> dict[str, NDArray[Any]]:
-    """Measure every region.
+    """Measure every region of an image or a volume.
 
     Parameters
     ----------
-    labels, image
-        As in `region_means`.
+    labels : (H, W) or (Z, H, W) integer array
+        Region of each pixel or voxel; 0 for what is none.
+    image : array of the size of the labels, with channels or none
+        Finite values; pixels of label 0 may be NaN.
     properties : collection of str
         More properties of ``skimage.measure.regionprops`` that are numbers, such as "eccentricity", "solidity" or
         "orientation". Their columns are named as there, and their coordinates are those of scikit-image.
     pixel_size : PixelSize, optional
-        Size of a pixel, to measure in its unit, too; as in `cvtimg.pictures.image_info`.
+        Size of a pixel, to measure in its unit, too; as in `cvtimg.pictures.image_info`. For volumes, with the distance
+        between planes, `z`.
     channels : sequence of str
         Names of the C bands; 1, 2, ... by default.
 
     Returns
     -------
     dict of (K,) arrays
-        Columns by name, with one row per label that occurs, except 0, in order: ``label``; ``area`` and ``perimeter``
-        in pixels; ``x`` and ``y`` of the centroid; ``left``, ``top``, ``right`` and ``bottom`` of the bounding box;
-        ``mean_1``, ``mean_2``, ... and ``std_1``, ``std_2``, ... of each band. Coordinates are in pixels, x to the
-        right and y down, and the first pixel spans 0..1 by 0..1, as in `find_contours`. With a pixel size in um:
-        ``area_um2``, ``equivalent_diameter_um``, ``axis_major_um``, ``axis_minor_um``, ``x_um``, ``y_um`` and, where
-        pixels are square, ``perimeter_um``.
+        Columns by name, with one row per label that occurs, except 0, in order: ``label``; ``area`` and ``perimeter``,
+        or ``volume``, in pixels; ``x``, ``y`` and ``z`` of the centroid; ``left``, ``top``, ``front``, ``right``,
+        ``bottom`` and ``back`` of the bounding box; ``mean_1``, ``mean_2``, ... and ``std_1``, ``std_2``, ... of each
+        band. Coordinates are in pixels, x to the right and y down, and the first pixel spans 0..1 by 0..1, as in
+        `find_contours`. With a pixel size in um: ``area_um2``, ``equivalent_diameter_um``, ``axis_major_um``,
+        ``axis_minor_um``, ``x_um``, ``y_um`` and, where pixels are square, ``perimeter_um``; of volumes ``volume_um3``,
+        ``surface_um2``, ``equivalent_diameter_um``, ``x_um``, ``y_um`` and ``z_um``.
 
     Notes
     -----
     Measured by ``skimage.measure.regionprops_table``, whose coordinates start at the center of the first pixel.
+
+    Surfaces are counted: by Crofton's formula, the area is proportional to how often lines of all directions cross the
+    surface; 13 directions stand for all (G. Lehmann, D. Legland, The Insight Journal, 2012, hal-02811118). Balls of a
+    radius of 5 voxels or more are 1 % too small on average where planes are at most half a radius apart; a cube is 10 %
+    too small.
 
     Examples
     --------
@@ -123,12 +132,21 @@ def region_table(
     >>> table["area"].tolist(), table["x"].tolist(), table["mean_1"].tolist(), table["std_1"].tolist()
     ([1.0, 2.0], [0.5, 2.0], [10.0, 30.0], [0.0, 10.0])
     """
-    segments = check_labels("labels", labels)
+    planes = np.asarray(labels)
+    shape = planes.shape if planes.ndim == 3 and planes.size else None  # other shapes are no volumes, and refused
+    segments = check_labels("labels", planes.reshape(-1, shape[2]) if shape else planes)
+    if shape:
+        check_that(
+            f"image of shape {np.shape(image)}", np.shape(image)[:3] == shape, f"have the size of labels, {shape}"
+        )
+        image = np.reshape(image, (*segments.shape, *np.shape(image)[3:]))
     values = check_labeled_image("image", image, segments)
-    bands = _names(channels, values)
-    table = _measured(segments, values, ("area", "perimeter"), bands)
+    bands = [*channels] if len(channels) == values.shape[-1] else [*range(1, values.shape[-1] + 1)]
+    if shape:
+        segments, values = segments.reshape(shape), values.reshape(*shape, -1)
+    table = _measured(segments, values, bands)
     if pixel_size is not None:
-        table |= _in_units(segments, table, pixel_size)
+        table |= (_in_units if segments.ndim == 2 else _in_units_of_space)(segments, table, pixel_size)
     for name in properties:
         for column, numbers in _property(segments, values, name).items():
             stem, dash, band = column.rpartition("-")
@@ -137,101 +155,45 @@ def region_table(
     return table
 
 
+def _measured(regions: NDArray[np.int32], values: NDArray[Any], bands: Sequence[str | int]) -> dict[str, NDArray[Any]]:
+    """Measure regions of two or three axes: label, sizes, centroid and bounding box by the last axis first, bands."""
+    n, names = regions.ndim, {"area": "area", "perimeter": "perimeter"} if regions.ndim == 2 else {"area": "volume"}
+    columns = _property(regions, values, "label", *names, "centroid", "bbox", "intensity_mean", "intensity_std")
+    table = {name: columns[measured] for measured, name in {"label": "label", **names}.items()}
+    table |= {"xyz"[axis]: columns[f"centroid-{n - 1 - axis}"] + 0.5 for axis in range(n)}
+    sides = (*("left", "top", "front")[:n], *("right", "bottom", "back")[:n])
+    table |= {side: columns[f"bbox-{n * (at // n) + n - 1 - at % n}"] for at, side in enumerate(sides)}
+    kinds = ("mean", "std")
+    return table | {f"{of}_{band}": columns[f"intensity_{of}-{at}"] for of in kinds for at, band in enumerate(bands)}
+
+
 def _in_units(
     segments: NDArray[np.int32], table: Mapping[str, NDArray[Any]], size: PixelSize
 ) -> dict[str, NDArray[Any]]:
     """Measure regions in the unit of the size of a pixel."""
     from skimage.measure import regionprops_table
 
-    measured = ("equivalent_diameter_area", "axis_major_length", "axis_minor_length")
-    spacing = {"spacing": (size.y, size.x), "properties": measured}
-    diameters, longest, shortest = regionprops_table(segments, **spacing).values()  # type: ignore[no-untyped-call]
     columns = {f"area_{size.unit}2": table["area"] * size.x * size.y}
     if size.x == size.y:
         columns[f"perimeter_{size.unit}"] = table["perimeter"] * size.x
+    measured = ("equivalent_diameter_area", "axis_major_length", "axis_minor_length")
+    spacing = {"spacing": (size.y, size.x), "properties": measured}
+    diameters, longest, shortest = regionprops_table(segments, **spacing).values()  # type: ignore[no-untyped-call]
     lengths = {"equivalent_diameter": diameters, "axis_major": longest, "axis_minor": shortest}
     lengths |= {"x": table["x"] * size.x, "y": table["y"] * size.y}
     return columns | {f"{name}_{size.unit}": values for name, values in lengths.items()}
 
 
-def volume_table(
-    labels: ArrayLike, image: Any, *, pixel_size: PixelSize | None = None, channels: Sequence[str] = ()
+def _in_units_of_space(
+    regions: NDArray[np.int32], table: Mapping[str, NDArray[Any]], size: PixelSize
 ) -> dict[str, NDArray[Any]]:
-    """Measure every region of a volume.
-
-    Parameters
-    ----------
-    labels : (Z, H, W) integer array
-        Region of each voxel; 0 for the background.
-    image : (Z, H, W) or (Z, H, W, C) array
-        The values of the voxels.
-    pixel_size : PixelSize, optional
-        Size of a voxel, with the distance between planes, `z`, to measure in its unit, too.
-    channels : sequence of str
-        Names of the C bands; 1, 2, ... by default.
-
-    Returns
-    -------
-    dict of (K,) arrays
-        Columns by name, with one row per label that occurs, except 0, in order: ``label``; ``volume`` in voxels; ``x``,
-        ``y`` and ``z`` of the centroid, in voxels, of which the first spans 0..1; the bounding box ``left``, ``top``,
-        ``front``, ``right``, ``bottom`` and ``back``; and the ``mean_`` and ``std_`` of each band. With a pixel size in
-        um: ``volume_um3``, ``surface_um2``, ``equivalent_diameter_um``, ``x_um``, ``y_um`` and ``z_um``.
-
-    Notes
-    -----
-    Measured by ``skimage.measure.regionprops``. Surfaces are counted: by Crofton's formula, the area is proportional to
-    how often lines of all directions cross the surface; 13 directions stand for all (G. Lehmann, D. Legland, The
-    Insight Journal, 2012, hal-02811118). Balls of a radius of 5 voxels or more are 1 % too small on average where
-    planes are at most half a radius apart; a cube is 10 % too small.
-
-    Examples
-    --------
-    >>> from cvtimg.labels import volume_table
-    >>> from cvtimg.pictures import PixelSize
-    >>> labels = np.zeros((4, 6, 6), int)
-    >>> labels[1:3, 1:5, 1:5] = 1
-    >>> table = volume_table(labels, 10 * labels, pixel_size=PixelSize(0.5, 0.5, z=2))
-    >>> table["volume"].tolist(), table["volume_um3"].tolist(), table["z_um"].tolist(), table["mean_1"].tolist()
-    ([32.0], [16.0], [4.0], [10.0])
-    """
-    regions, values = np.asarray(labels), np.asarray(image)
-    check_that(f"labels of shape {regions.shape}", regions.ndim == 3, "be (Z, H, W)")
-    check_that(f"labels of type {regions.dtype}", regions.dtype.kind in "iu", "be integers")
-    fits = values.shape[:3] == regions.shape and values.ndim in (3, 4)
-    check_that(f"image of shape {values.shape}", fits, f"have the size of labels, {regions.shape}")
-    bands = values.reshape(*regions.shape, -1)
-    table = _measured(regions, bands, ("area",), _names(channels, bands))
-    table = {"label": table.pop("label"), "volume": table.pop("area"), **table}
-    if pixel_size is None or pixel_size.z is None:
-        return table
-    unit, sides = pixel_size.unit, {"x": pixel_size.x, "y": pixel_size.y, "z": pixel_size.z}
-    volumes = table["volume"] * np.prod(list(sides.values()))
-    table |= {f"volume_{unit}3": volumes, f"surface_{unit}2": _surfaces(regions, tuple(sides.values())[::-1])}
-    table[f"equivalent_diameter_{unit}"] = np.cbrt(6 * volumes / np.pi)
-    return table | {f"{name}_{unit}": table[name] * side for name, side in sides.items()}
-
-
-def _names(channels: Sequence[str], values: NDArray[Any]) -> list[str | int]:
-    """Return the names of bands, or their numbers if there are not as many names."""
-    n_bands = values.shape[-1]
-    return [*channels] if len(channels) == n_bands else [*range(1, n_bands + 1)]
-
-
-def _measured(
-    regions: NDArray[np.integer], values: NDArray[Any], sizes: tuple[str, ...], bands: Sequence[str | int]
-) -> dict[str, NDArray[Any]]:
-    """Measure regions of two or three axes: label, sizes, centroid and bounding box by the last axis first, bands."""
-    from skimage.measure import regionprops_table
-
-    measured, n = ("label", *sizes, "centroid", "bbox", "intensity_mean", "intensity_std"), regions.ndim
-    columns = regionprops_table(regions, values, properties=measured)  # type: ignore[no-untyped-call]
-    table = {name: columns[name] for name in ("label", *sizes)}
-    table |= {"xyz"[axis]: columns[f"centroid-{n - 1 - axis}"] + 0.5 for axis in range(n)}
-    sides = (*("left", "top", "front")[:n], *("right", "bottom", "back")[:n])
-    table |= {side: columns[f"bbox-{n * (at // n) + n - 1 - at % n}"] for at, side in enumerate(sides)}
-    kinds = ("mean", "std")
-    return table | {f"{of}_{band}": columns[f"intensity_{of}-{at}"] for of in kinds for at, band in enumerate(bands)}
+    """Measure regions of a volume in the unit of the size of a voxel; none if planes are at no known distance."""
+    if size.z is None:
+        return {}
+    volumes, unit = table["volume"] * size.x * size.y * size.z, size.unit
+    columns = {f"volume_{unit}3": volumes, f"surface_{unit}2": _surfaces(regions, (size.z, size.y, size.x))}
+    columns[f"equivalent_diameter_{unit}"] = np.cbrt(6 * volumes / np.pi)
+    return columns | {f"{axis}_{unit}": table[axis] * getattr(size, axis) for axis in "xyz"}
 
 
 def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArray[np.float64]:
@@ -254,14 +216,14 @@ def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArr
     return areas[np.flatnonzero(np.bincount(regions.ravel(), minlength=areas.size)[1:]) + 1]
 
 
-def _property(segments: NDArray[np.int32], values: NDArray[Any], name: str) -> dict[str, NDArray[Any]]:
-    """Measure a property by its name in scikit-image; one of several numbers has several columns."""
+def _property(segments: NDArray[np.int32], values: NDArray[Any], *names: str) -> dict[str, NDArray[Any]]:
+    """Measure properties by their names in scikit-image; one of several numbers has several columns."""
     from skimage.measure import regionprops_table
 
     try:
-        columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=(name,))  # type: ignore[no-untyped-call]
+        columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=names)  # type: ignore[no-untyped-call]
     except (AttributeError, KeyError):
         columns = {}
     numeric = columns and all(column.dtype.kind in "biuf" for column in columns.values())
-    check_that(f"properties: {name!r}", bool(numeric), "have a number per region in skimage.measure.regionprops")
+    check_that(f"properties: {names[0]!r}", bool(numeric), "have a number per region in skimage.measure.regionprops")
     return columns

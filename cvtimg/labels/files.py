@@ -167,15 +167,11 @@ def write_table(
     if image is not None:
         table = {"image": np.full(len(next(iter(table.values()))), image), **table}
     if Path(path).suffix.lower() == ".parquet":
-        _write_parquet(path, table, overwrite)
+        pyarrow = optional("pyarrow", "parquet", "tables in .parquet need")
+        from pyarrow import parquet
+
+        with whole_file(path, overwrite=overwrite) as file:
+            parquet.write_table(pyarrow.table(dict(table)), file)
         return
     columns = (map(str if column.dtype.kind == "U" else shortest, column.tolist()) for column in table.values())
     write_csv(path, table, zip(*columns, strict=True), overwrite=overwrite)
-
-
-def _write_parquet(path: StrPath, table: Mapping[str, NDArray[Any]], overwrite: bool) -> None:
-    pyarrow = optional("pyarrow", "parquet", "tables in .parquet need")
-    from pyarrow import parquet
-
-    with whole_file(path, overwrite=overwrite) as file:
-        parquet.write_table(pyarrow.table({name: np.asarray(column) for name, column in table.items()}), file)

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 Values = NDArray[np.float64]
 
-#: Numbers on color bars, by the largest value to the least.
-_TICKS = ((10, (1, 2, 5)), (2, (1, 1.5, 2, 3, 4, 6, 8)), (0, tuple(np.arange(10, 100) / 10)))
 #: Of coasts and other lines.
 _LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
 #: Light comes from the upper left, and more of it from all sides.
@@ -183,16 +181,12 @@ def _add_polygons(
 def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) -> None:
     """Add a color bar with plain numbers, few enough to be read."""
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
-    bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.6, format=FuncFormatter(lambda x, _: f"{x:g}"))
-    if not isinstance(drawn.norm, LogNorm):
-        return
     low, high = drawn.get_clim()
-    subs = next(subs for least, subs in _TICKS if high > least * low)
-    bar.locator = LogLocator(subs=subs, numticks=9)
-    bar.minorformatter = NullFormatter()
-    bar.update_ticks()
+    is_wide = isinstance(drawn.norm, LogNorm) and high > 10 * low
+    ticks = LogLocator(subs=(1, 2, 5)) if is_wide else MaxNLocator(6)
+    figure.colorbar(drawn, ax=axes, label=label, shrink=0.6, format="{x:g}", ticks=ticks).minorticks_off()
 
 
 def _unit_vectors(places: Values) -> Values:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from cvtimg._shared.checks import check_count, check_density, check_image, check_labeled_image, check_labels, check_rows
+from cvtimg._shared.checks import check_count, check_image, check_labeled_image, check_labels, check_rows
 from cvtimg.labels.contours import Contours
 from cvtimg.labels.edges import find_edges
 from cvtimg.labels.figures import region_means
@@ -35,7 +35,6 @@ class Style:
     checker_side: int = 8
     text: int = 14
     line: int = 19
-    title: int = 22
     above_caption: int = 7
     above_strip: int = 5
     gap: int = 15  # between panels
@@ -63,25 +62,20 @@ class Panel:
         Lines below the image; those too long for the panel end in an ellipsis.
     palette : (K, D) array, optional
         Colors to draw as a strip, of the type of the image.
-    shares : (K,) array, optional
-        See `palette_strip`.
     """
 
     image: Any
     caption: Sequence[str] = ()
     palette: ArrayLike | None = None
-    shares: ArrayLike | None = None
 
 
 def palette_strip(
-    palette: ArrayLike,
-    *,
-    width: int = 300,
-    height: int = STYLE.strip,
-    shares: ArrayLike | None = None,
-    limits: tuple[float, float] | None = None,
+    palette: ArrayLike, *, width: int = 300, height: int = STYLE.strip, limits: tuple[float, float] | None = None
 ) -> NDArray[np.uint8]:
     """Draw the colors of a palette side by side.
+
+    All get equal room, because rare colors can matter too; many are stacked two or more to a column, so that their
+    fields remain large enough to see.
 
     Parameters
     ----------
@@ -90,10 +84,6 @@ def palette_strip(
         shown over a gray checkerboard.
     width, height : int
         Size of the strip in pixels.
-    shares : (K,) array, optional
-        Draw bands in proportion to these weights, such as the masses of the cells, each at least one pixel wide. By
-        default all colors get equal room, because rare colors can matter too; many colors are stacked two or more to
-        a column, so that their fields remain large enough to see.
     limits : (float, float), optional
         Values to show as black and white, in types other than uint8.
 
@@ -107,24 +97,16 @@ def palette_strip(
     >>> red_blue = np.array([[255, 0, 0], [0, 0, 255]], dtype=np.uint8)
     >>> palette_strip(red_blue, width=4, height=1).tolist()
     [[[255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255]]]
-    >>> palette_strip(red_blue, width=4, height=1, shares=[3, 1])[0, :, 0].tolist()
-    [255, 255, 255, 0]
     """
     check_count("width", width, STYLE.longest, "the longest side")
     check_count("height", height, STYLE.longest, "the longest side")
     colors = check_rows("palette", palette)
-    n_colors = len(colors)
-    if shares is None:
-        check_count("number of colors", n_colors, width * height, "the pixels of the strip")
-        layout = _fields(n_colors, width, height)
-    else:
-        check_count("number of colors", n_colors, width, "the width of the strip")
-        layout = np.tile(_bands(check_density(shares, n_colors), width), (height, 1))
+    check_count("number of colors", len(colors), width * height, "the pixels of the strip")
     seen = shown(colors, limits_to_show([colors]) if limits is None else limits)
-    return np.array(_over_checkers(Image.fromarray(seen[layout])))
+    return np.array(_over_checkers(Image.fromarray(seen[_fields(len(colors), width, height)])))
 
 
-def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_width: int = 300) -> NDArray[np.uint8]:
+def contact_sheet(rows: Iterable[Sequence[Panel]], *, panel_width: int = 300) -> NDArray[np.uint8]:
     """Lay out panels as a grid: images, a palette strip below each that has a palette, and captions.
 
     Images wider than a panel are reduced to its width, or to one and a half times that in height. Smaller ones are
@@ -134,8 +116,6 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     ----------
     rows : iterable of sequences of Panel
         Rows may differ in their number of panels. Within a row, images, strips and captions are aligned.
-    title : str
-        Heading of the sheet.
     panel_width : int
         Width of a panel in pixels. Five panels of 300 make a sheet of 1600.
 
@@ -160,9 +140,6 @@ def contact_sheet(rows: Iterable[Sequence[Panel]], *, title: str = "", panel_wid
     n_columns = max(map(len, grid), default=0)
     width = max(n_columns * (panel_width + STYLE.gap) - STYLE.gap, 0)
     blocks = [_draw_row(panels, panel_width) for panels in grid if panels]
-    if title:
-        blocks.insert(0, Image.new("RGB", (width, 2 * STYLE.text), STYLE.background))
-        _write(blocks[0], (0, 0), title, width, STYLE.title, STYLE.ink)
     height = sum(block.height for block in blocks) + STYLE.between_rows * max(len(blocks) - 1, 0)
     sheet = Image.new("RGB", (width + 2 * STYLE.margin, height + 2 * STYLE.margin), STYLE.background)
     top = STYLE.margin
@@ -285,19 +262,17 @@ def _draw_row(panels: list[Panel], width: int) -> Image.Image:
         block.paste(STYLE.mat, (left, 0, left + width, mat_height))
         block.paste(picture, (left + (width - picture.width) // 2, (mat_height - picture.height) // 2))
         if panel.palette is not None:
-            strip = palette_strip(panel.palette, width=width, shares=panel.shares, limits=limits)
+            strip = palette_strip(panel.palette, width=width, limits=limits)
             block.paste(Image.fromarray(strip), (left, mat_height + STYLE.above_strip))
         for number, line in enumerate(panel.caption):
             place = (left, caption_top + number * STYLE.line)
-            _write(block, place, line, width, STYLE.text, STYLE.pale_ink if number else STYLE.ink)
+            _write(block, place, line, width, STYLE.pale_ink if number else STYLE.ink)
     return block
 
 
-def _write(
-    block: Image.Image, place: tuple[int, int], text: str, width: int, size: int, ink: tuple[int, int, int]
-) -> None:
+def _write(block: Image.Image, place: tuple[int, int], text: str, width: int, ink: tuple[int, int, int]) -> None:
     """Write one line, cut to `width` pixels."""
-    font = _font(size)
+    font = _font(STYLE.text)
     line = " ".join(text.split())
     if font.getlength(line) > width:
         while line and font.getlength(line + "…") > width:
@@ -336,13 +311,3 @@ def _fields(n_colors: int, width: int, height: int) -> NDArray[np.intp]:
     column = np.arange(width) * n_columns // width
     first, end = column * n_colors // n_columns, (column + 1) * n_colors // n_columns
     return first + (end - first) * np.arange(height)[:, None] // height
-
-
-def _bands(shares: NDArray[np.float64], width: int) -> NDArray[np.intp]:
-    """(width,) index of a color for each column: by share, but a column for each color at least."""
-    numbers = np.arange(1, len(shares) + 1)
-    part = np.cumsum(shares)
-    ends = np.floor(width * (part / part[-1]) + 0.5).astype(np.intp)
-    ends = np.maximum.accumulate(np.maximum(ends - numbers, 0)) + numbers
-    ends = np.minimum(ends, width - len(shares) + numbers)
-    return np.searchsorted(ends, np.arange(width), side="right")

@@ -119,11 +119,5 @@ def torus(major: float = 1.0, minor: float = 0.4) -> ImplicitSurface:
     def distance(points: Points) -> Points:
         return np.asarray(np.hypot(np.hypot(points[:, 0], points[:, 1]) - major, points[:, 2]) - minor)
 
-    def gradient(points: Points) -> Points:
-        around = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-300)
-        middle = np.stack([points[:, 0] / around, points[:, 1] / around, np.zeros(len(points))], axis=1)
-        steps = points - major * middle
-        return np.asarray(steps / np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1e-300))
-
     reach = np.array([major + minor, major + minor, minor]) + 0.1 * minor
-    return ImplicitSurface(distance, -reach, reach, gradient=gradient, spacing=minor / 6)
+    return ImplicitSurface(distance, -reach, reach, spacing=minor / 6)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reference import same_partition
 
 from cvtimg import segment
-from cvtimg.labels import volume_table
+from cvtimg.labels import region_table
 from cvtimg.pictures import PixelSize, open_stack
 from cvtimg.segmentation import count_objects, counting
 from cvtimg.segmentation.files import divide_stack
@@ -95,7 +95,7 @@ def test_what_is_no_volume_is_refused(image: NDArray[Any], spacing: Any, message
 def test_the_table_of_a_ball_is_what_geometry_says() -> None:
     _, truth = balls(1.0)
     own = (truth == 3).astype(np.int32)
-    table = volume_table(
+    table = region_table(
         own, np.stack([own * 7, own * 9], axis=3), pixel_size=PixelSize(0.5, 0.5, z=0.5), channels="AB"
     )
     ball = BALLS[2]
@@ -116,7 +116,7 @@ def test_surfaces_of_balls_have_no_bias_however_far_planes_are_apart(radius: int
     for shift in np.random.default_rng(3).uniform(-0.5, 0.5, (8, 3)):
         down = np.arange(0, 48, apart)[:, None, None]
         ball = (down - 24 - apart * shift[0]) ** 2 + (y - 20 - shift[1]) ** 2 + (x - 20 - shift[2]) ** 2 < radius**2
-        surface = volume_table(ball.astype(int), ball, pixel_size=PixelSize(0.5, 0.5, z=apart / 2))["surface_um2"][0]
+        surface = region_table(ball.astype(int), ball, pixel_size=PixelSize(0.5, 0.5, z=apart / 2))["surface_um2"][0]
         errors.append(surface / (np.pi * radius**2) - 1)
     assert abs(np.mean(errors)) < 0.03
 
