@@ -21,7 +21,7 @@ from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
-from cvtimg.explore.calls import literal
+from cvtimg.explore.calls import Code, call
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
 from cvtimg.explore.outcomes import safe_name
@@ -101,8 +101,8 @@ class Picture:
         return [safe_name(self.name), *(["--page", str(self.page)] if self.page else [])]
 
     @property
-    def python(self) -> str:
-        return f"cvtimg.read_image({literal(self.name)}{f', page={self.page}' if self.page else ''})"
+    def python(self) -> Code:
+        return call("cvtimg.read_image", self.name, **({"page": self.page} if self.page else {}))
 
     def frame(self, number: int) -> Picture:
         """Return a frame or a page; of other pictures the picture itself."""

@@ -7,17 +7,15 @@ import shlex
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cvtimg.explore.calls import Call, Line, as_python
+from cvtimg.explore.calls import Code, Line, as_python, call, evaluated
 from cvtimg.explore.layers import Layer, Window
 
 #: Temporary files and folders begin so, and go on with the number of the process.
 FOLDERS = "cvtimg-explore-"
-#: A result saves itself.
-SAVED = Call("save", of="result")
 
 
 def own_prefix() -> str:
@@ -32,7 +30,10 @@ class Output:
     label: str  # Its name on the page
     option: str  # Option of the command that names it
     pattern: str  # Name of the file, with ``{}`` for the name of the picture without suffix
-    call: Call = SAVED  # Writes it: given the file, and then these arguments
+    # The function that writes it: given the file, and then these arguments. By default a result saves itself.
+    function: str = "result.save"
+    arguments: tuple[Any, ...] = ()
+    keywords: Mapping[str, Any] = field(default_factory=dict)
     read: bool = False  # Whether the command reads the file, which was made on the page
 
     @property
@@ -40,8 +41,8 @@ class Output:
         """The name of the output in addresses: option and end of its name."""
         return f"{self.option.strip('-')}.{self.pattern.partition('.')[2]}"
 
-    def writing(self, file: Any) -> Call:
-        return replace(self.call, arguments=(file, *self.call.arguments))
+    def writing(self, file: Path | str) -> Code:
+        return call(self.function, str(file), *self.arguments, **self.keywords)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +95,7 @@ class Outcome:
         name = output.pattern.format(self.stem)
         with self._lock:
             if key not in self._files:
-                self._files[key] = written_as(name, lambda path: output.writing(path).run(self.values))
+                self._files[key] = written_as(name, lambda path: evaluated(output.writing(path), self.values))
             return name, self._files[key]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.explore.calls import Call, Line, Name, Named, literal, run
+from cvtimg.explore.calls import Code, Line, call, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
 from cvtimg.explore.opened import Picture
@@ -143,18 +144,21 @@ class Tab:
 
     def map_outputs(self, request: Request) -> list[Output]:
         """Return the files of these images, which the command reads."""
-        maps = self.maps(request)
         return [
-            Output(
-                f"{brush.label}, PNG", brush.flag, brush.pattern, Call("write_image", (maps[brush.name],)), read=True
-            )
+            Output(f"{brush.label}, PNG", brush.flag, brush.pattern, WRITE_IMAGE, (Code(brush.name),), read=True)
             for brush in self._brushed(request)
         ]
 
     def map_lines(self, request: Request) -> list[Line]:
-        files = {brush.name: literal(brush.pattern.format(request.stem)) for brush in self._brushed(request)}
         maps = self.maps(request)
-        return [Line(name, Named(f"cvtimg.read_image({file})", maps[name])) for name, file in files.items()]
+        return [
+            Line(
+                brush.name,
+                call("cvtimg.read_image", brush.pattern.format(request.stem)),
+                request.every(maps[brush.name]),
+            )
+            for brush in self._brushed(request)
+        ]
 
     def keywords(self, settings: Settings) -> dict[str, Any]:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
@@ -204,41 +208,38 @@ def brushes(label: str) -> Switch:
     return Switch(name="brushes", label=label, about=about)
 
 
-IMAGE = Name("image")
+IMAGE = Code("image")
+WRITE_IMAGE = "cvtimg.write_image"
 
 
 def reading(request: Request) -> Line:
     """Return the line by which the picture is read."""
-    return Line("image", Named(request.picture.python, request.every(request.picture.array)))
+    return Line("image", request.picture.python, request.every(request.picture.array))
 
 
-def visible(
-    request: Request, drawn: NDArray[np.uint8] | None = None, drawing: Sequence[Line] = ()
-) -> tuple[list[Line], dict[str, Any]]:
+def visible(request: Request, drawing: Sequence[Line] = ()) -> tuple[list[Line], dict[str, Any]]:
     """Return the lines that read a picture without its transparency, and the argument that leaves out what is hidden.
 
-    That is what is transparent, has no value, or is left out by a mask that was `drawn`, which lines of `drawing` read.
+    That is what is transparent, has no value, or is left out by a mask that lines of `drawing` read.
     """
     picture = request.picture
-    image, known = (picture.plain[..., :3] if picture.has_alpha else picture.plain), picture.known
-    lines = [Line("image", Named(picture.python, request.every(image)))]
-    if picture.has_alpha:
-        seen: NDArray[np.bool_] = picture.plain[..., 3] > 0
-        known = seen if known is None else seen & known
-        lines += [Line("known", Named("image[..., 3] > 0", known))]
-    elif known is not None:
-        lines += [Line("known", Named(missing(picture), known))]
+    known = [*missing(picture), *([Code("image[..., 3] > 0")] if picture.has_alpha else [])]
+    lines = [reading(request), *drawing, *all_of([*known, *(Code(f"{line.name} > 0") for line in drawing)])]
+    has_known = lines[-1].name == "known"
     if picture.header.has_alpha and picture.array.shape[2:] == (4,):
-        lines += [Line("image", Named("image[..., :3]", request.every(image)))]
-    if drawn is not None:
-        both = "mask > 0" if known is None else "known & (mask > 0)"
-        known = drawn > 0 if known is None else known & (drawn > 0)
-        if not known.any():
-            raise UnfitRequestError("the mask leaves nothing")
-        lines += [*drawing, Line("known", Named(both, known))]
-    return lines, {} if known is None else {"mask": Named("known", request.every(known))}
+        lines += [Line("image", Code("image[..., :3]"))]
+    return lines, {"mask": Code("known")} if has_known else {}
 
 
-def missing(picture: Picture) -> str:
-    """Write in Python which pixels are no missing values."""
-    return f"(image.reshape(*image.shape[:2], -1) != {picture.header.nodata}).any(axis=2)"
+def all_of(conditions: Sequence[Code]) -> list[Line]:
+    """Return the line that says for which pixels all conditions hold; none for no condition."""
+    several = [f"({condition})" for condition in conditions] if len(conditions) > 1 else conditions
+    return [Line("known", Code(" & ".join(several)))] if conditions else []
+
+
+def missing(picture: Picture) -> list[Code]:
+    """Return which pixels are no missing values, if a value of the file stands for these."""
+    nodata = picture.header.nodata
+    if nodata is None or not math.isfinite(nodata) or picture.known is None:
+        return []
+    return [Code(f"(image.reshape(*image.shape[:2], -1) != {nodata}).any(axis=2)")]

@@ -14,7 +14,7 @@ from cvtimg import find_palette, read_palette
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
-from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal
+from cvtimg.explore.calls import Code, Line, call
 from cvtimg.explore.controls import (
     Brushed,
     Choice,
@@ -29,7 +29,7 @@ from cvtimg.explore.controls import (
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, missing, reading
+from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, all_of, brushes, missing, reading
 from cvtimg.options.common import color_bits
 from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
@@ -131,12 +131,16 @@ class ColorsTab(Tab):
             is_film = isinstance(request.source.frames, Frames)
             ends = {f"Animation, {end[1:].upper()}": end for end in (".gif", ".png", ".webp")} if is_film else _PAGES
             images = [Output(label, "-o", "{}-quantized" + end) for label, end in ends.items()]
-            return images if request.settings["per_frame"] else [*images, *_palettes(N_PIXELS_OF_ALL)]
+            return (
+                images
+                if request.settings["per_frame"]
+                else [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS_OF_ALL)]
+            )
         shape, dtype = request.picture.array.shape, request.picture.array.dtype
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
         suffixes = [".png", ".webp", ".gif"] if in_png else [".npy"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
-        return [*images, *_palettes(N_PIXELS), *self.map_outputs(request)]
+        return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *self.map_outputs(request)]
 
     def recipe(self, request: Request) -> Recipe:
         has_pages = request.source.frames and not isinstance(request.source.frames, Frames)
@@ -167,43 +171,40 @@ class ColorsTab(Tab):
         settings, picture, frames = request.settings, request.picture, request.source.frames
         keywords, maps = self.keywords(settings), self.maps(request)
         if frames:
-            name = literal(request.source.name)
-            read = f"read_frames({name})" if isinstance(frames, Frames) else f"read_pages({name}).joined()"
-            lines = [Line("frames", Named(f"cvtimg.pictures.{read}", frames))]
+            kind, joined = ("frames", "") if isinstance(frames, Frames) else ("pages", ".joined()")
+            read = call(f"cvtimg.pictures.read_{kind}", request.source.name)
+            lines = [Line("frames", Code(read + joined), frames)]
         else:
             lines = [reading(request)]
-        known = picture.known if picture.header.nodata is not None else None
-        if known is not None:
-            lines += [Line("known", Named(missing(picture), known))]
-            keywords["mask"] = Name("known")
+        keywords |= {name: Code(name) for name in maps}
         lines += self.map_lines(request)
-        if (mask := maps.pop("mask", None)) is not None:
-            drawn = mask > 0
-            both = None if known is None else Named("known & (mask > 0)", known & drawn)
-            keywords["mask"] = both or Name("mask")
-        keywords |= {name: Name(name) for name in maps}
+        if known := missing(picture):
+            lines += all_of([*known, *([Code("mask > 0")] if "mask" in maps else [])])
+            keywords["mask"] = Code("known")
         number: tuple[Any, ...] = ()
-        if settings["aim"] == "palette":
-            keywords["palette"] = read_as(*request.store.palette(settings["palette"]), picture.array.dtype)
-        elif (palette := self._own_palette(request)) is not None and "weights" not in keywords:
-            keywords["palette"] = palette
+        palette = self._palette(request)
+        if palette and (settings["aim"] == "palette" or "weights" not in keywords):
+            lines += [palette]
+            keywords["palette"] = Code("palette")
             keywords.pop("effort", None)
         else:
             if settings["locked"]:
                 keywords["locked"] = to_depth(rgb(settings["locked"]), picture.array.dtype)
             number = {"k": (settings["k"],), "auto": ("auto",)}.get(settings["aim"], ())
-        images = Name("frames") if frames else IMAGE
-        return [*lines, Line("result", Call("quantize_frames" if frames else "quantize", (images, *number), keywords))]
+        quantize = ("cvtimg.quantize_frames", Code("frames")) if frames else ("cvtimg.quantize", IMAGE)
+        return [*lines, Line("result", call(*quantize, *number, **keywords))]
 
-    def _own_palette(self, request: Request) -> Named | None:
-        """Return the palette of an indexed picture of few colors, which it keeps."""
+    def _palette(self, request: Request) -> Line | None:
+        """Return the palette that is given, or that of an indexed picture of few colors, which it keeps."""
         settings, picture = request.settings, request.picture
+        if settings["aim"] == "palette":
+            return read_as(*request.store.palette(settings["palette"]), picture.array.dtype)
         keeps = settings["aim"] == "k" and not settings["locked"] and not _bits(settings)
         if not keeps or picture.header.mode != "P" or request.source.frames:
             return None
         colors = picture.kept("own palette", lambda: read_palette(picture.path))
         fits = len(colors) <= settings["k"] and colors.shape[1:] == picture.array.shape[2:]
-        return Named(f"cvtimg.read_palette({literal(picture.name)})", colors) if fits else None
+        return read_as(picture.name, colors, np.dtype(np.uint8)) if fits else None
 
     def draft_pixels(self, settings: Settings) -> int:
         """Return as many pixels as are mapped in a tenth of a second."""
@@ -292,27 +293,19 @@ def _fitting(request: Request) -> Request:
     return replace(request, settings={**settings, "brushes": False})
 
 
-def read_as(name: str, colors: NDArray[Any], dtype: np.dtype[Any]) -> Named:
-    """Return the palette that a file or a name has, in the depth of the picture."""
-    text = f"cvtimg.read_palette({literal(name)})"
-    if dtype != np.uint8:
-        text = f"cvtimg.colors.to_depth({text}, {literal(dtype.name)})"
-    return Named(text, to_depth(colors, dtype))
+def read_as(name: str, colors: NDArray[Any], dtype: np.dtype[Any]) -> Line:
+    """Return the line that reads the palette of a file or a name, in the depth of the picture."""
+    read = call("cvtimg.read_palette", name)
+    code = read if dtype == np.uint8 else call("cvtimg.colors.to_depth", read, dtype.name)
+    return Line("palette", code, to_depth(colors, dtype))
 
 
-def n_pixels(values: Mapping[str, Any]) -> Any:
-    """Count the pixels of each color."""
-    result = values["result"]
-    results = result.results if isinstance(result, QuantizedSeries) else (result,)
-    return sum(np.bincount(frame.indices.ravel(), minlength=len(frame.palette)) for frame in results)
+def palette_files(labels: Mapping[str, str], palette: Code, n_pixels: Code) -> list[Output]:
+    """Return a palette in all formats, with the number of pixels of each color."""
+    write = ("cvtimg.write_palette", (palette,), {"density": n_pixels})
+    return [Output(label, "--save-palette", "{}-palette" + end, *write) for end, label in labels.items()]
 
 
-N_PIXELS = Formula("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))", n_pixels)
-N_PIXELS_OF_ALL = Formula(
-    "sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)", n_pixels
-)
-
-
-def _palettes(density: Formula) -> list[Output]:
-    write = Call("write_palette", (Name("result.palette"),), {"density": density})
-    return [Output(label, "--save-palette", "{}-palette" + end, write) for end, label in _PALETTES.items()]
+PALETTE = Code("result.palette")
+N_PIXELS = Code("numpy.bincount(result.indices.ravel(), minlength=len(result.palette))")
+N_PIXELS_OF_ALL = Code("sum(numpy.bincount(one.indices.ravel(), minlength=len(one.palette)) for one in result.results)")

@@ -11,7 +11,7 @@ import numpy as np
 
 from cvtimg._shared.svg import drawing
 from cvtimg.designs import Design, Factor
-from cvtimg.explore.calls import Call, Line
+from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output
@@ -65,7 +65,7 @@ class DesignTab(Tab):
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
         box = _factors(settings) or settings["dimensions"]
-        return [Line("result", Call("design", (settings["n"], box), self.keywords(settings)))]
+        return [Line("result", call("cvtimg.design", settings["n"], box, **self.keywords(settings)))]
 
     def scaled(self, request: Request) -> Settings:
         return {**request.settings, "effort": "fast", "n": min(request.settings["n"], self.most_drafted)}

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cvtimg._shared.svg import drawing, numbers
-from cvtimg.explore.calls import Call, Line, Name, Named, literal
+from cvtimg.explore.calls import Code, Line, call
 from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
@@ -78,14 +78,14 @@ class MeshTab(Tab):
             labels = request.every(picture.kept("labels", lambda: read_labels(picture.path)))
             values = np.unique(labels)
             is_mask = len(values) <= 2 and bool(values[0] == 0)  # black and one more value, as the command sees it
-            read = Line("labels", Named(f"cvtimg.labels.read_labels({literal(picture.name)})", labels))
-            of = Named("labels > 0", labels > 0) if is_mask else Name("labels")
-            return [read, Line("result", Call("mesh_region" if is_mask else "mesh_labels", (of,), keywords))]
+            read = Line("labels", call("cvtimg.labels.read_labels", picture.name), labels)
+            mesh = ("cvtimg.mesh_region", Code("labels > 0")) if is_mask else ("cvtimg.mesh_labels", Code("labels"))
+            return [read, Line("result", call(*mesh, **keywords))]
         least = {"min_size": settings["least"]} if settings["least"] else {}
         lines, inside = visible(request)
-        segments = Call("segment", (IMAGE, settings["k"]), inside | least)
-        mesh = Call("mesh_labels", (Name("segments.labels"),), keywords)
-        return [*lines, Line("segments", segments), Line("result", mesh)]
+        segments = call("cvtimg.segment", IMAGE, settings["k"], **inside, **least)
+        result = call("cvtimg.mesh_labels", Code("segments.labels"), **keywords)
+        return [*lines, Line("segments", segments), Line("result", result)]
 
     def scaled(self, request: Request) -> Settings:
         number, most = request.settings["n"], max(3, math.prod(request.size) // 16)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from cvtimg.artwork import Mosaic
-from cvtimg.explore.calls import Call, Line
+from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Settings, controls_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
@@ -35,17 +35,16 @@ class MosaicTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         outline = request.settings["outline"]
-        drawn = Call("save", (), {"outline": outline} if outline else {}, "result")
+        drawn = {"outline": outline} if outline else {}
         return [
-            Output("Drawing, SVG", "-o", "{}-mosaic.svg", drawn),
-            Output("Pixels, PNG", "-o", "{}-mosaic.png", drawn),
+            Output("Drawing, SVG", "-o", "{}-mosaic.svg", keywords=drawn),
+            Output("Pixels, PNG", "-o", "{}-mosaic.png", keywords=drawn),
             *([] if outline else [Output("Polygons, GeoJSON", "-o", "{}-mosaic.geojson")]),
         ]
 
     def lines(self, request: Request) -> list[Line]:
         keywords = self.keywords(request.settings)
-        call = Call("mosaic", (IMAGE, request.settings["n_cells"]), keywords)
-        return [reading(request), Line("result", call)]
+        return [reading(request), Line("result", call("cvtimg.mosaic", IMAGE, request.settings["n_cells"], **keywords))]
 
     def scaled(self, request: Request) -> Settings:
         number = min(request.settings["n_cells"], max(1, math.prod(request.size) // 64))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cvtimg import find_palette
 from cvtimg._shared.choices import SpaceName
 from cvtimg.colors import to_depth
-from cvtimg.explore.calls import Call, Formula, Line, Name, Named, run
+from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import (
     Choice,
     Colors,
@@ -28,7 +28,7 @@ from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
-from cvtimg.explore.tabs.colors_tab import N_PIXELS, n_pixels, read_as, rgb
+from cvtimg.explore.tabs.colors_tab import N_PIXELS, PALETTE, palette_files, read_as, rgb
 from cvtimg.quantization import Quantized, main_palette, map_to_palette
 
 _FORMATS = {
@@ -87,11 +87,9 @@ class PaletteTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the palette in all formats, and the picture in it where the command makes that, too."""
-        is_found = _is_found(request.settings)
-        colors = Name("result.palette")
-        taken = (_ordered("result.palette"), _ordered("n_pixels")) if is_found else (colors, N_PIXELS)
-        write = Call("write_palette", taken[:1], {"density": taken[1]})
-        return [Output(label, "--save-palette", f"{{}}-palette{end}", write) for end, label in _FORMATS.items()]
+        if _is_found(request.settings):
+            return palette_files(_FORMATS, Code("result.palette[order]"), Code("n_pixels[order]"))
+        return palette_files(_FORMATS, PALETTE, N_PIXELS)
 
     def recipe(self, request: Request) -> Recipe:
         settings, lines = request.settings, self.lines(request)
@@ -106,17 +104,16 @@ class PaletteTab(Tab):
         settings, array = request.settings, request.picture.array
         keywords, lines = self.keywords(settings), [reading(request)]
         if not _is_found(settings):
-            palette = {"palette": read_as(*_given(request), array.dtype)}
-            return [*lines, Line("result", Call("quantize", (IMAGE,), palette | keywords))]
+            lines += [read_as(*_given(request), array.dtype)]
+            return [*lines, Line("result", call("cvtimg.quantize", IMAGE, palette=Code("palette"), **keywords))]
         if array.dtype != np.uint8:
-            bytes_of = Named('cvtimg.colors.to_depth(image, "uint8")', to_depth(array, np.dtype(np.uint8)))
-            lines += [Line("image", bytes_of)]
+            lines += [Line("image", call("cvtimg.colors.to_depth", IMAGE, "uint8"))]
         keywords |= {"locked": rgb(settings["locked"])} if settings["locked"] else {}
         if settings["start"] == "main":
-            lines += [Line("main", Call("quantization.main_palette", (IMAGE, settings["k"]), keywords))]
-            find = Call("quantization.map_to_palette", (IMAGE, Name("main.colors")), {"space": "oklab"})
+            lines += [Line("main", call("cvtimg.quantization.main_palette", IMAGE, settings["k"], **keywords))]
+            find = call("cvtimg.quantization.map_to_palette", IMAGE, Code("main.colors"), space="oklab")
         else:
-            find = Call("quantize", (IMAGE, settings["k"]), keywords)
+            find = call("cvtimg.quantize", IMAGE, settings["k"], **keywords)
         return [*lines, Line("result", find), *_order_lines(settings)]
 
     def draft(self, request: Request) -> Outcome | None:
@@ -136,7 +133,7 @@ class PaletteTab(Tab):
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Quantized = values["result"]
-        counts = n_pixels(values)
+        counts = evaluated(N_PIXELS, values)
         order = values.get("order", np.arange(len(counts)))
         indices = np.argsort(order).astype(np.uint32)[result.indices]
         psnr = result.psnr if np.isfinite(result.psnr) else None
@@ -148,12 +145,8 @@ def _order_lines(settings: Settings) -> list[Line]:
     """Return the lines that sort a palette; one that is given keeps its order."""
     if not _is_found(settings):
         return []
-    order = Call("palettes.color_order", (Name("result.palette"), settings["sort"]), {"density": Name("n_pixels")})
+    order = call("cvtimg.palettes.color_order", PALETTE, settings["sort"], density=Code("n_pixels"))
     return [Line("n_pixels", N_PIXELS), Line("order", order)]
-
-
-def _ordered(name: str) -> Formula:
-    return Formula(f"{name}[order]", lambda values: Name(name).run(values)[values["order"]])
 
 
 def _is_found(settings: Settings) -> bool:

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cvtimg.explore.calls import Call, Formula, Line, Name, Named, literal
+from cvtimg.explore.calls import Code, Line, call, evaluated, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Layer, Pixels, Window
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome, Output, Recipe, safe_name
-from cvtimg.explore.tabs.base import Request, Tab
+from cvtimg.explore.tabs.base import WRITE_IMAGE, Request, Tab
 from cvtimg.pictures import Pages
 from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Denoised, Restoration
@@ -76,7 +76,7 @@ class RestoreTab(Tab):
         ]
         if request.settings["way"] != "flat":
             return files
-        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", Call("write_image", (_LABELS,)))]
+        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", WRITE_IMAGE, (_LABELS,))]
 
     def recipe(self, request: Request) -> Recipe:
         versions = _versions(request)
@@ -96,9 +96,9 @@ class RestoreTab(Tab):
         else:
             read = f"[cvtimg.read_image(name) for name in [{names}]]"
         arrays = [picture.array for picture in versions]
-        return [Line("images", Named(read, arrays)), Line("result", self._call(request.settings))]
+        return [Line("images", Code(read), arrays), Line("result", self._call(request.settings))]
 
-    def _call(self, settings: Settings) -> Call | Formula:
+    def _call(self, settings: Settings) -> Code:
         """Return what restores segments or detail; where the picture decides, both."""
         keywords, reading = self.keywords(settings), {}
         if settings["align"]:
@@ -107,13 +107,12 @@ class RestoreTab(Tab):
             reading["nodata"] = settings["nodata"]
         number = (settings["k"],) if settings["way"] == "flat" else ()
         for_segments = {name: value for name, value in keywords.items() if name not in ("noise_like", "luma", "chroma")}
-        flat = Call("restore", (Name("images"), *number), {**for_segments, **reading})
-        detailed = Call("denoise", (Name("images"),), {**keywords, **reading})
+        images = Code("images")
+        flat = call("cvtimg.restore", images, *number, **for_segments, **reading)
+        detailed = call("cvtimg.denoise", images, **keywords, **reading)
         if settings["way"] != "auto":
             return flat if settings["way"] == "flat" else detailed
-        is_flat = Call("restoration.is_drawing", (Name("images"),), reading)
-        text = f"{flat.text} if {is_flat.text} else {detailed.text}"
-        return Formula(text, lambda values: (flat if is_flat.run(values) else detailed).run(values))
+        return Code(f"{flat} if {call('cvtimg.restoration.is_drawing', images, **reading)} else {detailed}")
 
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
@@ -125,7 +124,7 @@ class RestoreTab(Tab):
         versions = [part.of_array(version.array) for version in _versions(request)]
         if any(version.shape[:2] != versions[0].shape[:2] for version in versions):
             return None
-        result: Denoised = self._call({**settings, "effort": "fast"}).run({"images": versions})
+        result: Denoised = evaluated(self._call({**settings, "effort": "fast"}), {"images": versions})
         return Outcome(_layer(request, result, len(versions)), _kinds(result), drawn=part)
 
     def exact(self, request: Request) -> Outcome:
@@ -198,7 +197,4 @@ def _layer(request: Request, result: Denoised, n_versions: int) -> Pixels:
     return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
 
 
-_LABELS = Formula(
-    'result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")',
-    lambda values: values["result"].labels.astype("uint8" if len(values["result"].colors) < 256 else "uint16"),
-)
+_LABELS = Code('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")')

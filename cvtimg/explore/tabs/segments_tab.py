@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg.explore.calls import Call, Formula, Line, Name, literal, run
+from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Outcome, Output
-from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, brushes, visible
+from cvtimg.explore.tabs.base import IMAGE, MASK, WRITE_IMAGE, Request, Tab, brushes, visible
 from cvtimg.labels import region_means
-from cvtimg.segmentation import Averaging, Edit, Objects, RegionHierarchy
+from cvtimg.segmentation import Averaging, Edit, Objects
 
 _SEGMENTS = {"way": ["segments"]}
 _REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
@@ -84,53 +83,53 @@ class SegmentsTab(Tab):
 
     def outputs(self, request: Request) -> Sequence[Output]:
         counts = request.settings["way"] == "segments" and request.settings["pieces"] == "objects"
-        labels, ignored = Name("labels"), {"ignore": None if counts else 0}  # its borders are not drawn
-        overlay = Call("plotting.draw_edges", (IMAGE, labels), ignored)
-        edges = Call("find_edges", (labels,), ignored)
-        means = Call("labels.mean_picture", (labels, IMAGE))
-        contours = Call("plotting.contour_drawing", (Call("find_contours", (labels,)), labels, IMAGE))
-        name = {"image": Path(request.picture.name).name}
-        table = Call("labels.write_table", (Call("labels.region_table", (labels, IMAGE)),), name)
+        labels, ignored = Code("labels"), {"ignore": None if counts else 0}  # its borders are not drawn
+        overlay = call("cvtimg.plotting.draw_edges", IMAGE, labels, **ignored)
+        edges = call("cvtimg.find_edges", labels, **ignored)
+        means = call("cvtimg.labels.mean_picture", labels, IMAGE)
+        contours = call("cvtimg.plotting.contour_drawing", call("cvtimg.find_contours", labels), labels, IMAGE)
+        table, name = call("cvtimg.labels.region_table", labels, IMAGE), {"image": Path(request.picture.name).name}
+        drawn = ("-o", "{}-labels.png", "cvtimg.labels.write_labels", (labels,))
         return [
-            Output("Labels, PNG", "-o", "{}-labels.png", Call("labels.write_labels", (labels,))),
-            Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", Call("write_image", (overlay,))),
-            Output("Mean colors, PNG", "--mean", "{}-mean.png", Call("write_image", (means,), {"alpha": False})),
-            Output("Edges, PNG", "--edges", "{}-edges.png", Call("write_image", (edges,))),
-            Output("Contours, SVG", "--contours", "{}-contours.svg", Call("labels.write_contours", (contours,))),
-            Output("Table of segments, CSV", "--table", "{}-table.csv", table),
+            Output("Labels, PNG", *drawn),
+            Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", WRITE_IMAGE, (overlay,)),
+            Output("Mean colors, PNG", "--mean", "{}-mean.png", WRITE_IMAGE, (means,), {"alpha": False}),
+            Output("Edges, PNG", "--edges", "{}-edges.png", WRITE_IMAGE, (edges,)),
+            Output("Contours, SVG", "--contours", "{}-contours.svg", "cvtimg.labels.write_contours", (contours,)),
+            Output("Table of segments, CSV", "--table", "{}-table.csv", "cvtimg.labels.write_table", (table,), name),
             *self.map_outputs(request),
         ]
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
-        lines, inside = visible(request, self.maps(request).get("mask"), self.map_lines(request))
-        tree = Line("tree", Call("segment_hierarchy", (IMAGE,), inside))
-        call = self._call(settings, inside)
+        lines, inside = visible(request, self.map_lines(request))
+        tree = Line("tree", call("cvtimg.segment_hierarchy", IMAGE, **inside))
+        divided = self._call(settings, inside)
         if settings["way"] == "hierarchy":
-            tree = Line("tree", call)
-            lines += [tree, Line("labels", Formula(_cut_text(settings), partial(_cut, settings)))]
+            tree = Line("tree", divided)
+            lines += [tree, Line("labels", _cut(settings, is_small=request.step > 1))]
         else:
-            lines += [Line("segments", call), Line("labels", Name("segments.labels"))]
+            lines += [Line("segments", divided), Line("labels", Code("segments.labels"))]
         if edits := list(settings["edits"]):
             splits = any(edit.startswith("split") for edit in edits)
             lines += [tree] if splits and tree not in lines else []
-            by = {"hierarchy": Name("tree")} if splits else {}
-            lines += [Line("labels", Call("segmentation.edit_labels", (Name("labels"), edits), by))]
+            by = {"hierarchy": Code("tree")} if splits else {}
+            lines += [Line("labels", call("cvtimg.segmentation.edit_labels", Code("labels"), edits, **by))]
         return lines
 
-    def _call(self, settings: Settings, inside: dict[str, Any]) -> Call:
+    def _call(self, settings: Settings, inside: dict[str, Any]) -> Code:
         keywords = inside | self.keywords(settings)
         if settings["way"] == "hierarchy":
-            return Call("segment_hierarchy", (IMAGE,), keywords)
+            return call("cvtimg.segment_hierarchy", IMAGE, **keywords)
         if settings["way"] == "superpixels":
-            return Call("superpixels", (IMAGE, settings["cells"]), keywords)
+            return call("cvtimg.superpixels", IMAGE, settings["cells"], **keywords)
         if settings["averaging"] != "none":
             keywords["averaging"] = Averaging(settings["averaging"], settings["kernel"], settings["radius"])
         if settings["pieces"] == "components":
             keywords["components"] = True
         elif settings["pieces"] == "objects":
             keywords["objects"] = Objects(settings["background"], settings["neck_depth"])
-        return Call("segment", (IMAGE, settings["k"]), keywords)
+        return call("cvtimg.segment", IMAGE, settings["k"], **keywords)
 
     def draft(self, request: Request) -> Outcome | None:
         """Divide the picture in a small size; what is changed by hand is seen in full."""
@@ -141,8 +140,8 @@ class SegmentsTab(Tab):
         values: dict[str, Any] = {}
         for line in self.lines(request):
             if line.name in ("tree", "segments"):
-                key = literal(line.value), request.settings["mask"], request.step
-                values[line.name] = request.picture.kept(key, partial(line.value.run, values))
+                key = line.code, request.settings["mask"], request.step
+                values[line.name] = request.picture.kept(key, partial(evaluated, line.code, values))
             else:
                 values = run([line], values)
         return values
@@ -158,15 +157,9 @@ class SegmentsTab(Tab):
         return Indexed(labels, colors), facts
 
 
-def _cut_text(settings: Settings) -> str:
-    if settings["regions"] != "auto":
-        return f"tree.cut({settings['regions']})"
-    return "tree.cut()" if settings["threshold"] == "auto" else f"tree.cut(threshold={settings['threshold']})"
-
-
-def _cut(settings: Settings, values: Mapping[str, Any]) -> NDArray[np.int32]:
-    tree: RegionHierarchy = values["tree"]
-    regions, threshold = settings["regions"], settings["threshold"]
-    if regions != "auto":  # a draft may have fewer
-        return tree.cut(min(max(regions, tree.n_parts), tree.n_leaves))
-    return tree.cut(threshold=None if threshold == "auto" else threshold)
+def _cut(settings: Settings, *, is_small: bool) -> Code:
+    """Return what cuts the tree of regions; that of a small picture may have fewer leaves than are asked for."""
+    number, threshold = settings["regions"], settings["threshold"]
+    if number != "auto":
+        return Code(f"tree.cut(min({number}, tree.n_leaves))" if is_small else f"tree.cut({number})")
+    return call("tree.cut", **({} if threshold == "auto" else {"threshold": threshold}))

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cvtimg.explore.calls import Call, Line, Named
+from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Globe, Layer
 from cvtimg.explore.outcomes import Outcome, Output
 from cvtimg.explore.tabs.base import Request, Tab
-from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle
+from cvtimg.sphere import Refinement, SphereGrid, WidthCircle
 
 #: Points that the page shows at most.
 _MOST = 163_842
@@ -85,23 +84,22 @@ class SphereTab(Tab):
         for suffix, label in _FILES.items():
             command = shlex.join([*self.words(request), "-o", f"globe{suffix}"])
             history = {"attributes": {"history": command}} if suffix.endswith(".nc") else {}
-            outputs.append(Output(label, "-o", f"globe{suffix}", Call("save", (), history, "result")))
+            outputs.append(Output(label, "-o", f"globe{suffix}", keywords=history))
         return outputs
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
         _n_points(settings)  # are they too many?
-        keywords = self.keywords(settings)
-        if density := _density(settings):
-            keywords["density"] = density
-        number = (settings["n"],) if settings["by"] == "n" else ()
-        return [Line("result", Call("sphere_grid", number, keywords))]
+        return [Line("result", self._call(settings, *([settings["n"]] if settings["by"] == "n" else [])))]
+
+    def _call(self, settings: Settings, *number: int) -> Code:
+        density = {"density": made} if (made := _density(settings)) else {}
+        return call("cvtimg.sphere_grid", *number, **self.keywords(settings), **density)
 
     def draft(self, request: Request) -> Outcome | None:
         settings = {**request.settings, "effort": "fast"}
-        number = min(_n_points(settings), self.most_drafted)
-        call = Call("sphere_grid", (number,), self.lines(replace(request, settings=settings))[0].value.keywords)
-        return Outcome(*self.seen(request, {"result": call.run({})}))
+        code = self._call(settings, min(_n_points(settings), self.most_drafted))
+        return Outcome(*self.seen(request, {"result": evaluated(code, {})}))
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: SphereGrid = values["result"]
@@ -121,21 +119,17 @@ class SphereTab(Tab):
 
 
 def _density(settings: Settings) -> Any:
-    """Return what says how cells vary, written in Python; None for cells of one size."""
+    """Return what says how cells vary; nothing for cells of one size."""
     if settings["by"] == "width":
         circles = [WidthCircle(*row) for row in settings["circles_km"]]
-        text = "".join(f", [{', '.join(f'cvtimg.sphere.{circle!r}' for circle in circles)}]" if circles else "")
-        return Named(
-            f"cvtimg.sphere.CellWidth({settings['cell_width']}{text})", CellWidth(settings["cell_width"], circles)
-        )
-    finer = [Refinement(*row) for row in settings["circles"]]
-    return Named(f"[{', '.join(f'cvtimg.sphere.{circle!r}' for circle in finer)}]", finer) if finer else None
+        return call("cvtimg.sphere.CellWidth", settings["cell_width"], *([circles] if circles else []))
+    return [Refinement(*row) for row in settings["circles"]]
 
 
 def _n_points(settings: Settings) -> int:
     if settings["by"] == "n":
         return int(settings["n"])
-    n_points: int = _density(settings).value.n_points
+    n_points: int = evaluated(_density(settings), {}).n_points
     if n_points > _MOST:
         raise UnfitRequestError(
             f"these widths take {n_points:,} points; the page shows up to {_MOST:,}, the command line makes more"

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
-from cvtimg.explore.calls import Call, Line, Named, literal
+from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
@@ -72,9 +72,9 @@ class StippleTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        drawing = Call("save", (), _drawing(self, request.settings), "result")
+        drawing = _drawing(self, request.settings)
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
-        return [Output(label, "-o", f"{{}}-stippled{suffix}", drawing) for suffix, label in kinds.items()]
+        return [Output(label, "-o", f"{{}}-stippled{suffix}", keywords=drawing) for suffix, label in kinds.items()]
 
     def words(self, request: Request, *more: str) -> list[str]:
         settings = request.settings
@@ -86,19 +86,13 @@ class StippleTab(Tab):
         settings = request.settings
         keywords = self.keywords(settings)
         if settings["by"] == "pen":
-            pen, width = settings["pen"], settings["width"]
-            text, diameter = (
-                f"{literal(pen)} / {literal(width)} * image.shape[1]",
-                pen / width * request.picture.size[1],
-            )
-            if settings["paper"] != "none":
-                scale = self._scale(request)
-                text, diameter = f"{literal(pen)} / {literal(scale)}", pen / scale
-            keywords["dot_diameter"] = Named(text, diameter)
+            on_paper = settings["paper"] != "none"
+            scale = f"{self._scale(request)}" if on_paper else f"{settings['width']} * image.shape[1]"
+            keywords["dot_diameter"] = Code(f"{settings['pen']} / {scale}")
         if "least" in self.in_effect(settings):
             keywords["radius_range"] = (settings["least"], settings["greatest"])
         number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
-        return [reading(request), Line("result", Call("stipple", (IMAGE, *number), keywords))]
+        return [reading(request), Line("result", call("cvtimg.stipple", IMAGE, *number, **keywords))]
 
     def _scale(self, request: Request) -> float:
         """Return the millimeters of a pixel of the picture."""
@@ -112,7 +106,7 @@ class StippleTab(Tab):
 
     def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
         result: Stipples = values["result"]
-        svg = written_as("drawing.svg", lambda path: self.outputs(request)[0].writing(path).run(values))
+        svg = written_as("drawing.svg", lambda path: evaluated(self.outputs(request)[0].writing(path), values))
         facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
         if len(result):
             scale = self._scale(request) * request.picture.size[1] / request.size[1]
