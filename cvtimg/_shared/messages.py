@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 _PACKAGE = str(Path(__file__).parents[1])
@@ -17,6 +19,15 @@ def one_line(error: Exception, longest: int = 200) -> str:
     lines = (system.lower() if system else str(error)).splitlines()
     # What some decoders raise holds all that they read.
     return lines[0][:longest] if lines else type(error).__name__
+
+
+def reworded(message: str, words: Mapping[str, str], between: str) -> str:
+    """Say what others call arguments in a message such as "n_colors='auto' must be ..."; `between` replaces "="."""
+    names = "|".join(sorted(map(re.escape, words), key=len, reverse=True))
+    if not names:
+        return message
+    said = re.compile(rf"(?<![\w.])({names})(?:=(?:'([^']*)')?| (?=must))")
+    return said.sub(lambda name: words[name[1]] + (f"{between}{name[2] or ''}" if "=" in name[0] else " "), message)
 
 
 def warn(message: str, kind: type[Warning] = UserWarning) -> None:

@@ -126,22 +126,6 @@ def in_parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> N
         other.result()
 
 
-def blur(image: _Floats, sigma: float, mode: str = "reflect") -> _Floats:
-    """Blur rows and columns of (H, W, ...) as ``scipy.ndimage.gaussian_filter`` does: the same bits."""
-    from scipy.ndimage import gaussian_filter1d
-
-    for axis in (0, 1):
-        # Threads share the lines along the axis.
-        lines, image = image.swapaxes(1 - axis, 0), image.copy()
-        out = image.swapaxes(1 - axis, 0)
-
-        def part(start: int, stop: int, lines: _Floats = lines, out: _Floats = out) -> None:
-            gaussian_filter1d(lines[start:stop], sigma, 1, output=out[start:stop], mode=mode)
-
-        in_parts(part, len(lines), work=8.0 * sigma * image.size)
-    return image
-
-
 def of_each(kernel: Callable[[int], T], n_items: int, work: float) -> list[T]:
     """Return what ``kernel(n)`` makes of each of `n_items`, in threads where `work`, in steps, is worth them."""
     results: dict[int, T] = {}

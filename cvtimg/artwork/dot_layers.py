@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.threads import blur
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
@@ -98,7 +98,9 @@ class _Pen:
         """Let the density grow where dots are too few, and return its moments."""
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
         factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
-        self.density *= blur(_of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest")
+        self.density *= gaussian_filter(
+            _of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest", axes=(0, 1)
+        )
         return picture_moments(self.density, self.n_dots)
 
     def spread(self, *, balanced: bool) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -45,10 +45,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         from cvtimg.plotting.sheets import contact_sheet
 
         write_image(task.outputs["--sheet"], contact_sheet(_panels(found), panel_width=200), overwrite=given.overwrite)
-    if "--plot" in task.outputs:
-        from cvtimg.plotting import draw_spectrum, save_plot
-
-        save_plot(task.outputs["--plot"], draw_spectrum, found.energies, found.variance, overwrite=given.overwrite)
+    plot(task.outputs.get("--plot"), given, "draw_spectrum", found.energies, found.variance)
     stopwatch.lap("write")
     return {
         "snapshots": len(found.labels),

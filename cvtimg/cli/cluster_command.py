@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         how = {"dialect": given.dialect, "overwrite": given.overwrite}
         write_clusters(task.output, task.source, result.labels, table.kept, **how)
     _write_means(task, table.names, result, scaling, given.overwrite)
-    _plot(task, rows, result, given.overwrite)
+    plot(task.outputs.get("--plot"), given, "draw_clusters", rows, result.generators)
     silhouette = _silhouette(rows, result, given, result.labels)
     return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve, table.left_out, silhouette)
 
@@ -168,7 +168,7 @@ def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found
         stopwatch.lap("cluster")
         n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=given.overwrite)
         some = sample_rows(blocks, given.seed)[0] if "--plot" in task.outputs or given.silhouette else None
-        _plot(task, some, result, given.overwrite)
+        plot(task.outputs.get("--plot"), given, "draw_clusters", some, result.generators)
     _write_means(task, blocks.names, result, scaling, given.overwrite)
     silhouette = _silhouette(some, result, given)
     return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve, opened.left_out, silhouette)
@@ -197,13 +197,6 @@ def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = Non
     some = rows[drawn]
     own = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
     return float(metrics.silhouette_score(some, own)) if 1 < len(np.unique(own)) < len(some) else None
-
-
-def _plot(task: Task, rows: Any, result: Tessellation, overwrite: bool) -> None:
-    if "--plot" in task.outputs:
-        from cvtimg.plotting import draw_clusters, save_plot
-
-        save_plot(task.outputs["--plot"], draw_clusters, rows, result.generators, overwrite=overwrite)
 
 
 def _write_means(

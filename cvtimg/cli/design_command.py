@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned, read_beside
+from cvtimg.cli.running import Todo, plan_of, planned, plot, read_beside
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -77,11 +77,8 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "-o" in task.outputs:
         found.save(task.outputs["-o"], overwrite=given.overwrite)
     labels = [factor.header for factor in factors]
-    if "--plot" in task.outputs:
-        from cvtimg.plotting import draw_pairs, save_plot
-
-        shown = {"existing": old, "levels": [factor.levels for factor in factors]}
-        save_plot(task.outputs["--plot"], draw_pairs, found.points, labels, **shown, overwrite=given.overwrite)
+    shown = {"existing": old, "levels": [factor.levels for factor in factors]}
+    plot(task.outputs.get("--plot"), given, "draw_pairs", found.points, labels, **shown)
     stopwatch.lap("write")
     return {
         "n": given.number,

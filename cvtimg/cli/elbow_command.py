@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli.cluster_command import reading, told_left_out
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
 
@@ -28,7 +28,6 @@ EXAMPLES = """\
   cvtimg elbow photo.jpg --rule psnr --target 30
 """
 COLUMNS = ("input", "k", "energy", "explained", "seconds", "elbow", "verdict")
-#: Tables; all other inputs are images. A table of blocks has no curve.
 
 
 def elbow(given: Given) -> Todo:
@@ -168,7 +167,4 @@ def _write(done: list[Plotted], given: Given) -> None:
             for k, (energy, share) in enumerate(zip(one.curve.energies, one.curve.explained, strict=True), 1)
         ]
         write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
-    if given.plot:
-        from cvtimg.plotting import draw_curves, save_plot
-
-        save_plot(given.plot, draw_curves, done, rule=given.rule, overwrite=given.overwrite)
+    plot(given.plot, given, "draw_curves", done, rule=given.rule)

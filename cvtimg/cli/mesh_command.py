@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cvtimg.batch import Row, Stopwatch, Task, check_suffix
 from cvtimg.cli.mesh_inputs import POLYGON_SUFFIXES
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
-
-if TYPE_CHECKING:
-    from cvtimg.meshes import Mesh
 
 EXAMPLES = """\
   cvtimg mesh mask.png -n 2000 -o mask.vtu --plot mask-mesh.png
@@ -81,8 +78,10 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if given.name:
         found = named(found, given.name)
     found.save(task.output, overwrite=given.overwrite)
-    if "--plot" in task.outputs:
-        _plot(found, task.outputs["--plot"], given, y_down=not is_polygon)
+    image = None if given.over is None else cvtimg.read_image(given.over)
+    drawn = found.points, found.triangles, found.qualities, found.edges
+    below = {"image": image, "y_down": not is_polygon or image is not None}
+    plot(task.outputs.get("--plot"), given, "draw_mesh", *drawn, **below)
     stopwatch.lap("write")
     local = found.projection
     each = measure_triangles(found.points if local is None else local.to_km(found.points), found.triangles)
@@ -104,17 +103,6 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),
         **(asdict(found.measures()) if given.measures else {}),
     }
-
-
-def _plot(found: Mesh, path: Path, given: Given, *, y_down: bool) -> None:
-    """Plot a mesh, over an image if there is one; then y is down, as in the image."""
-    from cvtimg import read_image
-    from cvtimg.plotting import draw_mesh, save_plot
-
-    image = None if given.over is None else read_image(given.over)
-    drawn = found.points, found.triangles, found.qualities, found.edges
-    y_down = y_down or image is not None
-    save_plot(path, draw_mesh, *drawn, image=image, y_down=y_down, overwrite=given.overwrite)
 
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:

@@ -56,14 +56,6 @@ _WITHOUT_PALETTE, _WITH_PALETTE = (".webp", ".ppm", ".pgm"), (".png", ".gif", ".
 #: Qualities of all and of the content that differ by more are both told.
 _APART = 2.0
 
-#: Options by their names in Python, where these differ.
-_FLAGS = {
-    "weights": "--weight-map",
-    "n_colors='auto'": "-k auto",
-    "goal='eyes'": "--goal eyes, the default without an aim such as -k,",
-    "depth='16'": "--depth 16",
-}
-
 
 def quantize(given: Given) -> Todo:
     """Reduce images to the N colors that represent them with the least error.
@@ -147,23 +139,19 @@ def _may_replace(plan: Plan, given: Given) -> bool:
 
 
 def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
-    from cvtimg.quantization import QuantizeOptions, Reading, UnfitOptionError, Writing, quantize_file
+    from cvtimg.quantization import QuantizeOptions, Reading, Writing, quantize_file
 
     records = (QuantizeOptions, Reading, Writing)
     how, reading, writing = (only(options, [field.name for field in fields(record)]) for record in records)
     engine: Any = {name: value for name, value in options.items() if name not in {**how, **reading, **writing}}
-    try:
-        result = quantize_file(
-            task.source,
-            task.output,
-            QuantizeOptions(**how, engine=engine),
-            reading=Reading(**reading),
-            writing=Writing(**writing, save_palette=task.outputs.get("--save-palette")),
-            on_stage=stopwatch.lap,
-        )
-    except UnfitOptionError as error:
-        flag = _FLAGS.get(error.option, "--" + error.option.replace("_", "-"))
-        raise ValueError(error.reason.format(flag)) from error
+    result = quantize_file(
+        task.source,
+        task.output,
+        QuantizeOptions(**how, engine=engine),
+        reading=Reading(**reading),
+        writing=Writing(**writing, save_palette=task.outputs.get("--save-palette")),
+        on_stage=stopwatch.lap,
+    )
     hint, row = "", result.summary()
     content = row.get("content_quality")
     if content is not None and abs(content - row["quality"]) > _APART:

@@ -68,6 +68,14 @@ def planned(plan: Plan, work: Callable[..., Row], report: Report | Sequence[str]
     return partial(run, plan, partial(work, given=given), report, running)
 
 
+def plot(path: Path | None, given: Given, draw: str, *drawn: Any, **more: Any) -> None:
+    """Write what a function of `cvtimg.plotting` draws, if that is asked for."""
+    if path is not None:
+        from cvtimg import plotting
+
+        plotting.save_plot(path, getattr(plotting, draw), *drawn, **more, overwrite=given.overwrite)
+
+
 def only(arguments: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
     """Return those of some arguments that a function takes."""
     return {name: value for name, value in arguments.items() if name in names}
@@ -97,7 +105,9 @@ def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
         try:
             yield
         except ValueError as error:
-            if (text := given.worded(str(error))) == str(error):
+            unfit = getattr(error, "option", None)  # of a file of another kind
+            text = error.reason.format(given.condition(unfit)) if unfit else given.worded(str(error))  # type: ignore[attr-defined]
+            if text == str(error):
                 raise
             raise ValueError(text) from error
     notes += dict.fromkeys(given.worded(str(one.message)) for one in caught)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -136,11 +136,10 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         _plot(grid, kept, task.outputs["--plot"], given, image)
     if "--histograms" in task.outputs:
         from cvtimg.halfedges import measure_triangles
-        from cvtimg.plotting import draw_histograms, save_plot
 
         each = measure_triangles(grid.points, grid.triangles[kept[grid.triangles].all(axis=1)])
         values = {"cell width (km)": grid.widths()[kept], "angle of triangles (degrees)": each.angles}
-        save_plot(task.outputs["--histograms"], draw_histograms, values, overwrite=given.overwrite)
+        plot(task.outputs["--histograms"], given, "draw_histograms", values)
     stopwatch.lap("write")
     return {
         "n": len(grid.points),
@@ -155,14 +154,12 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 
 def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: Any) -> None:
-    from cvtimg.plotting import draw_globe, draw_map, save_plot
     from cvtimg.sphere import cell_polygons, earth_coasts
 
     cells, widths = grid.cells(), grid.widths()[kept]
-    more = {"image": image, "label": "cell width (km)", "overwrite": given.overwrite}
-    more["lines"] = earth_coasts() if given.over is None else ()
+    more = {"image": image, "label": "cell width (km)", "lines": earth_coasts() if given.over is None else ()}
     if given.view is not None:
-        save_plot(path, draw_globe, list(compress(cells, kept)), widths, center=given.view, **more)
+        plot(path, given, "draw_globe", list(compress(cells, kept)), widths, center=given.view, **more)
     else:
         polygons = compress(cell_polygons(cells.vertices, cells.corners, cells.offsets), kept)
-        save_plot(path, draw_map, list(polygons), widths, **more)
+        plot(path, given, "draw_map", list(polygons), widths, **more)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cvtimg.batch import Row, Stopwatch, Task
-from cvtimg.cli.running import Todo, plan_of, planned
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 EXAMPLES = """\
@@ -43,11 +43,8 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     )
     stopwatch.lap("place")
     found.save(task.output, overwrite=given.overwrite)
-    if "--plot" in task.outputs:
-        from cvtimg.plotting import draw_surface, save_plot
-
-        drawn = found.points, found.triangles, found.qualities
-        save_plot(task.outputs["--plot"], draw_surface, *drawn, center=given.view, overwrite=given.overwrite)
+    drawn = found.points, found.triangles, found.qualities
+    plot(task.outputs.get("--plot"), given, "draw_surface", *drawn, center=given.view)
     stopwatch.lap("write")
     measures = asdict(found.measures())
     return {

@@ -52,12 +52,7 @@ BASIS = (
     ),
     file("sheet", "Draw the mean and the modes as images.", common.lossless),
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
-    passed(
-        "passes",
-        Whole(2, 64, even=True),
-        "How often to read the input, an even number: more is more precise.",
-        default=4,
-    ),
+    passed("passes", Whole(2, 64), "How often to read the input, an even number: more is more precise.", default=4),
     common.SEED,
     common.MAX_PIXELS,
     *common.RUN,

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeAlias
 
 from cvtimg._shared.extras import needs
+from cvtimg._shared.messages import reworded
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
 from cvtimg.batch.report import reason
@@ -29,7 +30,6 @@ class Real(NamedTuple):
     high: float = math.inf
     above: float = -math.inf
     auto: bool = False
-    even: bool = False
     sized: bool = False
 
     def parse(self, text: Any) -> Any:
@@ -38,8 +38,7 @@ class Real(NamedTuple):
             return text
         with suppress(ValueError, OverflowError):
             value = self._read(text)
-            within = self.low <= value <= self.high and value > self.above
-            if math.isfinite(value) and within and not (self.even and value % 2):
+            if math.isfinite(value) and self.low <= value <= self.high and value > self.above:
                 return value
         if self.sized and str(text)[-1:].isalpha():
             from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -67,7 +66,7 @@ class Whole(Real):
         return int(text)
 
     def _allowed(self) -> str:
-        return f"{'an even' if self.even else 'a whole'} number in {self.low}..{self.high}"
+        return f"a whole number in {self.low}..{self.high}"
 
 
 class Choice(NamedTuple):
@@ -237,9 +236,14 @@ class Given(SimpleNamespace):
         return [self.options[name].flag for name in names if self.options[name].is_given(getattr(self, name))]
 
     def worded(self, message: str) -> str:
-        """Return a message about an argument of the Python function in the words of the command line."""
-        name, equals, rest = message.partition("=")
-        return f"{self.keywords[name].flag} {rest}" if equals and name in self.keywords else message
+        """Return a message about arguments of the Python function in the words of the command line."""
+        return reworded(message, {name: option.flag for name, option in self.keywords.items()}, " ")
+
+    def condition(self, text: str) -> str:
+        """Return an argument, such as ``optimize`` or ``n_colors='auto'``, in the words of the command line."""
+        option = self.keywords[text.partition("=")[0]]
+        by_default = "" if option.is_given(getattr(self, option.name)) else ", the default here,"
+        return (self.worded(text) if "=" in text else option.flag) + by_default
 
     @property
     def arguments(self) -> dict[str, Any]:

@@ -13,10 +13,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each
-from cvtimg._shared.threads import blur, in_stripes, side_by_side
+from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
 
 #: Models of motion, from simple to rich, and how many of the generators below each has.
@@ -103,8 +104,10 @@ class _Level:
     @classmethod
     def of(cls, values: Floats, weight: Floats) -> _Level:
         """Blur an image by normalized convolution."""
-        share = blur(weight, _BLUR)
-        blurred = fill(blur(values * weight, _BLUR)[:, :, None], np.where(share > 1e-3, share, 0))
+        share = gaussian_filter(weight, _BLUR, axes=(0, 1))
+        blurred = fill(
+            gaussian_filter(values * weight, _BLUR, axes=(0, 1))[:, :, None], np.where(share > 1e-3, share, 0)
+        )
         return cls(blurred[:, :, 0], share)
 
     @property
@@ -147,7 +150,7 @@ def _whole_shift(fixed: _Level, moving: _Level) -> Doubles:
 
     def structure(level: _Level) -> Floats:
         window = np.outer(*(np.hanning(side + 2)[1:-1] for side in level.values.shape))
-        fine = blur(level.values, 1) - blur(level.values, _COARSE)
+        fine = gaussian_filter(level.values, 1, axes=(0, 1)) - gaussian_filter(level.values, _COARSE, axes=(0, 1))
         return np.asarray(fine * window * level.weight)
 
     shift, _, _ = correlate(structure(fixed), structure(moving), normalization=None)

@@ -9,10 +9,11 @@ from __future__ import annotations
 from itertools import pairwise, product, starmap
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.threads import blur, in_stripes, side_by_side
+from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
@@ -51,7 +52,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
     kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
     values, weights = fuse(kept, trust)
-    estimate = blur(values, _BLUR)
+    estimate = gaussian_filter(values, _BLUR, axes=(0, 1))
     axes = Axes.of(evidence.noise.bands, estimate)
     # Holes are filled first, by passes in which known pixels count as a blur tells of them: else little would change.
     filling, most = passes[: len(passes) // 2] if np.min(weights) == 0 else (), np.float32(np.inf)
@@ -153,8 +154,8 @@ def _fused(
 
 def _agreeing(one: Floats, other: Floats, known: Bools, noise: float) -> Doubles:
     """(H, W) weight, 0..1, of a version: the variance of `noise` as a part of that and of what is not noise."""
-    share = blur(known.astype(np.float32), _NEAR)
-    apart = blur(known * np.square(one - other).mean(axis=2), _NEAR)
+    share = gaussian_filter(known.astype(np.float32), _NEAR, axes=(0, 1))
+    apart = gaussian_filter(known * np.square(one - other).mean(axis=2), _NEAR, axes=(0, 1))
     excess = np.maximum(apart / np.maximum(share, np.float32(1e-3)) - noise, 0)
     return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
 

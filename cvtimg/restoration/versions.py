@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
-from cvtimg._shared.threads import blur, in_stripes
+from cvtimg._shared.threads import in_stripes
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
@@ -347,7 +348,11 @@ def fuse(
     for version in some:
         weight += np.float32(trust[version]) * versions.known[:, :, version]
         total += np.float32(trust[version]) * versions.bands(version)
-    sums = (blur(total, sigma), blur(weight, sigma)) if sigma else (total, weight)
+    sums = (
+        (gaussian_filter(total, sigma, axes=(0, 1)), gaussian_filter(weight, sigma, axes=(0, 1)))
+        if sigma
+        else (total, weight)
+    )
     return fill(*sums), weight
 
 
@@ -359,9 +364,9 @@ def fill(total: Floats, weight: Floats) -> Floats:
     missing = weight <= 0
     sigma = 1.0
     while missing.any() and not missing.all():
-        near = blur(weight, sigma)
+        near = gaussian_filter(weight, sigma, axes=(0, 1))
         reached = missing & (near > 1e-6 * weight.max())
-        filled[reached] = blur(total, sigma)[reached] / near[reached, None]
+        filled[reached] = gaussian_filter(total, sigma, axes=(0, 1))[reached] / near[reached, None]
         missing &= ~reached
         sigma *= 2
     return filled

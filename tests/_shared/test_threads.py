@@ -10,10 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from reference import at_threads
-from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared import threads
-from cvtimg._shared.threads import blur, in_parts, limit_threads, side_by_side
+from cvtimg._shared.threads import in_parts, limit_threads, side_by_side
 from cvtimg.colors import color_samples
 from cvtimg.engine.samples import along_curve
 
@@ -103,16 +102,6 @@ def test_colors_are_counted_alike_by_one_thread_and_by_three(n_colors: int) -> N
     for name in ("rows", "density", "inverse"):
         np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
     np.testing.assert_array_equal(found[0].colors[found[0].inverse], pixels)
-
-
-@pytest.mark.parametrize("shape", [(70, 90), (70, 90, 3)])
-def test_a_blur_is_that_of_scipy_for_any_number_of_threads(
-    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(threads, "_TO_HAND_OVER", 1e-6)
-    image = RNG.random(shape, np.float32)
-    for blurred in at_threads(lambda: blur(image, 1.3)):
-        np.testing.assert_array_equal(blurred, gaussian_filter(image, (1.3, 1.3, 0)[: image.ndim]))
 
 
 @pytest.mark.parametrize("before", ["", "import numpy; "])

@@ -107,7 +107,6 @@ surface ball.stl -n 3 | '3' must be a whole number in 4..
 surface ball.stl -n 50 -o a.xyz | -o
 surface ball.stl -n 50 --plot a.gif | --plot
 basis film.png -n 2 -o a.txt | .npz
-basis film.png -n 2 -o a.npz --passes 3 | '3' must be an even number in 2..64
 stipple a.png -n 9 --width 20km | a length > 0 such as 200mm
 stipple a.png -n 9 -o a.xyz | must end in one of .svg
 mosaic a.png -n 9 -o a.csv | must end in one of .svg
@@ -184,13 +183,14 @@ sphere -n 9 -o a.nc --parent few.csv --within 0,0,60 | must have at least 4 poin
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
 sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
 mesh wrong.geojson -n 9 | wrong.geojson: is not a .geojson file of polygons
-mesh disc.png --periodic x | --periodic 'x' must be for borders on the left and right
+mesh disc.png --periodic x | --periodic x must be for borders on the left and right
 mesh a.wkt -n 9 --label 1 | a.wkt: has polygons; --label is for images of labels
 mesh labels.png -n 90 --label 9 -o b.vtu | labels.png: holds no label 9
 mesh disc.png --keep-points | disc.png: has pixels; --keep-points is for polygons
 mesh a.wkt --name a=1 --name b=1 | --name must have each name and each label once
 mesh black.png -n 9 | the region is empty
 surface ball.stl -n 50 --density quality | ball.stl: vertex properties must be in a PLY file, not .stl
+basis film.png -n 2 -o a.npz --passes 3 | --passes 3 must be an even number in 2..64
 basis film.png -n 99 -o a.npz | -n 99 must be in 1..2, for 3 snapshots
 explore --no-browser none.png | none.png: no such file
 """

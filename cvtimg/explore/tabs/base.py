@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -11,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.messages import reworded
 from cvtimg.explore.calls import Code, Line, call, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
@@ -180,9 +180,7 @@ class Tab:
         labels = {control.name: control.label for control in self.controls}
         labels |= {control.keyword: control.label for control in self.controls if control.keyword}
         labels |= {argument: labels[name] for argument, name in self.arguments.items()}
-        names = "|".join(sorted(map(re.escape, labels), key=len, reverse=True))
-        said = rf"(?<![\w.])({names})(=| (?=must))"
-        return re.sub(said, lambda name: labels[name[1]] + (": " if name[2] == "=" else " "), message)
+        return reworded(message, labels, ": ")
 
     def described(self) -> dict[str, Any]:
         about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
