@@ -20,18 +20,15 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
-from cvtimg.explore.controls import UnfitRequestError, parse_settings
+from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
-from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import Outcome
 from cvtimg.explore.store import Store
-from cvtimg.explore.tabs import TABS
+from cvtimg.explore.tabs import EXACT_PIXELS, TABS, frame_of, opened, requested
 from cvtimg.explore.tabs.base import Request, Tab
 
 #: Seconds between messages of how far a search is.
 _PATIENCE = 0.2
-#: Pixels that are sent at most of a result.
-EXACT_PIXELS = 1 << 23
 _LONGEST = 1 << 19
 
 
@@ -89,7 +86,6 @@ class Channel:
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
         self._search: Work[Any] | None = None
         self._last: tuple[Any, str, Outcome] | None = None
-        self._weighing: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         await self._socket.accept("cvtimg")
@@ -100,7 +96,7 @@ class Channel:
                     await self._take(await self._socket.receive_text())
         finally:
             self._end_search()
-            for job in (*jobs, *self._weighing):
+            for job in jobs:
                 job.cancel()
 
     def _end_search(self) -> None:
@@ -145,30 +141,18 @@ class Channel:
 
     async def _answer(self, lane: str, asked: dict[str, Any]) -> None:
         number = asked["seq"]
-        view = asked.get("view")
         if lane == "before":
-            picture = _opened(self._store, asked)
-            window = Window.of(view, picture.size, EXACT_PIXELS)
+            picture = opened(self._store, asked)
+            window = Window.of(asked.get("view"), picture.size, EXACT_PIXELS)
             about = {"lane": lane, "picture": asked.get("picture")}
-            reply = await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
-            await self._socket.send_bytes(reply)
-            return
-        tab = TABS.get(str(asked.get("tab")))
-        if tab is None:
-            raise UnfitRequestError("there is no such tab")
-        settings = parse_settings(tab.controls, asked.get("settings"))
-        opened = None if tab.sheet else _opened(self._store, asked)
-        if opened and opened.has_channels and not tab.for_frames:
-            raise UnfitRequestError(
-                "each channel is a page of its own; the command line takes one of them, by --channel"
+            await self._socket.send_bytes(
+                await run_in_threadpool(lambda: packed(number, about, picture.seen(window), window, window))
             )
-        size = opened.size if opened else tab.sheet or (1, 1)
-        window = Window.of(view, size, tab.draft_pixels(settings) if lane == "draft" else EXACT_PIXELS)
+            return
+        tab, request = requested(self._store, asked, is_draft=lane == "draft")
+        same = (tab.name, request.opened and (request.source.key, request.picture.channel), request.settings)
 
-        request = Request(opened, settings, self._store, window, tab.for_frames)
-        same = (tab.name, opened and request.source.key, settings)
-
-        def answered() -> tuple[bytes, Outcome | None, str]:
+        def answered() -> bytes | str:
             key, outcome = "", None
             about: dict[str, Any] = {"lane": lane, "recipes": _recipes(tab, request)}
             if self._last and self._last[0] == same and (lane == "exact" or self._last[2].frames):
@@ -180,24 +164,16 @@ class Channel:
                 key = self._store.keep_result(outcome)
                 self._last = (same, key, outcome)
             if outcome is None:
-                return b"", None, json.dumps({"seq": number, "none": True, **about})
-            layer, facts = outcome.frames[_frame(asked)] if outcome.frames else (outcome.layer, outcome.facts)
-            about |= {"facts": facts, "result": key}
-            return packed(number, about, layer, window, outcome.drawn), outcome, key
+                return json.dumps({"seq": number, "none": True, **about})
+            layer, facts = outcome.frames[frame_of(asked)] if outcome.frames else (outcome.layer, outcome.facts)
+            return packed(number, {**about, "facts": facts, "result": key}, layer, request.window, outcome.drawn)
 
         work = Work(answered)
         if lane == "exact":
             self._search = work
             await self._tell_shares(number, work)
-        reply, outcome, key = await work.result
-        if outcome is None:
-            await self._socket.send_text(key)
-            return
-        await self._socket.send_bytes(reply)
-        if lane == "exact":  # the picture first; the size of its file after, for which no other request waits
-            job = asyncio.create_task(self._weigh(number, outcome))
-            self._weighing.add(job)
-            job.add_done_callback(self._weighing.discard)
+        reply = await work.result
+        await (self._socket.send_text(reply) if isinstance(reply, str) else self._socket.send_bytes(reply))
 
     async def _tell_shares(self, number: int, work: Work[Any]) -> None:
         """Tell how far a search is until it ends."""
@@ -206,13 +182,6 @@ class Channel:
             if work.share > told:
                 told = work.share
                 await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "share": round(told, 3)}))
-
-    async def _weigh(self, number: int, outcome: Outcome) -> None:
-        """Tell the size of the main file of a result."""
-        with suppress(WebSocketDisconnect, RuntimeError, ValueError, OSError, MemoryError):  # downloads tell why
-            named = await run_in_threadpool(outcome.file, outcome.outputs[0].key)
-            if named is not None:
-                await self._socket.send_text(json.dumps({"seq": number, "lane": "exact", "bytes": len(named[1])}))
 
 
 def _said(error: Exception) -> str:
@@ -223,16 +192,6 @@ def _said(error: Exception) -> str:
         return one_line(error)
     logging.getLogger(__name__).error("request failed", exc_info=error)
     return f"{type(error).__name__}: {one_line(error)}"
-
-
-def _frame(asked: dict[str, Any]) -> int:
-    number = asked.get("frame", 0)
-    return number if isinstance(number, int) else 0
-
-
-def _opened(store: Store, asked: dict[str, Any]) -> Picture:
-    """Return the picture of a request: of several the frame or page."""
-    return store.picture(str(asked.get("picture"))).frame(_frame(asked))
 
 
 def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:

@@ -7,11 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cvtimg.explore.controls import UnfitRequestError, parse_settings
-from cvtimg.explore.layers import Window
+from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.store import Store
-from cvtimg.explore.tabs import TABS
-from cvtimg.explore.tabs.base import Request
+from cvtimg.explore.tabs import requested
 
 
 class Collection:
@@ -26,22 +24,18 @@ class Collection:
 
     def add(self, asked: Mapping[str, Any]) -> dict[str, Any]:
         """Add the file ``output`` that the settings of a tab make of a picture; return its name and its size."""
-        tab = TABS.get(str(asked.get("tab")))
-        if tab is None or tab.sheet:
-            raise UnfitRequestError("there is no such tab for pictures")
-        picture = self._store.picture(str(asked.get("picture"))).frame(0)
-        settings = parse_settings(tab.controls, asked.get("settings"))
-        request = Request(picture, settings, self._store, Window.of(None, picture.size, 1), tab.for_frames)
+        tab, request = requested(self._store, asked)
+        name = Path(request.picture.name).name
         try:
             file = tab.exact(request).file(str(asked.get("output")))
         except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
-            raise UnfitRequestError(f"{Path(picture.name).name}: {tab.worded(str(error))}") from error
+            raise UnfitRequestError(f"{name}: {tab.worded(str(error))}") from error
         if file is None:
-            raise UnfitRequestError(f"{Path(picture.name).name}: there is no such file of this picture")
+            raise UnfitRequestError(f"{name}: there is no such file of this picture")
         with zipfile.ZipFile(self._path, "a") as archive:  # files are compressed already
-            name = _free(file[0], archive.namelist())
-            archive.writestr(name, file[1])
-        return {"name": name, "bytes": len(file[1])}
+            free = _free(file[0], archive.namelist())
+            archive.writestr(free, file[1])
+        return {"name": free, "bytes": len(file[1])}
 
     def content(self) -> bytes:
         """Return the archive."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
@@ -55,12 +55,14 @@ class Picture:
     """A picture that is open on the page: its key in requests, its name in commands, its file and its array.
 
     An animation, or a file of pages, has `frames`, and shows the first of them. A frame or page, counted from 1, is a
-    picture of the same file.
+    picture of the same file, and so is a channel of a page, where each has a page of its own.
     """
 
-    def __init__(self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0) -> None:
+    def __init__(
+        self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0, channel: int = 0
+    ) -> None:
         self.key, self.name, self.path = key, name, path
-        self.whole_file, self.page = whole, page  # of which it is a frame or a page
+        self.whole_file, self.page, self.channel = whole, page, channel  # of which it is a frame or a page
         header = replace(whole.header, frames=1) if whole else image_info(path)
         self.header: ImageInfo = header
         n_pixels, most = header.width * header.height * header.frames, most_pixels()
@@ -74,7 +76,7 @@ class Picture:
         elif header.kind == "frames":
             self.frames = read_frames(path)
         if whole and isinstance(whole.frames, Pages):
-            self.array = one_page(whole.frames, page)
+            self.array = one_page(whole.frames, page)[..., channel - 1] if channel else one_page(whole.frames, page)
         elif whole and whole.frames:
             self.array = whole.frames.images[page - 1]
             self.header = replace(header, has_alpha=self.array.shape[2:] == (4,))
@@ -91,29 +93,45 @@ class Picture:
         return "Page" if (self.whole_file or self).header.kind == "pages" else "Frame"
 
     @property
-    def has_channels(self) -> bool:
-        """Whether channels lie on pages of their own, which few commands read together."""
-        pages = self.whole_file.frames if self.whole_file else self.frames
-        return isinstance(pages, Pages) and pages.is_joined
+    def channels(self) -> list[str]:
+        """Names of channels that lie on pages of their own, which few commands read together."""
+        pages = (self.whole_file or self).frames
+        if not (isinstance(pages, Pages) and pages.is_joined):
+            return []
+        n_channels = pages.images[0].shape[2]
+        named = len(pages.channels) == n_channels
+        return list(pages.channels) if named else [f"{number + 1}" for number in range(n_channels)]
+
+    @property
+    def place(self) -> Mapping[str, int]:
+        """Where a page is: by "page", or of a channel by the axes of the stack."""
+        if self.channel and self.whole_file and isinstance(self.whole_file.frames, Pages):
+            pages = self.whole_file.frames
+            return {**(pages.places[self.page - 1] if len(pages.images) > 1 else {}), "channel": self.channel}
+        return {"page": self.page} if self.page else {}
 
     @property
     def words(self) -> list[str]:
-        return [safe_name(self.name), *(["--page", str(self.page)] if self.page else [])]
+        return [safe_name(self.name), *(word for name, at in self.place.items() for word in (f"--{name}", f"{at}"))]
 
     @property
     def python(self) -> Code:
-        return call("cvtimg.read_image", self.name, **({"page": self.page} if self.page else {}))
+        if self.channel:
+            pages = call("cvtimg.pictures.read_pages", self.name)
+            return Code(f"{pages}.joined().images[{self.page - 1}][..., {self.channel - 1}]")
+        return call("cvtimg.read_image", self.name, **self.place)
 
-    def frame(self, number: int) -> Picture:
-        """Return a frame or a page; of other pictures the picture itself."""
+    def frame(self, number: int, channel: int = 0) -> Picture:
+        """Return a frame or a page, or a channel of it, from 1; of other pictures the picture itself."""
         if self.frames is None:
             return self
         if not 0 <= number < len(self.frames.images):
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
-        key, page = f"{self.key}/{number}", number + 1
-        picture: Picture = self.kept(
-            ("frame", number), lambda: Picture(key, self.name, self.path, whole=self, page=page)
-        )
+        if not 0 <= channel <= len(self.channels):
+            raise UnfitRequestError(f"there is no channel {channel}")
+        about: dict[str, Any] = {"whole": self, "page": number + 1, "channel": channel}
+        key = f"{self.key}/{number}/{channel}"
+        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, **about))
         return picture
 
     @property
@@ -123,7 +141,11 @@ class Picture:
     @property
     def stem(self) -> str:
         """Name of the file without folder and suffix, with the number of the frame or page."""
-        return Path(self.name).stem + (f"-{self.noun.lower()}-{self.page}" if self.page else "")
+        return Path(self.name).stem + "".join(f"-{name}-{at}" for name, at in self._numbers.items())
+
+    @property
+    def _numbers(self) -> Mapping[str, int]:
+        return {self.noun.lower(): self.page} if self.page and not self.channel else self.place
 
     @cached_property
     def has_alpha(self) -> bool:
@@ -232,6 +254,7 @@ class Picture:
             "height": self.size[0],
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
+            "channels": self.channels,
             "durations": getattr(self.frames, "durations", None),
             "distinct": self.samples.n_colors,
             "exact": self.array.dtype == np.uint8,

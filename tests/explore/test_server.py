@@ -6,6 +6,7 @@ import asyncio
 import io
 import json
 import os
+import shlex
 import signal
 import struct
 import subprocess
@@ -33,6 +34,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient, WebSocketTestSession
 from starlette.websockets import WebSocketDisconnect
 
+from cvtimg.cli.app import main
 from cvtimg.explore import TABS, serve, store
 from cvtimg.explore.app import Server, static_files
 from cvtimg.explore.channel import OvertakenError, Work
@@ -311,16 +313,27 @@ def test_animations_and_files_of_pages_are_opened(page: TestClient) -> None:
         assert (answer["frames"], answer["noun"]) == (2, noun)
 
 
-def test_channels_on_pages_of_their_own_are_for_colors_alone(page: TestClient) -> None:
-    buffer = io.BytesIO()
-    values = np.arange(2 * 3 * 8 * 9, dtype=np.uint8).reshape(2, 3, 8, 9)
-    tifffile.imwrite(buffer, values, imagej=True, metadata={"axes": "ZCYX"})
-    picture = page.post("/picture", params={"name": "cells.tif"}, content=buffer.getvalue()).json()
-    assert picture["frames"] == 2
-    reply = request(page, picture["id"], settings={"k": 4})
-    assert reply.about["facts"]["k"] == 4
-    assert "cvtimg quantize cells.tif -k 4 -o cells-quantized.tif" in str(reply.about["recipes"])
-    assert "--channel" in request(page, picture["id"], tab="stipple").about["error"]
+@pytest.mark.parametrize("axes", ["ZCYX", "CYX"])
+def test_one_of_the_channels_on_pages_of_their_own_is_chosen(
+    axes: str, page: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    values = np.arange(2 * 3 * 8 * 9, dtype=np.uint8).reshape(2, 3, 8, 9)[: len(axes) - 2 or 1]
+    values = values if axes == "ZCYX" else values[0]
+    tifffile.imwrite("cells.ome.tif", values, metadata={"axes": axes, "Channel": {"Name": ["DAPI", "GFP", "RFP"]}})
+    picture = opened(page, Path("cells.ome.tif").read_bytes(), "cells.ome.tif")
+    assert (picture["frames"], picture["channels"]) == (len(values) if axes == "ZCYX" else 1, ["DAPI", "GFP", "RFP"])
+    assert request(page, picture["id"], settings={"k": 4}).about["facts"]["k"] == 4  # all
+    assert "choose one of the channels" in request(page, picture["id"], tab="stipple").about["error"]
+    shown = request(page, picture["id"], tab="stipple", channel=2, settings={"n_dots": 20}).about
+    (words, python) = (shown["recipes"][0][name] for name in ("command", "python"))
+    exec(python, {})
+    file = Path(shown["recipes"][0]["file"])
+    content = file.read_bytes()
+    assert page.get(f"/file/{shown['result']}/o.svg").content == content
+    assert main([*shlex.split(words)[1:], "--overwrite", "--quiet"]) == 0
+    assert file.read_bytes() == content
+    assert "no channel 4" in request(page, picture["id"], channel=4).about["error"]
 
 
 def test_pictures_beyond_those_in_memory_are_opened_again_when_they_are_needed(
@@ -541,15 +554,10 @@ def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monk
     assert np.array_equal(cut, pixels[top:bottom, left:right])
 
 
-def test_sizes_come_after_the_picture(page: TestClient, photograph: NDArray[Any]) -> None:
-    picture = opened(page, png(photograph))["id"]
-    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
-        socket.send_json({"seq": 3, "lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": 4}})
-        first = answer(socket)["bytes"]
-        second = json.loads(answer(socket)["text"])
-    key = json.loads(first[8 : 8 + struct.unpack_from("<I", first, 4)[0]])["result"]
+def test_the_size_of_a_file_is_told_without_the_file(page: TestClient, photograph: NDArray[Any]) -> None:
+    key = request(page, opened(page, png(photograph))["id"], settings={"k": 4}).about["result"]
     file = page.get(f"/file/{key}/o.png")
-    assert second["bytes"] == len(file.content)
+    assert page.head(f"/file/{key}/o.png").headers["content-length"] == str(len(file.content))
     assert file.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
     assert page.get(f"/file/{key}/o.exe").status_code == 404
     assert page.get("/file/other/o.png").status_code == 404

@@ -20,6 +20,11 @@ export async function get(address, body) {
 	if (!answer.ok) throw new Error(await answer.text());
 	return answer;
 }
+// Returns the size of a file, which the server makes if it has to; 0 where it cannot.
+export async function weight(address) {
+	const answer = await fetch(address, {method: "HEAD", headers: {"x-cvtimg-session": session}});
+	return answer.ok ? Number(answer.headers.get("content-length")) : 0;
+}
 export const send = async (address, body = "") => (await get(address, body)).json();
 
 export class Link {

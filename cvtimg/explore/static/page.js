@@ -6,7 +6,7 @@ import {Editor} from "/editor.js";
 import {Gallery} from "/gallery.js";
 import {Globe} from "/globe.js";
 import {Link, admitted, get, send} from "/link.js";
-import {Recipes, save} from "/recipes.js";
+import {Recipes, save, size} from "/recipes.js";
 import {Shades, hex} from "/shades.js";
 import {arrived, linkTo, taken} from "/sharing.js";
 import {Steps} from "/steps.js";
@@ -125,6 +125,14 @@ function setFrame(number) {
 	$("framename").textContent = `${number + 1} / ${frames}`;
 }
 
+function setChannel(number) { // from 1; 0 for all
+	const {channels} = state.picture;
+	state.channel = number;
+	$("channels").hidden = !channels.length;
+	$("channel").replaceChildren(new Option("all", 0), ...channels.map((name, n) => new Option(name, n + 1)));
+	$("channel").value = number;
+}
+
 function locate(index) {
 	shades.spot = index;
 	state.spot = shades.editable && $("whereone").ariaPressed !== "true" ? -1 : index; // edits are seen in all colors
@@ -141,8 +149,8 @@ function toggleLock(color) {
 
 // Asking
 
-const original = () => ({picture: state.picture.id, frame: state.frame, view: viewer.visible()});
-const asked = () => ({picture: state.picture?.id, frame: state.frame, tab: state.tab, settings: settings(), view: viewer.visible()});
+const original = () => ({picture: state.picture.id, frame: state.frame, channel: state.channel, view: viewer.visible()});
+const asked = () => ({picture: state.picture?.id, frame: state.frame, channel: state.channel, tab: state.tab, settings: settings(), view: viewer.visible()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
 	clearTimeout(keep.timer); // writing all steps back takes longer than a drag may
@@ -217,7 +225,6 @@ function receive(reply, about) {
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
 	if (reply.share !== undefined) { share = reply.share; shared = performance.now(); return; }
-	if (reply.bytes !== undefined) { stopCounting(); facts(reply.bytes); return; }
 	problem("");
 	recipes.show(reply.recipes, state.tab);
 	if (reply.none) return;
@@ -225,8 +232,12 @@ function receive(reply, about) {
 	$("stage").classList.toggle("old", about.lane === "draft");
 	const drawn = repaint();
 	drawShades();
-	if (about.lane === "exact") { stopCounting(); recipes.offer(reply.result); }
 	facts();
+	if (about.lane === "exact") {
+		stopCounting();
+		recipes.offer(reply.result);
+		recipes.weigh(subject(), bytes => facts(bytes)); // the picture first; sizes of its files after
+	}
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
 		painted.port1.onmessage = () => document.dispatchEvent(new CustomEvent("shown", {detail: {lane: about.lane, seq: reply.seq, ms: performance.now() - about.t0, k: reply.facts.k, settings: about.request.settings}}));
@@ -259,10 +270,10 @@ function repaint() {
 }
 
 function showLeft() {
-	const against = $("against").value, size = state.picture;
-	if (against === "A" && kept) { viewer.left.show(kept.last, size, kept.look, before); $("leftname").textContent = `A: ${kept.name}`; }
-	else if (against !== "original" && other?.picture === against) { viewer.left.show(stretched(other, size), size); $("leftname").textContent = state.pictures.find(one => one.id === against)?.name; }
-	else if (before) { viewer.left.show(before, size); $("leftname").textContent = "Original"; }
+	const against = $("against").value, whole = state.picture;
+	if (against === "A" && kept) { viewer.left.show(kept.last, whole, kept.look, before); $("leftname").textContent = `A: ${kept.name}`; }
+	else if (against !== "original" && other?.picture === against) { viewer.left.show(stretched(other, whole), whole); $("leftname").textContent = state.pictures.find(one => one.id === against)?.name; }
+	else if (before) { viewer.left.show(before, whole); $("leftname").textContent = "Original"; }
 }
 
 // Another picture is shown in the size of this one.
@@ -301,8 +312,6 @@ function facts(bytes) {
 	else if (bytes) parts.push(`${size(state.picture.bytes)} → ${size(bytes)}${saved >= .005 ? ` (${Math.round(100 * saved)} % saved)` : ""}`);
 	$("facts").textContent = parts.join(" · ");
 }
-
-const size = bytes => bytes < 1e6 ? `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 
 function problem(text) { // of the settings; it goes with the next result
 	if ($("problem").dataset.lost) return;
@@ -430,6 +439,7 @@ function show(picture) {
 	state.picture = picture;
 	play(false);
 	setFrame(0);
+	setChannel(0);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
 	if (sheet()) state.tab = "colors";
@@ -512,6 +522,7 @@ $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
 $("again").onclick = () => change("start", "image", false, {k: Math.max(settings().colors.length, 1)});
 $("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
+$("channel").onchange = () => { setChannel(Number($("channel").value)); showFrame(state.frame); };
 $("frame").oninput = () => { play(false); showFrame(Number($("frame").value)); };
 $("play").onclick = () => play($("play").ariaPressed !== "true");
 $("fill").onchange = repaint;

@@ -1,7 +1,7 @@
 // What can be had of a result: its files, and the command and the lines of Python that make them.
 
 import {element} from "/controls.js";
-import {get} from "/link.js";
+import {get, weight} from "/link.js";
 
 const $ = id => document.getElementById(id);
 
@@ -48,8 +48,21 @@ export class Recipes {
 		$("download").ariaDisabled = "false";
 	}
 
+	// Tells the size of the first file, and lists those of all images beside each other where pictures are small.
+	async weigh({width, height}, tell) {
+		const {result, list} = this, sizes = [];
+		$("sizes").textContent = "";
+		for (const one of list.filter((one, n) => !n || one.key.startsWith("o.") && width * height < 4e6)) {
+			const bytes = await weight(`/file/${result}/${one.key}`).catch(() => 0);
+			if (this.result !== result) return;
+			if (!sizes.length) tell(bytes);
+			sizes.push(`${one.file.split(".").pop().toUpperCase()} ${size(bytes)}`);
+			if (sizes.length > 1) $("sizes").textContent = sizes.join(" · ");
+		}
+	}
+
 	withdraw() {
-		this.result = "";
+		this.result = $("sizes").textContent = "";
 		$("copyimage").disabled = true;
 		$("download").removeAttribute("href");
 		$("download").ariaDisabled = "true";
@@ -77,6 +90,8 @@ function write(place, text) {
 	const parts = text.split(/(\s+)/).map(part => part.trim() ? element("span", {className: "word", textContent: part}) : part);
 	place.replaceChildren(...parts);
 }
+
+export const size = bytes => bytes < 1e6 ? `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 
 export function save(download, blob) {
 	const href = URL.createObjectURL(blob);

@@ -1,6 +1,15 @@
 """Tabs of the page: each declares its controls, and makes a result of their settings."""
 
-from cvtimg.explore.tabs.base import Tab
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cvtimg.explore.controls import UnfitRequestError, parse_settings
+from cvtimg.explore.layers import Window
+from cvtimg.explore.opened import Picture
+from cvtimg.explore.store import Store
+from cvtimg.explore.tabs.base import Request, Tab
 from cvtimg.explore.tabs.colors_tab import ColorsTab
 from cvtimg.explore.tabs.design_tab import DesignTab
 from cvtimg.explore.tabs.mesh_tab import MeshTab
@@ -26,3 +35,32 @@ TABS: dict[str, Tab] = {
         DesignTab(),
     )
 }
+
+#: Pixels that are sent at most of a result.
+EXACT_PIXELS = 1 << 23
+
+
+def requested(store: Store, asked: Mapping[str, Any], *, is_draft: bool = False) -> tuple[Tab, Request]:
+    """Return the tab of a request that a page sent, and what it asks of it, checked."""
+    tab = TABS.get(str(asked.get("tab")))
+    if tab is None:
+        raise UnfitRequestError("there is no such tab")
+    settings = parse_settings(tab.controls, asked.get("settings"))
+    picture = None if tab.sheet else opened(store, asked)
+    if picture and picture.channels and not (tab.for_frames or picture.channel):
+        raise UnfitRequestError("choose one of the channels, which lie on pages of their own")
+    size = picture.size if picture else tab.sheet or (1, 1)
+    window = Window.of(asked.get("view"), size, tab.draft_pixels(settings) if is_draft else EXACT_PIXELS)
+    return tab, Request(picture, settings, store, window, tab.for_frames)
+
+
+def opened(store: Store, asked: Mapping[str, Any]) -> Picture:
+    """Return the picture of a request: of several the frame or page, and of several channels one, or all."""
+    channel = asked.get("channel", 0)
+    return store.picture(str(asked.get("picture"))).frame(frame_of(asked), channel if isinstance(channel, int) else 0)
+
+
+def frame_of(asked: Mapping[str, Any]) -> int:
+    """Return the number of the frame or page that is shown."""
+    number = asked.get("frame", 0)
+    return number if isinstance(number, int) else 0
