@@ -114,8 +114,8 @@ cdef class Buckets:
         const int32_t[::1] bands,      # IN (P + 1,): rows of buckets that begin each part
         Py_ssize_t start,              # IN: parts start..stop - 1 are summed
         Py_ssize_t stop,               # IN
-        double[:, :, ::1] sums,        # OUT (P, K, 3): mass, and it times x and y, of each cell, sorted as places
-        int32_t[:, ::1] touched,       # OUT (P, 2): sums are written from the first to before the last of these
+        double[:, :, ::1] sums,        # INOUT (P, K, 3): mass, and it times x and y, of each cell, sorted as places
+        int32_t[:, ::1] touched,       # OUT (P, 2): sums change from the first to before the last of these
     ):
         """Sum the density, and x and y times it, over each cell, in parts that do not share a sum."""
         cdef Scratch scratch = Scratch(self.n_generators)

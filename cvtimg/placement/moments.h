@@ -19,23 +19,17 @@ struct moments_state {
     struct sums *sums; /* in the order of buckets */
 };
 
-/* Four rows at a time, for a running sum waits for the last one. */
 static void sum_rows(const float *density, int width, int n_rows, struct running *running)
 {
-    for (int first = 0; first < n_rows; first += 4) {
-        int n = n_rows - first < 4 ? n_rows - first : 4;
-        struct running last[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
-        for (int row = 0; row < n; row++)
-            running[(ptrdiff_t)(first + row) * (width + 1)] = last[row];
-        for (int x = 0; x < width; x++)
-            for (int row = 0; row < 4; row++) {
-                if (row >= n)
-                    break;
-                double here = density[(ptrdiff_t)(first + row) * width + x];
-                last[row].mass += here;
-                last[row].x_mass += here * (x + 0.5);
-                running[(ptrdiff_t)(first + row) * (width + 1) + x + 1] = last[row];
-            }
+    for (int row = 0; row < n_rows; row++) {
+        struct running last = {0, 0};
+        *running++ = last;
+        for (int x = 0; x < width; x++) {
+            double here = *density++;
+            last.mass += here;
+            last.x_mass += here * (x + 0.5);
+            *running++ = last;
+        }
     }
 }
 
@@ -75,15 +69,13 @@ static void visit_moments(void *pointer, struct box box, int x_corner, int y_cor
     }
 }
 
-/* Moments over rows of buckets first..last-1. `sums` are set to 0 as far as rows of buckets are gathered from; the
- * generators low..high-1 have been touched. */
+/* Add the moments over rows of buckets first..last-1 to `sums`; the generators low..high-1 have been touched. */
 static void sum_bands(const float *density, int width, int height, struct buckets buckets, int first, int last,
                       struct owners scratch, struct running *running, struct sums *sums, int32_t *low,
                       int32_t *high)
 {
     struct moments_state state = {running, width, 0, sums};
     struct pass pass = {buckets, width, height, scratch, visit_moments, &state, first, first - 1};
-    int32_t zeroed_from = buckets.first[(ptrdiff_t)first * buckets.columns], zeroed_to = zeroed_from;
 
     for (int band = first; band < last; band++) {
         int n_rows = buckets.side;
@@ -98,17 +90,11 @@ static void sum_bands(const float *density, int width, int height, struct bucket
             if (y == n_rows)
                 continue; /* nothing is there */
             gather_tile(&pass, column, band);
-            int32_t from = buckets.first[(ptrdiff_t)pass.low * buckets.columns];
-            int32_t to = buckets.first[(ptrdiff_t)(pass.high + 1) * buckets.columns];
-            for (; zeroed_from > from; zeroed_from--)
-                sums[zeroed_from - 1] = (struct sums){0, 0, 0};
-            for (; zeroed_to < to; zeroed_to++)
-                sums[zeroed_to] = (struct sums){0, 0, 0};
             visit_tile(&pass);
         }
     }
-    *low = zeroed_from;
-    *high = zeroed_to;
+    *low = buckets.first[(ptrdiff_t)pass.low * buckets.columns];
+    *high = buckets.first[(ptrdiff_t)(pass.high + 1) * buckets.columns];
 }
 
 struct labels_state {

@@ -132,7 +132,7 @@ class PixelMoments:
         n, (height, width) = len(generators), self.density.shape
         n_parts = min(_PARTS, buckets.rows)
         bands = np.arange(n_parts + 1, dtype=np.int32) * buckets.rows // n_parts
-        sums = np.empty((n_parts, n, 3))  # never written as a whole: a part touches what is near
+        sums = np.zeros((n_parts, n, 3))  # a part touches what is near
         touched = np.empty((n_parts, 2), np.int32)
 
         def sum_parts(start: int, stop: int) -> None:

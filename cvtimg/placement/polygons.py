@@ -290,12 +290,10 @@ class NearestPixel:
 
     @classmethod
     def of(cls, mask: NDArray[np.bool_]) -> NearestPixel:
-        """Make it of the pixels of a mask."""
+        """Make it of the pixels of a mask: of those with a neighbor outside."""
         from scipy.ndimage import binary_erosion
 
-        centers = np.argwhere(mask & ~binary_erosion(mask))[:, ::-1] + np.float64(
-            0.5
-        )  # of those with a neighbor outside
+        centers = np.argwhere(mask & ~binary_erosion(mask))[:, ::-1] + np.float64(0.5)
         return cls(centers, np.full(centers.shape, _TO_SIDE))
 
     def __call__(self, points: Points) -> Points:
