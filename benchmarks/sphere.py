@@ -1,20 +1,16 @@
-"""Grids of the sphere: triangulations beside SciPy and stripy, and grids by seconds, energy and angles.
+"""Grids of the sphere by seconds, energy and angles.
 
-Prints processor seconds of triangulations and of a step of Lloyd's; uniform grids, to given offsets and to those where
+Prints uniform grids, to given offsets and to those where
 `sphere_grid` stops; refined ones, with the energy by the quadrature that published figures are given in as well; nested
 ones; and grids along coasts, of the package global-land-mask or of a mask.
 
-    python -m venv stripy && stripy/bin/pip install "numpy<2" stripy
-    python benchmarks/sphere.py [--quick] [--parts triangulations uniform refined nested coast]
-        [--land MASK.npy] [--stripy stripy/bin/python]
+    python benchmarks/sphere.py [--quick] [--parts uniform refined nested coast] [--land MASK.npy]
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +21,7 @@ from typing import Any
 import numpy as np
 from common import Rows, parser, run, timed
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, KDTree, SphericalVoronoi
+from scipy.spatial import KDTree
 
 from cvtimg.sphere import Refinement
 
@@ -51,50 +47,6 @@ DENSITIES: dict[str, Callable[[Points], Any]] = {
     "waves": lambda x: np.exp(2 * np.sin(4 * x[:, 0]) * np.cos(3 * x[:, 1])),
     "two caps": lambda x: 0.01 + np.exp(-8 * (1 - x[:, 0])) + np.exp(-8 * (1 - x[:, 1])),
 }
-
-
-def triangulations(given: argparse.Namespace) -> Rows:
-    """Triangulate the points of an icosahedral grid, in order and shuffled."""
-    from cvtimg.sphere import triangulate
-    from cvtimg.sphere.starts import bisected, icosahedron, in_order
-    from cvtimg.sphere.triangulation import SphereTriangulation, unit
-
-    rows, mesh = [], icosahedron()
-    while len(mesh.points) < (40_962 if given.quick else 163_842):
-        mesh = bisected(mesh)
-    rng = np.random.default_rng(0)
-    ordered = in_order(mesh).points
-    noise = 0.1 * (4 * np.pi / len(ordered)) ** 0.5
-    ordered = unit(ordered + noise * rng.normal(size=ordered.shape))
-    for name, points in (("in order", ordered), ("shuffled", rng.permutation(ordered))):
-        least = min(timed(partial(triangulate, points), time.process_time)[1] for _ in range(3))
-        hull = timed(partial(ConvexHull, points), time.process_time)[1]
-        row = {"points": f"{len(points)} {name}", "cvtimg": least, "ConvexHull / cvtimg": hull / least}
-        row["SphericalVoronoi / cvtimg"] = timed(partial(SphericalVoronoi, points), time.process_time)[1] / least
-        row["stripy / cvtimg"] = None if given.stripy is None else _stripy_seconds(points, given.stripy) / least
-        moving = SphereTriangulation(points)
-        row["step of Lloyd's"] = min(
-            timed(lambda m=moving: m.replace(unit(m.uniform_moments())), time.process_time)[1] for _ in range(3)
-        )
-        rows.append(row)
-    return rows
-
-
-def _stripy_seconds(points: Points, python: Path) -> float:
-    """Return the processor seconds that stripy takes for a triangulation, in a process of another Python."""
-    code = (
-        "import sys, time, numpy, stripy\n"
-        "x = numpy.load(sys.argv[1])\n"
-        "lon, lat = numpy.arctan2(x[:, 1], x[:, 0]), numpy.arcsin(x[:, 2])\n"
-        "start = time.process_time()\n"
-        "stripy.sTriangulation(lon, lat, permute=True)\n"
-        "print(time.process_time() - start)"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "points.npy"
-        np.save(path, points)
-        done = subprocess.run([python, "-c", code, path], check=True, capture_output=True, text=True)
-    return float(done.stdout)
 
 
 def figures(grid: Any, seconds: float) -> Row:
@@ -233,6 +185,5 @@ def _land() -> Points | None:
 
 if __name__ == "__main__":
     read = parser(__doc__)
-    read.add_argument("--stripy", type=Path, metavar="PYTHON", help="Python that has stripy, which wants NumPy 1")
     read.add_argument("--land", type=Path, help="(H, 2 H) array of the share of land, .npy (default: global-land-mask)")
-    run(read, triangulations, uniform, refined, nested, coast)
+    run(read, uniform, refined, nested, coast)

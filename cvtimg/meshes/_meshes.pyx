@@ -38,9 +38,6 @@ cdef extern from "quality.h" nogil:
         double *step,
     )
 
-cdef extern from "picture_sizes.h" nogil:
-    void limit_sizes(float *sizes, Py_ssize_t height, Py_ssize_t width, float straight, float aslant)
-
 
 cdef half_edges with_borders(mesh) except *:
     cdef half_edges found = seen(mesh)
@@ -101,7 +98,8 @@ def move(mesh, const uint8_t[::1] fixed, double[:, ::1] steps):
 def even(mesh, const double[::1] worth, const uint8_t[::1] fixed, double[:, ::1] steps, double mean, double share):
     """Move vertices one after the other, so that edges get nearer to a mean length squared, by a share of the way.
 
-    `worth` (N,) is by what squared lengths are multiplied. Vertices that slide, those marked 2, do not move: `steps` (N, 2) has their tangents, and gets the steps to make.
+    Squared lengths are multiplied by the mean of `worth` (N,) at both ends. Vertices that slide, marked 2 in `fixed`, do
+    not move: `steps` (N, 2) has their tangents, and gets the steps to make.
     """
     cdef half_edges c_mesh = with_borders(mesh)
     cdef double[:, ::1] points = mesh.points
@@ -171,16 +169,6 @@ def locate(mesh, const double[:, ::1] places, int32_t[::1] found):
             for k in range(3):
                 shares[i, k] = share[k]
     return np.asarray(shares)
-
-
-def limit_picture(
-    float[:, ::1] sizes,   # INOUT (H, W)
-    float straight,        # IN: how much sizes may grow from a pixel to the next
-    float aslant,          # IN: and to the next one across a corner
-):
-    """Lower sizes to what all others allow, along the best way from pixel to pixel."""
-    with nogil:
-        limit_sizes(&sizes[0, 0], sizes.shape[0], sizes.shape[1], straight, aslant)
 
 
 def limit_along_edges(

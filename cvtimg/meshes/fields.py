@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg.meshes import _meshes
+from cvtimg._shared.growth import limit_growth
 from cvtimg.placement.pictures import draw_along_curve
 
 Points = NDArray[np.float64]
@@ -82,7 +82,7 @@ class PictureField:
     def limited(self, grade: float, least: float) -> PictureField:
         """Return the field with sizes of at least `least`, that grow by no more than `grade` for each pixel."""
         sizes = np.maximum(self.sizes, np.float32(least))
-        _meshes.limit_picture(sizes, grade, grade * 2**0.5)
+        limit_growth(sizes, grade, grade)
         return replace(self, sizes=sizes)
 
     def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> PictureField:

@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.growth import limit_growth
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
-from cvtimg.sphere._sphere import limit_growth
 
 Points = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ class GlobePicture:
         weights, factor = _row_weights(len(roots)), spacing
         for _ in range(_ROUNDS):
             sizes = factor / np.sqrt(roots)
-            limit_growth(sizes, GROWTH)
+            limit_on_globe(sizes, GROWTH)
             factor *= np.sqrt(4 * np.pi * ((sizes**-2).mean(axis=1) @ weights) / n)
         return GlobePicture.padded(((sizes.min() / sizes) ** 4).astype(np.float32))
 
@@ -222,6 +222,12 @@ class Scaled:
             parts = [part.for_cells(n) if isinstance(part, GlobePicture) else part for part in density.parts]
             return Scaled(Refined(tuple(parts)))
         return Scaled(density.for_cells(n)) if isinstance(density, GlobePicture) else self
+
+
+def limit_on_globe(sizes: NDArray[np.float64], growth: float) -> None:
+    """Lower sizes in an image of the globe until they grow by no more than `growth` for each radian."""
+    latitudes = np.pi * (0.5 - (np.arange(len(sizes)) + 0.5) / len(sizes))
+    limit_growth(sizes, growth * np.pi / len(sizes), growth * np.pi / len(sizes) * np.cos(latitudes), around=True)
 
 
 def _row_weights(height: int) -> NDArray[np.float64]:

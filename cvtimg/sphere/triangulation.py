@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,10 +28,6 @@ Triangles = NDArray[np.int32]
 LEAST_DISTANCE = 1e-7
 #: How far from the unit sphere points may be given.
 _OFF_THE_SPHERE = 1e-6
-#: Least height of the tetrahedron to start from: points that are nearer to one plane have no inside.
-_LEAST_HEIGHT = 1e-13
-#: Points of the first round of insertion; each further round has about twice as many.
-_FIRST_ROUND = 64
 #: Flips at most for each triangle; sound input needs about one.
 _MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
@@ -47,7 +42,7 @@ class SphereTriangulation(HalfEdges):
         self._firsts: NDArray[np.int32] | None = None
         if triangles is None:
             self.points = np.ascontiguousarray(points)
-            self._insert_all()
+            self._build()
         else:
             super().__init__(points, triangles.copy())
             check_that("triangles", self.is_closed, "cover the sphere")
@@ -61,14 +56,14 @@ class SphereTriangulation(HalfEdges):
         self.points, self._arcs = points, arcs
         n_wrong = counted(partial(_sphere.find_wrong, self, arcs, wrong), len(arcs))
         if n_wrong and not _sphere.flip(self, arcs, wrong, self.first_edges(), _MOST_FLIPS * len(self.triangles)):
-            self._insert_all()
+            self._build()
         return True
 
     def replace(self, points: Points) -> None:
         """Move all points anywhere: what flips cannot follow is built anew."""
         if not self.move(points):
             self.points = np.ascontiguousarray(points)
-            self._insert_all()
+            self._build()
 
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
@@ -120,24 +115,16 @@ class SphereTriangulation(HalfEdges):
         arcs = np.empty(self.triangles.shape)
         return arcs, counted(partial(_sphere.fill_half_arcs, points, self.triangles, arcs), len(arcs))
 
-    def _insert_all(self) -> None:
-        """Insert all points; the work is on a copy along a curve, so that neighbors are near in memory."""
+    def _build(self) -> None:
+        """Triangulate all points; the work is on a copy along a curve, so that neighbors are near in memory."""
         self._arcs = self._firsts = None
         curve = along_curve(self.points).astype(np.int32)
-        points = self.points[curve]
-        four = _four_apart(points)
-        order = _insertion_order(len(points), four)
-        made = HalfEdges(points, *np.empty((2, 2 * len(points) - 4, 3), np.int32))
-        n = _sphere.insert(made, order, points[four].mean(axis=0), LEAST_DISTANCE**2, _MOST_FLIPS * len(points))
-        filled = made.triangles[: 2 * n - 4]
-        squares = by_rows(lambda ends: ((points[ends] - points[np.roll(ends, 1, axis=1)]) ** 2).sum(axis=2), filled)
-        if n < len(points) or squares.min() < LEAST_DISTANCE**2:
-            _refuse_near(self.points)
+        triangles = _hull(self.points[curve])
         # By the least vertex, which becomes the first: neighbors are near in memory, as vertices are.
-        triangles = made.triangles[np.argsort(made.triangles.min(axis=1), kind="stable")]
+        triangles = triangles[np.argsort(triangles.min(axis=1), kind="stable")]
         turns = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
         triangles = np.take_along_axis(triangles, turns, axis=1)
-        self.twins = find_twins(triangles, len(points))
+        self.twins = find_twins(triangles, len(self.points))
         self.triangles = curve[triangles]
 
 
@@ -223,44 +210,24 @@ def unit(vectors: Points) -> Points:
     return vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
 
 
-def _refuse_near(points: Points) -> NoReturn:
-    from scipy.spatial import cKDTree
+def _hull(points: Points) -> Triangles:
+    """Return the triangles (T, 3) of the convex hull of points, counterclockwise from outside."""
+    from scipy.spatial import ConvexHull, QhullError, cKDTree
 
     gaps, near = cKDTree(points).query(points, 2)
     first, second = sorted(near[gaps[:, 1].argmin()].tolist())
-    raise ValueError(
-        f"points {first} and {second} must be at least {LEAST_DISTANCE:g} apart, not {gaps[:, 1].min():.2g}"
-    )
-
-
-def _four_apart(points: Points) -> NDArray[np.int32]:
-    """Return four points far apart, of which the first three are counterclockwise from outside."""
-    a = 0
-    b = int(np.argmin(points @ points[a]))
-    along = points[b] - points[a]
-    beside = np.cross(points - points[a], along)
-    c = int(np.einsum("ij,ij->i", beside, beside).argmax())
-    normal = np.cross(along, points[c] - points[a])
-    heights = (points - points[a]) @ normal
-    d = int(np.abs(heights).argmax())
-    check_that("points", abs(heights[d]) > _LEAST_HEIGHT * np.linalg.norm(normal), "not be all on one circle")
-    if heights[d] > 0:
-        b, c = c, b
-    return np.array([a, b, c, d], np.int32)
-
-
-def _insertion_order(n: int, four: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Order points along a curve by random rounds, each about twice as long as the one before.
-
-    N. Amenta, S. Choi, G. Rote, Incremental constructions con BRIO, Proc. Symposium on Computational Geometry (2003)
-    211-219, doi 10.1145/777792.777824.
-    """
-    n_rounds = max(int(np.log2(n / _FIRST_ROUND)), 0) + 1
-    rounds = np.minimum(np.random.default_rng(0).geometric(0.5, n), n_rounds).astype(np.uint8)
-    rounds[four] = n_rounds + 1
-    order = np.argsort(n_rounds + 1 - rounds, kind="stable").astype(np.int32)
-    order[:4] = four
-    return order
+    apart = f"be at least {LEAST_DISTANCE:g} apart, not {gaps[:, 1].min():.2g}"
+    check_that(f"points {first} and {second}", gaps[:, 1].min() >= LEAST_DISTANCE, apart)
+    try:
+        hull = ConvexHull(points)
+    except QhullError as error:
+        raise ValueError("points must not be all on one circle") from error
+    check_that("points", len(hull.vertices) == len(points), "be farther apart, or not nearly all on one circle")
+    triangles = np.ascontiguousarray(hull.simplices, np.int32)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    triangles[inward] = triangles[inward, ::-1]
+    return triangles
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
-from cvtimg.sphere._sphere import limit_growth
 from cvtimg.sphere.densities import (
     GROWTH,
     GlobePicture,
@@ -19,6 +18,7 @@ from cvtimg.sphere.densities import (
     check_center,
     check_globe,
     fibonacci,
+    limit_on_globe,
     to_radians,
 )
 from cvtimg.sphere.geodesic import nearest_twelve
@@ -195,7 +195,7 @@ def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
     table = check_globe("width", np.atleast_2d(np.array(width, np.float64)))
     check_that("width", bool((np.isfinite(table) & (table > 0)).all()), "be finite and > 0 km everywhere")
     sizes = np.ascontiguousarray(table)
-    limit_growth(sizes, GROWTH * EARTH_RADIUS)
+    limit_on_globe(sizes, GROWTH * EARTH_RADIUS)
     picture = GlobePicture.padded(sizes.astype(np.float32))
     return lambda points: picture(points).astype(np.float64)
 
