@@ -28,10 +28,6 @@ cdef extern from "cell_moments.h" nogil:
     void add_triangle(const half_edges *mesh, const double *metric, int32_t t, c_sums *sums)
 
 cdef extern from "quality.h" nogil:
-    void move_vertices(
-        half_edges *mesh, double *points, const uint8_t *fixed, double *steps, int32_t n_vertices, int32_t n_triangles,
-        double *least, uint8_t *is_late,
-    )
     void smooth_vertex(half_edges *mesh, double *place, int32_t vertex, int power)
     bint step_to_even(
         const half_edges *mesh, const double *worth, int32_t vertex, const double *tangent, double mean, double share,
@@ -76,23 +72,6 @@ def sum_cells(mesh, const double[:, ::1] metric):
         for t in range(n_triangles):
             add_triangle(&c_mesh, &metric[0, 0], t, &sums)
     return sums.energy, np.asarray(inertia), np.asarray(pull)
-
-
-def move(mesh, const uint8_t[::1] fixed, double[:, ::1] steps):
-    """Move vertices by steps (N, 2), or by parts of them where a triangle would turn over; steps become those made.
-
-    `fixed` (N,) is 1 for vertices that stay, and 2 for those that are moved whole or not at all.
-    """
-    cdef half_edges c_mesh = with_borders(mesh)
-    cdef double[:, ::1] points = mesh.points
-    cdef int32_t n_triangles = <int32_t>len(mesh.triangles)
-    cdef double[::1] least = np.empty(n_triangles)
-    cdef uint8_t[::1] is_late = np.empty(points.shape[0], np.uint8)
-    with nogil:
-        move_vertices(
-            &c_mesh, &points[0, 0], &fixed[0], &steps[0, 0], <int32_t>points.shape[0], n_triangles, &least[0],
-            &is_late[0],
-        )
 
 
 def even(mesh, const double[::1] worth, const uint8_t[::1] fixed, double[:, ::1] steps, double mean, double share):
@@ -169,25 +148,3 @@ def locate(mesh, const double[:, ::1] places, int32_t[::1] found):
             for k in range(3):
                 shares[i, k] = share[k]
     return np.asarray(shares)
-
-
-def limit_along_edges(
-    double[::1] sizes,             # INOUT (N,)
-    const int32_t[:, ::1] edges,   # IN (E, 2)
-    const double[::1] growths,     # IN (E,): how much sizes may grow along each
-):
-    """Lower sizes to what neighbors allow, over all edges forth and back. Return whether any changed."""
-    cdef Py_ssize_t e, n = edges.shape[0]
-    cdef bint changed = False
-    cdef int32_t a, b
-    with nogil:
-        for e in range(2 * n):
-            a = edges[e if e < n else 2 * n - 1 - e, 0]
-            b = edges[e if e < n else 2 * n - 1 - e, 1]
-            if sizes[b] > sizes[a] + growths[e if e < n else 2 * n - 1 - e]:
-                sizes[b] = sizes[a] + growths[e if e < n else 2 * n - 1 - e]
-                changed = True
-            elif sizes[a] > sizes[b] + growths[e if e < n else 2 * n - 1 - e]:
-                sizes[a] = sizes[b] + growths[e if e < n else 2 * n - 1 - e]
-                changed = True
-    return changed

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg.meshes.outlines import Outline, StraightParts, cross
-from cvtimg.meshes.triangulation import FIXED, FREE, PlaneTriangulation
+from cvtimg.meshes.triangulation import PlaneTriangulation
 
 Points = NDArray[np.float64]
 Values = NDArray[np.float64]
@@ -37,7 +37,7 @@ def keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
     steps = np.zeros_like(mesh.points)
     steps[moved] = chords.feet[moved] - mesh.points[moved]
     for _ in range(_ROUNDS if len(moved) else 0):
-        mesh.move(steps, np.where(free, FREE, FIXED).astype(np.uint8))
+        mesh.move(steps, free)
         shares = np.where(n_free > 0, chords.cut_off(mesh.points) / np.maximum(n_free, 1), 0)
         along = mesh.points[after] - mesh.points[before]
         widths = 2 * (shares[into[moved]] + shares[out[moved]]) / (along**2).sum(axis=1)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles
 from cvtimg._shared.extras import shapely
-from cvtimg.halfedges import TriangleMeasures, boundary_edges, measure_triangles
+from cvtimg.halfedges import TriangleMeasures, measure_triangles
 from cvtimg.placement import PolygonRegion
 from cvtimg.placement.cells import measure_cells
 
@@ -87,7 +87,7 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
     places, corners = places[used], inverse.reshape(-1, 3).astype(np.int32)
     each = measure_triangles(places, corners)
     check_have_area("triangles", each.areas)
-    domain = shapely.union_all(_boundary_polygons(places, corners))
+    domain = shapely.coverage_union_all(shapely.polygons(places[corners]))
     cells = measure_cells(places, PolygonRegion(domain))
     return MeshMeasures(
         h=cells.h,
@@ -102,12 +102,3 @@ def measure_mesh(points: ArrayLike, triangles: ArrayLike) -> MeshMeasures:
         mean_quality=float(each.qualities.mean()),
         below_30=float((each.least_angles < 30).mean()),
     )
-
-
-def _boundary_polygons(points: Points, triangles: NDArray[np.int32]) -> list[object]:
-    """Polygons that cover a mesh: its rings, where they are nested, as a polygon with holes."""
-    rings = shapely.get_parts(shapely.polygonize(shapely.linestrings(points[boundary_edges(triangles)])))
-    # Faces between rings: those that hold the middle of a triangle are inside.
-    tree = shapely.STRtree(rings)
-    middles = shapely.points(points[triangles].mean(axis=1))
-    return list(rings[np.unique(tree.query(middles, predicate="intersects")[1])])

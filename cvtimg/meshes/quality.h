@@ -1,12 +1,10 @@
-/* Moves that keep triangles from turning over, and moves that make them more equilateral. */
+/* Moves of vertices that make edges even, or triangles more equilateral. */
 #ifndef CVTIMG_QUALITY_H
 #define CVTIMG_QUALITY_H
 
 #include "delaunay.h"
 
-/* A move is halved so often before it is given up, */
-#define HALVINGS 5
-/* while it would leave a triangle with less than this part of its area. */
+/* No move leaves a triangle with less than this part of its area. */
 #define LEAST_AREA_LEFT 0.1
 /* Making edges even must not flatten triangles: this part of the sum of their squared sides is twice the area of half as
  * good a triangle as an equilateral one. */
@@ -59,61 +57,6 @@ static int gets_flat(const struct half_edges *mesh, const int32_t *around, int n
             return 1;
     }
     return 0;
-}
-
-/* Move a vertex by `step`, or a part of it if it does not slide along a border; `step` becomes what it was moved by. */
-static void move_vertex(struct half_edges *mesh, double *place, int32_t vertex, int slides, double *step)
-{
-    int32_t around[MOST_AROUND];
-    int n = slides ? fan_of(mesh, vertex, around) : ring_of(mesh, vertex, around);
-    double part = 1, old[2] = {place[0], place[1]};
-
-    for (int halving = 0; n && halving < (slides ? 1 : HALVINGS); halving++, part /= 2) {
-        double there[2] = {old[0] + part * step[0], old[1] + part * step[1]};
-        if (!keeps_area(mesh, around, n, old, there))
-            continue;
-        step[0] *= part, step[1] *= part;
-        place[0] = there[0], place[1] = there[1];
-        return;
-    }
-    step[0] = step[1] = 0;
-}
-
-/* Move vertices by their steps; those of triangles that would keep too little area go back, and are moved one after
- * the other then, as far as they can. Those marked 1 in `fixed` stay, and those marked 2 are moved whole or not at all.
- * Scratch: `least` for each triangle, `is_late` for each vertex. */
-static void move_vertices(struct half_edges *mesh, double *points, const uint8_t *fixed, double *steps,
-                          int32_t n_vertices, int32_t n_triangles, double *least, uint8_t *is_late)
-{
-    int goes_back = 1;
-
-    for (int32_t t = 0; t < n_triangles; t++)
-        least[t] = LEAST_AREA_LEFT * twice_area_of(mesh, t);
-    for (int32_t i = 0; i < n_vertices; i++) {
-        is_late[i] = fixed[i] == 2;
-        for (int axis = 0; axis < 2; axis++) {
-            steps[2 * i + axis] = fixed[i] == 1 ? 0 : steps[2 * i + axis];
-            points[2 * i + axis] += fixed[i] ? 0 : steps[2 * i + axis];
-        }
-    }
-    while (goes_back) {
-        goes_back = 0;
-        for (int32_t t = 0; t < n_triangles; t++) {
-            if (twice_area_of(mesh, t) > least[t])
-                continue;
-            for (int k = 0; k < 3; k++) {
-                int32_t i = mesh->vertices[3 * t + k];
-                if (is_late[i] || fixed[i])
-                    continue;
-                is_late[i] = goes_back = 1;
-                points[2 * i] -= steps[2 * i];
-                points[2 * i + 1] -= steps[2 * i + 1];
-            }
-        }
-    }
-    for (int32_t i = 0; i < n_vertices; i++)
-        if (is_late[i])
-            move_vertex(mesh, points + 2 * i, i, fixed[i] == 2, steps + 2 * i);
 }
 
 /* What a triangle a b c costs, and how that changes with a: a power of (sum of squared sides) / (4 3^(1/2) area), which

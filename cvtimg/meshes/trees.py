@@ -13,7 +13,6 @@ from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
-from cvtimg.meshes import _meshes
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline, StraightParts
 from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
@@ -27,8 +26,6 @@ _SIDE = 0.7
 _FIRST_LEVEL, _LAST_LEVEL = 6, 24
 #: More cells need more memory than machines have.
 _MOST_CELLS = 1 << 23
-#: Sweeps along edges at most, until no size changes.
-_SWEEPS = 500
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,14 +114,15 @@ class TreeField:
 
 def limited_along_edges(mesh: HalfEdges, sizes: NDArray[np.float64], grade: float) -> NDArray[np.float64]:
     """Return sizes (N,) lowered until they grow by no more than `grade` for each unit of length along edges."""
-    edges = mesh.edges[mesh.twins.ravel() < np.arange(mesh.twins.size)]
-    growths = grade * np.linalg.norm(np.subtract(*mesh.points[edges.T]), axis=1)
-    order = np.argsort(np.minimum(*sizes[edges.T]), kind="stable")
-    edges, growths, sizes = np.ascontiguousarray(edges[order]), growths[order], sizes.copy()
-    for _ in range(_SWEEPS):
-        if not _meshes.limit_along_edges(sizes, edges, growths):
-            break
-    return sizes
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    # The least sum of a size and of the growth from there is the shortest way from a place beside the mesh.
+    n, (a, b) = len(sizes), mesh.edges[mesh.twins.ravel() < np.arange(mesh.twins.size)].T
+    growths = grade * np.linalg.norm(mesh.points[a] - mesh.points[b], axis=1)
+    ways = np.concatenate([growths, growths, sizes])
+    ends = np.concatenate([a, b, np.full(n, n)]), np.concatenate([b, a, np.arange(n)])
+    return np.asarray(dijkstra(coo_array((ways, ends), (n + 1, n + 1)).tocsr(), indices=n)[:n])
 
 
 def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:

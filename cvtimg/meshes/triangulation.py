@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from cvtimg._shared.extras import optional
 from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
-from cvtimg.meshes.outlines import StraightParts
+from cvtimg.meshes.outlines import StraightParts, cross
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
 
 #: Flips at most, for each triangle: in a metric that varies, flips might never end.
 _MOST_FLIPS = 20
+#: No move leaves a triangle with less than this part of its area; it is halved this often before it is given up.
+_LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
 #: How vertices move.
 FREE, FIXED, SLIDES = 0, 1, 2
 
@@ -92,14 +94,25 @@ class PlaneTriangulation(HalfEdges):
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
         return _meshes.sum_cells(self, metric)
 
-    def move(self, steps: Points, fixed: NDArray[np.uint8] | None = None) -> Points:
+    def move(self, steps: Points, moving: NDArray[np.bool_] | None = None, *, whole: bool = False) -> Points:
         """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done.
 
-        Those in `fixed` (N,) stay, if that is given, instead of those on borders.
+        Those that are `moving` (N,) do, by default the free ones; if asked by the whole step or not at all.
         """
-        done = steps.copy()
-        _meshes.move(self, self.fixed if fixed is None else fixed, done)
-        return done
+        part = np.where(self.fixed == FREE if moving is None else moving, 1.0, 0.0)[:, None]
+        least = _LEAST_AREA_LEFT * self._areas(self.points)
+        while True:
+            bad = self.triangles[self._areas(self.points + part * steps) < least]
+            if not part[bad].any():
+                break
+            part[bad] = np.where((part[bad] > 0.5**_HALVINGS) & (not whole), part[bad] / 2, 0)
+        self.points += part * steps
+        return part * steps
+
+    def _areas(self, points: Points) -> NDArray[np.float64]:
+        """Return twice the areas of triangles between points (N, 2)."""
+        a, b, c = (points[self.triangles[:, k]] for k in range(3))
+        return cross(b - a, c - a)
 
     def even(self, metric: Points, lines: StraightParts | None = None, share: float = 1.0) -> None:
         """Move vertices so that the edges at each, above all the worst, get nearer to the mean length in a metric.
@@ -114,7 +127,7 @@ class PlaneTriangulation(HalfEdges):
         _meshes.even(self, worth, self.fixed, steps, mean, share)
         if lines is not None:
             steps[sliding] = lines.feet(self.points[sliding] + steps[sliding]) - self.points[sliding]
-            _meshes.move(self, np.maximum(self.fixed, FIXED), steps)
+            self.move(steps, self.fixed == SLIDES, whole=True)
 
     def smooth(self, power: int, among: NDArray[np.bool_] | None = None) -> None:
         """Move vertices, or some of them (N,), so that triangles around get more equilateral, above all the worst."""

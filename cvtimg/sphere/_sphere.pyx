@@ -22,7 +22,6 @@ cdef extern from "delaunay.h" nogil:
     )
 
 cdef extern from "dual_cells.h" nogil:
-    void circumcenter(const half_edges *mesh, int32_t t, double *center)
     bint half_arcs(const half_edges *mesh, int32_t t, double *arcs)
     void uniform_moment(const half_edges *mesh, const double *arcs, int32_t first, double *moment)
     void weighted_moment(
@@ -82,15 +81,6 @@ def flip(mesh, double[:, ::1] arcs, uint8_t[::1] wrong, int32_t[::1] firsts, Py_
             &c_mesh, &arcs[0, 0], should_flip, update_arcs, &stack[0], &wrong[0], depth, most,
         )
     return n_flips <= most
-
-
-def fill_circumcenters(mesh, double[:, ::1] centers, Py_ssize_t start, Py_ssize_t stop):
-    """Compute the centers (T, 3) of circumscribed caps: unit vectors."""
-    cdef half_edges c_mesh = seen(mesh)
-    cdef int32_t t
-    with nogil:
-        for t in range(<int32_t>start, <int32_t>stop):
-            circumcenter(&c_mesh, t, &centers[t, 0])
 
 
 def sum_uniform(

@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.growth import limit_growth
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
+from cvtimg._shared.growth import limit_growth
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
 
 Points = NDArray[np.float64]

@@ -8,20 +8,6 @@
 #define SMALL 0.02
 #define HALF_CIRCLE 3.14159265358979323846
 
-/* The circumcenter of a triangle: the unit normal of its plane. */
-static void circumcenter(const struct half_edges *mesh, int32_t t, double *center)
-{
-    int32_t first = 3 * t;
-    const double *a = origin3(mesh, first);
-    double u[3], v[3], normal[3];
-    subtract3(u, origin3(mesh, next_edge(first)), a);
-    subtract3(v, origin3(mesh, last_edge(first)), a);
-    cross3(normal, u, v);
-    double scale = 1 / sqrt(dot3(normal, normal));
-    for (int k = 0; k < 3; k++)
-        center[k] = scale * normal[k];
-}
-
 /* atan2(y, x) where x > 0 is often much larger than |y|. */
 static inline double angle_of(double y, double x)
 {

@@ -67,9 +67,7 @@ class SphereTriangulation(HalfEdges):
 
     def circumcenters(self) -> Points:
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
-        centers = np.empty(self.triangles.shape)
-        in_parts(partial(_sphere.fill_circumcenters, self, centers), len(centers), WORK * len(centers))
-        return centers
+        return circumcenters(self.points, self.triangles)
 
     def uniform_moments(self) -> Points:
         """Integrate x over each cell, exactly: (N, 3)."""
@@ -203,6 +201,12 @@ def counted(kernel: Callable[[int, int], int], n_items: int) -> int:
     counts: list[int] = []
     in_parts(lambda start, stop: counts.append(kernel(start, stop)), n_items, WORK * n_items)
     return sum(counts)
+
+
+def circumcenters(points: Points, triangles: Triangles) -> Points:
+    """Return the unit normals (T, 3) of triangles."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return unit(np.cross(b - a, c - a))
 
 
 def unit(vectors: Points) -> Points:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg.halfedges import find_twins, half_edges_out
-from cvtimg.sphere.triangulation import unit
+from cvtimg.sphere.triangulation import circumcenters, unit
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -96,8 +96,7 @@ def measure(points: Values, around: Connectivity) -> Geometry:
     triangles = around.cells_on_vertex
 
     def of_triangles(triangles: Indices) -> tuple[Values]:
-        a, b, c = (points[triangles[:, k]] for k in range(3))
-        return (unit(np.cross(b - a, c - a)),)
+        return (circumcenters(points, triangles),)
 
     def of_edges(cells: Indices, ends: Indices) -> tuple[Values, ...]:
         first, second = points[cells[:, 0]], points[cells[:, 1]]
