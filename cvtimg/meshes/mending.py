@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg.halfedges import measure_triangles
+from cvtimg.halfedges import EdgeTable, measure_triangles
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.triangulation import FREE, Borders, PlaneTriangulation
@@ -89,7 +89,8 @@ def _refined(
 ) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
-    They are the circumcenters of bad triangles; where one is in the circle over a border edge, that is split instead.
+    They are the circumcenters of bad triangles; where one is in the circle over a border edge, or beyond it, that is
+    split instead.
     """
     from scipy.spatial import cKDTree
 
@@ -99,6 +100,7 @@ def _refined(
     may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1)
     near = cKDTree(middles).query_ball_point(centers, halves.max())
     found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
+    way_out = EdgeTable(ends, len(mesh.points)).find(mesh.edges[3 * found + (shares.argmin(axis=1) + 1) % 3])
     split, added = np.zeros(len(ends), bool), np.zeros(len(bad), bool)
     taken = dropped.copy()
     for k, triangle in enumerate(mesh.triangles[bad]):
@@ -106,7 +108,9 @@ def _refined(
             continue
         hit = np.array(near[k], np.intp)
         hit = hit[np.linalg.norm(middles[hit] - centers[k], axis=1) < halves[hit]]
-        added[k] = not len(hit) and shares[k].min() > 0 and radii[k] > shortest
+        if shares[k].min() <= 0 and not len(hit):
+            hit = way_out[k : k + 1]
+        added[k] = not len(hit) and radii[k] > shortest
         hit = hit[may_split[hit]]
         split[hit] = True
         if added[k] or len(hit):
