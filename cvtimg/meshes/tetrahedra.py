@@ -322,13 +322,13 @@ def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
 
 def normals(corners: Points) -> Points:
     """Return the normals (..., 3) of triangles (..., 3, 3), twice as long as their areas are large."""
-    return _cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
 def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
     """Return three times the radius of the ball in each tetrahedron (T,) by that of the one around it."""
     u, v, w = np.moveaxis(points[cells[:, 1:]] - points[cells[:, :1]], 1, 0)
-    sides = _cross(u, v), _cross(v, w), _cross(w, u)
+    sides = np.cross(u, v), np.cross(v, w), np.cross(w, u)
     faces = sum(np.linalg.norm(side, axis=1) for side in (*sides, sum(sides)))
     squares = ((w * w).sum(axis=1), (u * u).sum(axis=1), (v * v).sum(axis=1))
     around = np.linalg.norm(sum(square[:, None] * side for square, side in zip(squares, sides, strict=True)), axis=1)
@@ -350,7 +350,7 @@ def _least_angles(corners: Points) -> Values:
 def _cosines(corners: Points) -> tuple[Points, Values]:
     """Return the cosines (..., 6) of dihedral angles, by the normals of the faces, and six times the volumes (...)."""
     u, v, w = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2, 3))
-    normals = [_cross(v, w), _cross(w, u), _cross(u, v)]
+    normals = [np.cross(v, w), np.cross(w, u), np.cross(u, v)]
     volumes = np.einsum("...i,...i", normals[2], w)
     normals.insert(0, -(normals[0] + normals[1] + normals[2]))
     lengths = [np.maximum(np.sqrt(np.einsum("...i,...i", normal, normal)), 1e-300) for normal in normals]
@@ -358,12 +358,6 @@ def _cosines(corners: Points) -> tuple[Points, Values]:
     products = [np.einsum("...i,...i", normals[i], normals[j]) / (lengths[i] * lengths[j]) for i, j in pairs]
     cosines = -np.stack(products, axis=-1)
     return np.clip(cosines, -1, 1), volumes
-
-
-def _cross(u: Points, v: Points) -> Points:
-    """Return the cross product; numpy.cross is slower."""
-    (a, b, c), (x, y, z) = np.moveaxis(u, -1, 0), np.moveaxis(v, -1, 0)
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def label_faces(

@@ -238,9 +238,8 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
         check_in_range("n", n, n <= _EFFORT.most_per_voxel * volume, f"at most {_EFFORT.most_per_voxel} for each voxel")
         spacing = (volume * _EFFORT.per_volume / n) ** (1 / 3)
         levels = _VoxelLevels(voxels, spacing)
-        _with_volumes(levels, _spacing_for(levels, spacing, n))  # which moves the surfaces
         spacing = _spacing_for(levels, spacing, n)
-    filling = _with_volumes(levels, spacing)
+    filling = stuff(levels, levels.low, levels.high, spacing)
     points = widened(filling.points, filling.cells, spacing)
     points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
     found = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
@@ -275,7 +274,7 @@ def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
 
 
 class _VoxelLevels:
-    """Smoothed signed distances to the surfaces of labels, with offsets by which volumes are met."""
+    """Smoothed signed distances to the surfaces of labels."""
 
     def __init__(self, voxels: NDArray[np.integer[Any]], reach: float) -> None:
         from scipy import ndimage
@@ -296,7 +295,6 @@ class _VoxelLevels:
             self._corners.append(np.array([side.start for side in box]) - self._margin + 0.5)
             thick = bool((self._fields[-1] < 0).any())
             check_that(f"label {self.tags[number]} of labels", thick, "have parts at least three voxels thick")
-        self.offsets = np.zeros(len(self.tags))
         inner = np.argwhere(numbers > 0)
         self.low, self.high = inner.min(axis=0)[::-1] - 1.0, inner.max(axis=0)[::-1] + 2.0
 
@@ -322,19 +320,7 @@ class _VoxelLevels:
         from scipy.ndimage import map_coordinates
 
         at = (points[:, ::-1] - self._corners[number]).T
-        return map_coordinates(self._fields[number], at, order=1, mode="nearest") + self.offsets[number]
-
-
-def _with_volumes(levels: _VoxelLevels, spacing: float) -> Filling:
-    """Fill labels with tetrahedra, and move the surfaces between them until they have the volumes of the labels."""
-    for _ in range(_EFFORT.volume_rounds):
-        found = stuff(levels, levels.low, levels.high, spacing)
-        heights, is_near = _heights(found.points, found.cells, found.labels, levels.wanted)
-        if is_near:
-            break
-        # A surface moves by half the difference of the offsets on both sides of it.
-        levels.offsets -= np.clip(2 * heights, -0.4 * spacing, 0.4 * spacing)
-    return found
+        return map_coordinates(self._fields[number], at, order=1, mode="nearest")
 
 
 def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spacing: float) -> Points:

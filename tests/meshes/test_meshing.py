@@ -445,9 +445,9 @@ def test_too_few_vertices_for_a_jagged_border_are_warned_of() -> None:
     far = np.fft.irfft(np.append(0, waves), 2 * k)
     coast = (1 + 0.4 * far / np.abs(far).max())[:, None] * ring(2 * k)
     with pytest.warns(
-        UserWarning, match=r"the border needs more than n=80 vertices: the least angle is \d\.\d degrees"
+        UserWarning, match=r"the border needs more than n=70 vertices: the least angle is \d\.\d degrees"
     ):
-        mesh_region(coast, n=80, effort="fast")
+        mesh_region(coast, n=70, effort="fast")
 
 
 @pytest.mark.parametrize("middle", [0.0, 180.0])
