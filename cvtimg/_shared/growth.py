@@ -25,7 +25,8 @@ def limit_growth(sizes: NDArray[Any], across: float, along: ArrayLike, *, around
     height, width = sizes.shape
     steps = np.broadcast_to(along, height)
     pad = width if around else 1
-    number, mode = np.arange(width + 2 * pad), "wrap" if around else "edge"
+    number = np.arange(width + 2 * pad)
+    mode: Any = "wrap" if around else "edge"
     changed = True
     while changed:
         changed = False

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
-from cvtimg.halfedges._halfedges import find_twins as find_twins
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
@@ -69,6 +68,20 @@ def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:
 def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges between n points."""
     return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
+
+
+def find_twins(triangles: NDArray[np.integer[Any]], n: int) -> Triangles:
+    """Return the half-edge (T, 3) that leads back along each one; -1 for none, or where an edge has more than two."""
+    edges = edges_around(triangles)
+    keys = edge_keys(edges, n)
+    order = np.argsort(keys, kind="stable")
+    same = np.diff(keys[order]) == 0
+    alone = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
+    pairs = np.stack([order[:-1], order[1:]], axis=1)[alone]
+    pairs = pairs[edges[pairs[:, 0], 0] == edges[pairs[:, 1], 1]]
+    twins = np.full(len(edges), -1, np.int32)
+    twins[pairs] = pairs[:, ::-1]
+    return twins.reshape(-1, 3)
 
 
 class EdgeTable:

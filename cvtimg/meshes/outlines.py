@@ -274,35 +274,25 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     pairs = cKDTree(points).query_pairs(ON_LINE * outline.diameter, output_type="ndarray")
     for a, b in pairs[(points[pairs[:, 0]] != points[pairs[:, 1]]).any(axis=1)].tolist():
         raise ValueError(f"fixed has points {a} and {b}, nearer to each other than 1e-9 of the region's diameter")
-    alone = []
-    lines, own = list(outline.lines), list(range(len(outline.lines)))
-    for point in np.unique(points, axis=0):
-        place = shapely.Point(point)
-        gaps = shapely.distance([shapely.LineString(line) for line in lines], place)
-        nearest = int(gaps.argmin())
-        if gaps[nearest] > ON_LINE * outline.diameter:
-            check_that(f"fixed has {point.tolist()} and", outline.contains(point[None])[0], "be in the region")
-            alone.append(point)
-            continue
-        parts = _cut_at(lines[nearest], point)
-        lines[nearest : nearest + 1] = parts
-        own[nearest : nearest + 1] = [own[nearest]] * len(parts)
+    points, parts = np.unique(points, axis=0), StraightParts.of(outline.lines)
+    first, share = parts.nearest(points)
+    is_on = np.linalg.norm(parts.feet(points) - points, axis=1) <= ON_LINE * outline.diameter
+    alone = points[~is_on]
+    for point in alone:
+        check_that(f"fixed has {point.tolist()} and", outline.contains(point[None])[0], "be in the region")
+    lines: list[Points] = []
+    own: list[int] = []
+    for number, line in enumerate(outline.lines):
+        here = np.flatnonzero(is_on & (parts.of_line[first] == number))
+        here = here[np.argsort(first[here] + share[here])]
+        segment = first[here] - np.searchsorted(parts.of_line, number)
+        is_old = (points[here, None] == line[segment[:, None] + [0, 1]]).all(axis=2).any(axis=1)
+        new = np.insert(line, segment[~is_old] + 1, points[here[~is_old]], axis=0)
+        cuts = np.flatnonzero((new[:-1, None] == points[here]).all(axis=2).any(axis=1))
+        lines += split_line(new, cuts)
+        own += [number] * (len(lines) - len(own))
     areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
     about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
     cut = Outline.of(lines, outline.sides[own], *about)
     cut = cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]]))
-    return cut, np.array(alone).reshape(-1, 2)
-
-
-def _cut_at(line: Points, point: Points) -> list[Points]:
-    """Cut a line at a point that lies on it."""
-    if (line[[0, -1]] == point).all(axis=1).any():
-        return [line]
-    starts, steps = line[:-1], np.diff(line, axis=0)
-    along = np.clip(((point - starts) * steps).sum(axis=1) / (steps**2).sum(axis=1), 0, 1)
-    segment = int(np.linalg.norm(starts + along[:, None] * steps - point, axis=1).argmin())
-    rest = line[segment + 1 :]
-    if (rest[0] == point).all() and len(rest) > 1:
-        rest = rest[1:]
-    first, second = np.vstack([line[: segment + 1], point]), np.vstack([point, rest])
-    return [first, second]
+    return cut, alone
