@@ -3,13 +3,12 @@
 Prints for each way of stippling the PSNR and the error of tones after a blur by the distance of dots, in linear light,
 and processor seconds; the length and seconds of tours; and the PSNR of mosaics beside the means of SLIC superpixels.
 
-    python benchmarks/stippling.py [--quick] [--parts stippling tours mosaics million]
+    python benchmarks/stippling.py [--quick] [--parts stippling tours mosaics]
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
 import time
 from functools import partial
 from typing import Any
@@ -141,16 +140,5 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     return float(-10 * np.log10(((a.astype(np.float64) - b) ** 2).mean() / 255**2))
 
 
-def million(given: argparse.Namespace) -> Rows:
-    """Stipple the large photograph by a million dots."""
-    path = DATA / "large" / "Futuristic.jpg"
-    if given.quick or not path.exists():
-        return []
-    image = cvtimg.read_image(path)
-    result, seconds = timed(partial(cvtimg.stipple, image, 1_000_000, tones="true"), time.process_time)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    return [{"dots": len(result), "pixels": image.shape[0] * image.shape[1], "s": seconds, "GB": memory}]
-
-
 if __name__ == "__main__":
-    run(parser(__doc__), stippling, tours, mosaics, million)
+    run(parser(__doc__), stippling, tours, mosaics)

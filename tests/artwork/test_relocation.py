@@ -7,8 +7,7 @@ import pytest
 
 import cvtimg
 from cvtimg.artwork import tilings
-from cvtimg.artwork.tilings import division_gains, paint, relocate, removal_costs
-from cvtimg.placement import pixel_labels
+from cvtimg.artwork.tilings import division_gains, paint, removal_costs
 
 SAMPLES = Path(__file__).parents[2] / "sample_images"
 
@@ -37,18 +36,6 @@ def test_the_gain_of_a_division_is_that_of_two_halves(turned):
     center, half = ([5, 20], [0, 10]) if turned else ([20, 5], [10, 0])
     assert middles[0] == pytest.approx(center)
     assert np.abs(offsets[0]) == pytest.approx(half, abs=0.05)
-
-
-def test_points_leave_flat_parts_for_detail():
-    rng = np.random.default_rng(0)
-    image = np.full((64, 128, 1), 0.5, np.float32)
-    image[:, 64:] = np.kron(rng.random((8, 8)), np.ones((8, 8)))[:, :, np.newaxis]
-    points = rng.uniform((0, 0), (128, 64), (100, 2))
-    moved_points, moved = relocate(image, points, paint(image, pixel_labels((64, 128), points), 100))
-    assert len(moved) > 0
-    changed = np.flatnonzero((moved_points != points).any(axis=1))
-    assert set(changed) == set(moved)
-    assert (moved_points[:, 0] > 64).sum() > (points[:, 0] > 64).sum()
 
 
 def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):

@@ -44,16 +44,6 @@ def test_threads_change_neither_dots_nor_their_tour(monkeypatch: pytest.MonkeyPa
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
 
 
-def test_dots_of_density_1_minus_gray_would_miss_the_tones() -> None:
-    # What others do: the number of dots follows the root of their density.
-    coverage = ink_coverage(RAMP) * np.float32(0.6)
-    thirds = np.array_split(coverage.sum(axis=0), 4)
-    wanted = np.array([third.sum() for third in thirds]) / coverage.sum()
-    result = stipple(RAMP, 2000, max_ink=0.6, tones="true")
-    found = np.histogram(result.points[:, 0], 4, (0, 160))[0] / 2000
-    assert np.abs(found - wanted).max() < 0.01
-
-
 def test_light_stripes_beside_dark_ones_keep_their_tone() -> None:
     coverage = np.float32(0.6) * ink_coverage(STRIPES)
     light = coverage[0] < 0.3
@@ -89,18 +79,6 @@ def test_an_image_without_ink_has_no_dots() -> None:
     assert len(result) == 0
     assert len(result.order) == 0
     assert result.draw().min() == 255
-
-
-@pytest.mark.parametrize("dots", DOTS)
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (6, 5)])
-def test_one_dot_and_as_many_as_pixels(dots: str, size: tuple[int, int]) -> None:
-    image = np.zeros(size, np.uint8)
-    for n_dots in {1, size[0] * size[1]}:
-        result = stipple(image, n_dots, dots=dots)
-        assert len(result) == n_dots
-        assert (result.points >= 0).all()
-        assert (result.points <= size[::-1]).all()
-        assert sorted(result.order) == list(range(n_dots))
 
 
 def test_light_on_dark_paper_is_the_negative() -> None:

@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,13 +16,6 @@ def tour_length(points: np.ndarray, order: np.ndarray) -> float:
 def test_a_tour_visits_each_point_once_wherever_they_are(n_points: int, seed: int, n_places: int) -> None:
     points = np.random.default_rng(seed).integers(0, n_places, (n_points, 2)).astype(np.float64)
     assert sorted(find_tour(points)) == list(range(n_points))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_few_points_are_toured_nearly_as_briefly_as_can_be(seed: int) -> None:
-    points = np.random.default_rng(seed).random((7, 2))
-    least = min(tour_length(points, np.array(order)) for order in permutations(range(7)))
-    assert tour_length(points, find_tour(points)) < 1.1 * least
 
 
 def test_a_tour_of_many_points_is_within_a_tenth_of_the_shortest() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvtimg.engine.methods import Stopping, Watch
+from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms
 from cvtimg.placement.descent import lloyd
 
@@ -66,25 +66,3 @@ def test_a_projection_holds_after_every_move(method: str, moments: PixelMoments)
     end = DESCENTS[method](moments, first, Terms(Stopping(0, 50), project=onto_a_line))
     assert (end.generators[:10, 1] == 30).all()
     assert end.energies[-1] < end.energies[0]
-
-
-@pytest.mark.parametrize("method", DESCENTS)
-def test_cells_without_mass_are_refilled(method: str) -> None:
-    density = np.zeros((40, 40), np.float32)
-    density[:10, :10] = 1
-    points = np.random.default_rng(0).random((30, 2)) * 40
-    end = DESCENTS[method](PixelMoments(density), points, Terms(LONG))
-    assert (end.moments.masses > 0).all()
-
-
-def test_a_callback_stops_with_the_best_so_far(moments: PixelMoments) -> None:
-    seen: list[float] = []
-
-    def stop(step: int, energy: float) -> bool:
-        seen.append(energy)
-        return step == 3
-
-    end = lloyd(moments, start(20), Terms(LONG, watch=Watch(stop)))
-    assert len(seen) == 4
-    assert end.energies == tuple(seen)
-    assert not end.converged

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 
 from cvtimg import place_generators
 from cvtimg.placement import Box, ImplicitRegion, PixelMoments, as_region
@@ -31,14 +30,8 @@ def sampled(density: Any) -> Callable[[], Any]:
         (placed(None, density=1.0), "region=None needs an image as density"),
         (placed(CUBE, metric=0.5), r"metric=0\.5 must be >= 1"),
         (placed(fixed=[[0.5, 0.5], [0.5, 0.5 + 1e-12]]), "fixed must be .* apart: number 1, .*, lies on number 0"),
-        (placed(CUBE, fixed=[[0.5] * 3] * 2), "fixed must be at least .* apart: number 1, .*, lies on number 0"),
-        (placed(MASK, fixed=[[1, 1]] * 2), "fixed must be at least .* apart: number 1"),
         (placed(fixed=np.zeros((5, 2))), "fixed must have fewer than n_generators=5, not 5"),
-        (placed(on_boundary="all"), "on_boundary='all' must be one of auto"),
-        (placed(method="newton"), "method='newton' must be one of"),
-        (placed(effort="huge"), "effort='huge' must be one of"),
         (placed(density=lambda p: 0 * p[:, 0]), "density must not be 0 everywhere in the region"),
-        (placed(fixed=[[np.nan, 0]]), "fixed must be finite"),
         (placed(density="dense"), "density of type str must be a number, an image or a function"),
         (lambda: as_region(np.zeros((3, 3), bool)), "mask must be True somewhere: the region is empty"),
         (lambda: as_region([[0, 0], [1, 1]]), r"a ring of shape \(2, 2\) must be \(N, 2\)"),
@@ -52,21 +45,15 @@ def sampled(density: Any) -> Callable[[], Any]:
         ),
         (lambda: as_region([[0, 0], [1, 1], [2, 2]]), "a Polygon of area 0 must be"),
         (lambda: as_region({"type": "Point", "coordinates": [0, 0]}), r"GeoJSON types=\['Point'\] must be"),
-        (lambda: as_region(shapely.Point(0, 0)), "a Point of area 0 must be a polygon"),
         (lambda: as_region(3), "region of type int must be a Region"),
         (lambda: ImplicitRegion(lambda p: np.ones(len(p)), [0, 0], [1, 1]), "function must be <= 0 .* region is empty"),
         (lambda: Box(1, 1), r"lower=\[1\.0\] must be less than upper=\[1\.0\]"),
         (lambda: Box([0, 0], [1e200, 1]), r"upper - lower=.* must be in 1e-60"),
-        (lambda: Box([0, 0], [1e-200, 1]), r"upper - lower=.* must be in 1e-60"),
         (sampled(0), "density=0.0 must be a finite number > 0"),
-        (sampled([[1, np.nan]]), "density must be finite: it contains NaN"),
         (sampled([[1, -1]]), r"density in -1\.\.1 must be finite and >= 0"),
         (sampled(lambda p: p[:, 0] - 10), r"density at \[0\.\d+, 0\.\d+\]=-9\.\d+ must be finite and >= 0"),
-        (sampled(lambda p: p[:, 0] * np.nan), r"density at \[.*\]=nan must be finite"),
         (sampled(lambda p: 1.0), r"density returned shape \(\) and must return \(10,\)"),
         (lambda: PixelMoments(np.zeros((3, 3))), "density must not be 0 everywhere"),
-        (lambda: PixelMoments([1, 2, 3]), r"density of shape \(3,\) must be \(H, W\)"),
-        (lambda: PixelMoments([[1]])([[0, 0, 0]]), r"points of shape \(1, 3\) must be \(N, 2\)"),
     ],
 )
 def test_wrong_arguments_are_named(make: Callable[[], Any], message: str) -> None:

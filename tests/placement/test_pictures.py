@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from cvtimg import place_generators
 from cvtimg.placement import PixelMoments
-from cvtimg.placement.pictures import draw_along_curve, enlarge, split_generators
+from cvtimg.placement.pictures import draw_along_curve, enlarge
 
 Y, X = np.mgrid[:90, :120]
 WAVES = (1 + np.sin(X / 9) * np.cos(Y / 13)) * (X > 20)
@@ -62,12 +62,6 @@ def test_fixed_generators_come_first_and_stay() -> None:
     assert len(placement.points) == 1200
 
 
-def test_the_same_seed_gives_the_same_bits() -> None:
-    first, again, other = (place_generators(None, 200, density=WAVES, rng=seed).points for seed in (1, 1, 2))
-    assert (first == again).all()
-    assert not (first == other).all()
-
-
 def test_generators_are_in_about_the_order_of_a_curve() -> None:
     points = place_generators(None, 4000, density=WAVES).points
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -80,14 +74,6 @@ def test_a_start_has_equal_parts_along_the_curve() -> None:
     places = draw_along_curve(np.ones((64, 64), np.float32), 1024, rng)
     counts = np.histogram2d(places[:, 1], places[:, 0], 8, [[0, 64]] * 2)[0]
     assert (counts == 16).all()
-
-
-def test_children_stand_around_their_parent() -> None:
-    parents = np.array([[0.0, 0], [6, 0], [0, 6], [6, 6]])
-    children = split_generators(parents, 15)
-    assert children.shape == (15, 2)
-    assert (cKDTree(parents).query(children)[1] == np.arange(15) // 4).all()
-    np.testing.assert_allclose(children[:4].mean(axis=0), parents[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("factor", [2, 4])

@@ -16,7 +16,7 @@ Image = NDArray[Any]
 
 def drawing(rng: np.random.Generator) -> tuple[Image, dict[str, Any]]:
     """Return a smooth drawing with dark parts at its frame, and what to make of it."""
-    height, width = rng.integers(12, 90, 2)
+    height, width = np.maximum(rng.integers(-8, 90, 2), 1)
     rows, columns = np.mgrid[:height, :width]
     light = np.full((height, width), 250.0)
     for _ in range(5):
