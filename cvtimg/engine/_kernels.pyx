@@ -154,30 +154,6 @@ def accumulate(
                 &tiles[t, 0, 0], dims, &density[t * LANES], &labels[t * LANES], &sums[0, 0])
 
 
-def measure_rows(
-    const sample_t[:, ::1] rows,      # IN (N, D)
-    const double[::1] weights,        # IN (N,)
-    const double[:, ::1] places,      # IN (K, D)
-    const int32_t[::1] labels,        # IN (N,)
-    double[:, ::1] moments,           # INOUT (K, D + 2): += weight times (row - place, 1, |row - place|^2), by label
-):
-    cdef Py_ssize_t dims = rows.shape[1], n, d
-    cdef double step, square
-    cdef const double *place
-    cdef double *cell
-    with nogil:
-        for n in range(rows.shape[0]):
-            place = &places[labels[n], 0]
-            cell = &moments[labels[n], 0]
-            square = 0
-            for d in range(dims):
-                step = <double>rows[n, d] - place[d]
-                square = square + step * step
-                cell[d] += weights[n] * step
-            cell[dims] += weights[n]
-            cell[dims + 1] += weights[n] * square
-
-
 def descend_sets(
     const real[:, :, ::1] tiles,     # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)

@@ -272,16 +272,10 @@ class RowMoments(NamedTuple):
         cls, rows: NDArray[Any], weights: NDArray[np.float64], places: NDArray[np.float64], labels: NDArray[np.int32]
     ) -> RowMoments:
         """Sum over (N, D) rows by their labels."""
-        slices = _fixed_parts(-(-len(rows) // _kernels.TILE))
-        parts = np.zeros((len(slices), len(places), places.shape[1] + 2))
-
-        def measure(start: int, stop: int) -> None:
-            for (_, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
-                _kernels.measure_rows(rows[ends], weights[ends], places, labels[ends], part)
-
-        in_parts(measure, len(parts), work=3 * rows.size)
-        total = parts.sum(axis=0)
-        return cls(total[:, -2].copy(), total[:, :-2].copy(), total[:, -1].copy())
+        points = pack(rows, weights, frame=Frame(np.zeros(rows.shape[1]), 1.0), exact=True)
+        padded = np.pad(labels, (0, len(points.density) - len(labels)))
+        masses, sums = cell_moments(points, padded, len(places))
+        return cls(masses, sums - masses[:, None] * places, cell_energies(points, places, padded))
 
     def about(self, places: NDArray[np.float64], moves: NDArray[np.float64]) -> RowMoments:
         """Return the moments about other places, which are short moves from those of these moments."""
