@@ -84,42 +84,32 @@ def pack_tiles(
 
 def assign(
     const real[:, :, ::1] tiles,       # IN (n_tiles, D, LANES)
+    const real[:, :, ::1] boxes,       # IN (n_tiles, 2, D): least and greatest coordinates of each tile
+    const real[:, ::1] columns,        # IN (D, width): generators, filled up with 1e18 to a multiple of LANES; or None
     const real[:, ::1] generators,     # IN (K, D)
     const real[::1] half_norms,        # IN (K,): |generator|^2 / 2
     int32_t[::1] labels,                # OUT (n_tiles * LANES,): nearest generator, the lowest index on a tie
     real[::1] gaps,                     # OUT (n_tiles * LANES,) or None: how much farther the second is, squared
 ):
-    cdef Py_ssize_t n_tiles = tiles.shape[0], t
+    """Find the nearest generators; with columns, D <= MAX_GROUPED_DIMS, faster where tiles have points that are near."""
+    cdef Py_ssize_t n_tiles = tiles.shape[0], t = 0
     cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
+    cdef bint grouped = columns is not None
+    cdef const real *column = &columns[0, 0] if grouped else NULL
+    cdef Py_ssize_t width = columns.shape[1] if grouped else 0
     cdef real *gap = NULL if gaps is None else &gaps[0]
     with nogil:
-        for t in range(n_tiles):
-            search[sizeof(real) == 8].one(
-                &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
-                gap + t * LANES if gap != NULL else NULL)
-
-
-def assign_grouped(
-    const real[:, :, ::1] tiles,       # IN (n_tiles, D, LANES), D <= MAX_GROUPED_DIMS
-    const real[:, :, ::1] boxes,       # IN (n_tiles, 2, D): least and greatest coordinates of each tile
-    const real[:, ::1] columns,        # IN (D, width): generators, filled up with 1e18 to a multiple of LANES
-    const real[:, ::1] generators,     # IN (K, D)
-    const real[::1] half_norms,        # IN (K,)
-    int32_t[::1] labels,                # OUT (n_tiles * LANES,)
-    real[::1] gaps,                     # OUT (n_tiles * LANES,) or None
-):
-    """Assign as `assign` does, faster where the points of a tile are near each other."""
-    cdef Py_ssize_t n_tiles = tiles.shape[0], width = columns.shape[1], t
-    cdef int dims = tiles.shape[1], n_generators = generators.shape[0]
-    cdef real *gap = NULL if gaps is None else &gaps[0]
-    with nogil:
-        t = 0
         while t < n_tiles:
-            search[sizeof(real) == 8].group(
-                &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, &columns[0, 0], width,
-                &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
-                gap + t * LANES if gap != NULL else NULL)
-            t += TILES_IN_GROUP
+            if grouped:
+                search[sizeof(real) == 8].group(
+                    &tiles[t, 0, 0], &boxes[t, 0, 0], <int>min(n_tiles - t, TILES_IN_GROUP), dims, column, width,
+                    &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
+                    gap + t * LANES if gap != NULL else NULL)
+            else:
+                search[sizeof(real) == 8].one(
+                    &tiles[t, 0, 0], dims, &generators[0, 0], &half_norms[0], n_generators, &labels[t * LANES],
+                    gap + t * LANES if gap != NULL else NULL)
+            t += TILES_IN_GROUP if grouped else 1
 
 
 def assign_next(
@@ -187,11 +177,7 @@ def descend_sets(
                     if k >= n_locked and sums[s, k, dims] > 0.5 * lightest:
                         for d in range(dims):
                             generators[s, k, d] = sums[s, k, d] / sums[s, k, dims]
-                    norm = 0
-                    for d in range(dims):
-                        single[k, d] = <real>generators[s, k, d]
-                        norm = norm + <double>single[k, d] * single[k, d]
-                    half_norms[k] = <real>(0.5 * norm) if real is float else 0
+                    _set_place(single, half_norms, k, &generators[s, k, 0])
                 total = 0
                 if real is double:
                     sums[s] = 0
@@ -555,12 +541,7 @@ cdef inline void _round(
     const double[:, ::1] means, double mass, Py_ssize_t k, bint locked, real[:, ::1] single, real[:, ::1] scalars
 ) noexcept nogil:
     """Set the mean of a cell, half its squared norm and the inverse of its mass in single precision."""
-    cdef double norm = 0
-    cdef Py_ssize_t d
-    for d in range(means.shape[1]):
-        single[k, d] = <real>means[k, d]
-        norm = norm + <double>single[k, d] * single[k, d]
-    scalars[0, k] = <real>(0.5 * norm) if real is float else 0
+    _set_place(single, scalars[0], k, &means[k, 0])
     scalars[1, k] = <real>(0 if locked else 1 / max(mass, 1e-12))
 
 

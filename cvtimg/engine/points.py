@@ -213,17 +213,13 @@ def assign(points: Points, generators: NDArray[np.float64], gaps: NDArray[Any] |
     places, half_norms = _for_kernels(points, generators)
     labels = np.empty(len(points.density), np.int32)
     grouped = points.n_dims <= _kernels.MAX_GROUPED_DIMS and len(places) >= GROUPED_FROM
-    if grouped:
-        columns = np.full((points.n_dims, -(-len(places) // _kernels.TILE) * _kernels.TILE), 1e18, places.dtype)
-        columns[:, : len(places)] = places.T
+    columns = np.full((points.n_dims, -(-len(places) // _kernels.TILE) * _kernels.TILE), 1e18, places.dtype)
+    columns[:, : len(places)] = places.T
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
-        own = places, half_norms, labels[ends], None if gaps is None else gaps[ends]
-        if grouped:
-            _kernels.assign_grouped(points.tiles[part], points.boxes[part], columns, *own)
-        else:
-            _kernels.assign(points.tiles[part], *own)
+        own = columns if grouped else None, places, half_norms, labels[ends], None if gaps is None else gaps[ends]
+        _kernels.assign(points.tiles[part], points.boxes[part], *own)
 
     # With many generators only some dozens are compared with each point, after a look at all for each few tiles.
     n_compared = GROUPED_FROM + len(places) // 16 if grouped else len(places)
