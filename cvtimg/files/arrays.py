@@ -43,13 +43,12 @@ def load_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else.
 
-    A file without a tag, as older versions wrote them, is accepted if it has arrays of all the names.
     Those named `later`, which older versions did not write, may be missing.
     """
     wanted = f"cvtimg {kind} {version}"
     try:
         with local_copy(path) as copy, copy.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            tag = str(stored[_TAG]) if _TAG in stored else wanted
+            tag = str(stored[_TAG]) if _TAG in stored else "file without a tag"
             wanted_names = [*names, *(name for name in later if name in stored)]
             found = {name: stored[name] for name in wanted_names} if tag == wanted else {}
     except OSError:

@@ -68,13 +68,6 @@ def test_a_sample_of_many_more_rows_is_worth_the_best_search(effort: Any, beyond
     assert search.effort_beyond(search.EFFORTS[effort], 1000, 1000) == search.EFFORTS[effort]
 
 
-def test_each_generator_is_the_mean_of_its_cell() -> None:
-    result = tessellate(blocks(weights=None), 4, effort="best")
-    labels = result.labels.compute()
-    for k in range(4):
-        np.testing.assert_allclose(result.generators[k], ROWS[labels == k].mean(axis=0), rtol=1e-4, atol=1e-4)
-
-
 @pytest.mark.usefixtures("small_sample")
 def test_bits_do_not_depend_on_who_works() -> None:
     found = []

@@ -105,12 +105,6 @@ def test_the_default_rule_finds_the_colors_under_noise() -> None:
     assert all(found)
 
 
-def test_the_same_picture_has_the_same_elbow_whatever_its_type() -> None:
-    picture = flat_picture(4, 3, 2)
-    deep = picture.astype(np.uint16) * 257
-    assert auto_count(picture)[0] == auto_count(deep)[0] == auto_count(picture / np.float32(255))[0] == 4
-
-
 def test_the_colors_can_lie_in_other_spaces_and_have_alpha() -> None:
     picture = flat_picture(5, 2, 3)
     assert auto_count(picture, space="lab")[0] == 5
@@ -192,15 +186,6 @@ def blocks(sigma: float) -> NDArray[np.uint8]:
     means = np.array([[30, 90], [150, 210]]).repeat(24, axis=0).repeat(24, axis=1)
     noise = sigma * np.random.default_rng(0).standard_normal(means.shape)
     return np.clip(np.rint(means + noise), 0, 255).astype(np.uint8)
-
-
-@pytest.mark.parametrize(
-    "options", [{"averaging": "before"}, {"averaging": "after"}, {"edge_weight": "auto"}, {"edge_weight": 20.0}]
-)
-def test_curves_of_segments_never_rise(options: dict[str, Any]) -> None:
-    curve = segment_curve(blocks(10), 12, **options)
-    assert (np.diff(curve.energies) <= 0).all()
-    assert [len(generators) <= k for k, generators in enumerate(curve.generators, 1)] == [True] * 12
 
 
 def test_edge_weight_finds_the_number_that_noise_hides() -> None:

@@ -52,13 +52,6 @@ def test_one_move_agrees_with_the_oracle(n_dims: int, dtype: Any, monkeypatch: p
 
 
 @pytest.mark.parametrize("method", DESCENTS)
-@pytest.mark.parametrize("init", SEEDINGS)
-def test_the_energy_never_rises(method: str, init: str, photograph: NDArray[Any]) -> None:
-    energies = np.array(tessellate(color_samples(photograph), 40, method=method, init=init, effort="balanced").energies)
-    assert (np.diff(energies) <= 1e-7 * energies[:-1]).all()
-
-
-@pytest.mark.parametrize("method", DESCENTS)
 def test_the_end_is_a_centroidal_voronoi_tessellation(
     method: str, blobs: tuple[NDArray[Any], NDArray[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,22 +73,6 @@ def test_weights_count_as_repetitions(method: str) -> None:
     repeated = tessellate(np.repeat(rows, density, axis=0), 5, method=method, init=rows[:5])
     np.testing.assert_allclose(weighted.generators, repeated.generators, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(weighted.energy, repeated.energy, rtol=1e-6)
-
-
-def test_types_of_the_same_values_agree(photograph: NDArray[Any]) -> None:
-    rows = photograph.reshape(-1, 3)[::7]
-    expected = tessellate(rows, 10, effort="fast")  # a search might end elsewhere for a last bit
-    for dtype in (np.uint16, np.int64, np.float32, np.float64):
-        result = tessellate(rows.astype(dtype), 10, effort="fast")
-        np.testing.assert_array_equal(result.labels, expected.labels)
-        np.testing.assert_allclose(result.generators, expected.generators, rtol=1e-6)
-
-
-def test_a_far_origin_changes_nothing(blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
-    rows, density = blobs
-    near, far = (tessellate(data, 6, density=density) for data in (rows, rows + 1e6))
-    assert reference.same_partition(near.labels, far.labels) == 1
-    np.testing.assert_allclose(near.energy, far.energy, rtol=1e-6)
 
 
 def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
@@ -193,11 +170,6 @@ def test_wrong_values_in_the_environment_are_named(environment: dict[str, str], 
     with pytest.raises(subprocess.CalledProcessError) as error:
         run("from cvtimg._shared.threads import n_threads; import cvtimg.engine._kernels; n_threads()", **environment)
     assert message in error.value.stderr
-
-
-def test_no_instruction_set_named_is_the_best_of_the_processor() -> None:
-    code = "from cvtimg.engine import _kernels; print(_kernels.simd)"
-    assert run(code, CVTIMG_SIMD="") == run(code, CVTIMG_SIMD="avx512")
 
 
 def test_inputs_stay_as_they_were(blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:

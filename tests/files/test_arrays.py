@@ -43,17 +43,6 @@ def test_another_kind_a_newer_version_and_a_missing_array_are_refused(tmp_path: 
         load_arrays(tmp_path / "none.npz", "list", [])
 
 
-def test_files_without_a_tag_are_read_as_before(tmp_path: Path) -> None:
-    basis = reduced_basis(np.eye(4), 2)
-    parts = {name: getattr(basis, name) for name in basis.__slots__}
-    np.savez(tmp_path / "basis.npz", **{name: np.asarray(part) for name, part in parts.items()})
-    np.testing.assert_array_equal(read_basis(tmp_path / "basis.npz").modes, basis.modes)
-    np.savez(tmp_path / "state.npz", job="a", generators=np.zeros((2, 3)), energies=np.ones(4))
-    state = Checkpoint(tmp_path / "state.npz", "a").load()
-    assert state is not None
-    assert state[1] == [1.0] * 4
-
-
 def test_what_is_saved_at_a_url_is_read_back_from_there() -> None:
     fsspec = pytest.importorskip("fsspec")
     basis, tree = reduced_basis(np.eye(4), 2), segment_hierarchy(np.eye(30))

@@ -130,9 +130,6 @@ def test_fewer_distinct_samples_than_clusters_are_fewer_clusters_and_a_warning()
     assert len(cvt.labels_) == 15
 
 
-# Its place among scikit-learn's tools
-
-
 # Errors
 
 
