@@ -18,7 +18,7 @@ from PIL import GifImagePlugin, Image
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
-from cvtimg.pictures.formats.png import chunk
+from cvtimg.pictures.formats.png_chunks import chunk, chunks_of
 
 _MOST = 0xFFFF  # of two bytes
 
@@ -109,7 +109,7 @@ def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
     number = 0
     for cel, changed, duration in zip(cels, _changes(cels), durations, strict=True):
         box = _box(changed if number else np.ones((height, width), bool))
-        chunks = list(_chunks(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata)))
+        chunks = chunks_of(encode_image(".png", cel.pixels[box.place], palette=cel.palette, metadata=metadata))
         if not number:
             file.write(PNG_MAGIC)
             for name, data in chunks[: [name for name, _ in chunks].index(b"IDAT")]:
@@ -125,14 +125,6 @@ def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], 
             file.write(chunk(b"IDAT", pixels))
         number += 1
     file.write(chunk(b"IEND", b""))
-
-
-def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
-    at = 8
-    while at < len(png):
-        length = int.from_bytes(png[at : at + 4], "big")
-        yield png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
-        at += 12 + length
 
 
 def _seconds(duration: float) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
-from cvtimg.pictures.formats.png import encode_color_png, encode_deep_png, encode_indexed_png, optimized
+from cvtimg.pictures.formats.png import deep_png, indexed, optimized, small_png
 from cvtimg.pictures.formats.tiff import write_tiff
 
 # Modes that Pillow lacks: 16-bit color, and any other arrays.
@@ -150,14 +150,20 @@ def lossless_suffixes() -> list[str]:
 
 def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata, smallest: bool) -> None:
     mode, values, alpha, colors = picture
+    kept = metadata.options(form.name, mode, form.keeps)
     if form.name == "NPY":
         np.save(file, values, allow_pickle=False)
     elif form.name == "PNG" and colors is not None:
-        encode_indexed_png(file, values, colors, metadata.png_chunks(mode), smallest=smallest)
+        images = [indexed(values, colors)]
+        if smallest:  # as gradients and gray photographs are, whose neighbors differ little
+            is_gray = "icc_profile" not in kept and bool((colors[:, :1] == colors[:, 1:3]).all())
+            bands = ([0] if is_gray else [0, 1, 2]) + [3] * int((colors[:, 3:] < 255).any())
+            images.append(Image.fromarray(colors[:, bands[0] if bands == [0] else bands][values]))
+        file.write(small_png(images, **kept))
     elif form.name == "PNG" and smallest and mode in ("L", "RGB", "RGBA"):
-        encode_color_png(file, values, metadata.png_chunks(mode))
+        file.write(small_png([Image.fromarray(values)], **kept))
     elif form.name == "PNG" and mode in _DEEP:
-        encode_deep_png(file, values, metadata.png_chunks(mode))
+        file.write(deep_png(values, **kept))
     elif mode in (*_DEEP, _OTHER):
         given = metadata.options("", mode, ("icc_profile", "dpi"))
         # The predictor (differences of neighbors) makes all of these types smaller; that of floats needs an extra.
@@ -175,8 +181,7 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata,
             extratags=extra_tags(metadata.geo, metadata.nodata),
         )
     else:
-        given = metadata.options(form.name, mode, form.keeps)
-        _by_pillow(picture).save(file, form.name, **form.options, **given)
+        _by_pillow(picture).save(file, form.name, **form.options, **kept)
 
 
 def _by_pillow(picture: _Picture) -> Image.Image:

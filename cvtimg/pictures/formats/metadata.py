@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,8 +12,7 @@ from PIL.ExifTags import IFD, Base
 
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
-from cvtimg.pictures.formats.pixel_size import INCHES, PixelSize
-from cvtimg.pictures.formats.png import chunk
+from cvtimg.pictures.formats.pixel_size import PixelSize
 from cvtimg.pictures.formats.tiff import OF_IMAGEJ, TIFF_MAGICS, describes_pages, scale_of, tags_of, tiff_tags
 from cvtimg.pictures.profiles import kept_profile, profile_space
 
@@ -102,19 +100,6 @@ class Metadata:
             named = [f"{name}={value}" for name, value in self.scale.items() if name in OF_IMAGEJ]
             tags[Base.ImageDescription] = "\n".join(["ImageJ=1.11a", *named, ""]).replace("\u00b5", "\\u00B5")
         return tags
-
-    def png_chunks(self, mode: str) -> bytes:
-        """Return the chunks between the header and the pixels of a PNG."""
-        given = self.options("PNG", mode, ("icc_profile", "dpi", "exif"))
-        chunks = b""
-        if "icc_profile" in given:
-            chunks += chunk(b"iCCP", b"icc\0\0" + zlib.compress(given["icc_profile"]))
-        if "dpi" in given:
-            per_meter = [round(value * INCHES["m"]).to_bytes(4, "big") for value in given["dpi"]]
-            chunks += chunk(b"pHYs", b"".join(per_meter) + b"\1")
-        if "exif" in given:
-            chunks += chunk(b"eXIf", given["exif"].removeprefix(b"Exif\0\0"))
-        return chunks
 
 
 def decode_metadata(file: BinaryIO, *, keep_profile: bool = False) -> Metadata:

@@ -54,7 +54,7 @@ class Described(NamedTuple):
 def without_damage(file: BinaryIO) -> BinaryIO:
     """Return a PNG without the ancillary chunks whose checksum is wrong, as browsers read it, with a warning."""
     damaged, parts, rest = list[tuple[bytes, int, int]](), list[bytes](), 0
-    for name, start, length in _chunks(file):
+    for name, start, length in _places(file):
         if name[:1].islower() and name != b"fdAT":  # pixels, which are checked when they are read
             data = file.read(length)
             if len(data) == length and file.read(4) != struct.pack(">I", zlib.crc32(name + data)):
@@ -73,7 +73,7 @@ def without_damage(file: BinaryIO) -> BinaryIO:
 
 def read_more(file: BinaryIO, image: ImageFile) -> None:
     """Add what Pillow does not read of a PNG to its `info`: cICP as "cicp", and an alpha of 10 at the end of tRNS."""
-    for name, _, length in _chunks(file):
+    for name, _, length in _places(file):
         if name == b"IDAT":
             return
         if name == b"cICP":
@@ -102,7 +102,18 @@ def described(info: Mapping[Any, Any]) -> Described | None:
     return Described(light, matrix)
 
 
-def _chunks(file: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
+def chunk(name: bytes, data: bytes) -> bytes:
+    """Return a chunk with its length and checksum."""
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def chunks_of(png: bytes) -> list[tuple[bytes, bytes]]:
+    """List the names and the data of all chunks."""
+    file = BytesIO(png)
+    return [(name, file.read(length)) for name, _, length in _places(file)]
+
+
+def _places(file: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
     """Yield the name, place and length of each chunk; the file is where its data begin."""
     start = _SIGNATURE
     while True:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import read_image
-from cvtimg.pictures.formats.png import chunk
-from cvtimg.pictures.formats.png_chunks import described
+from cvtimg.pictures.formats.png_chunks import chunk, described
 
 RGB = np.random.default_rng(0).integers(0, 256, (6, 8, 3), np.uint8)
 GAMMA, LINEAR = (chunk(b"gAMA", struct.pack(">I", value)) for value in (45455, 100000))
