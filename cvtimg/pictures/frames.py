@@ -196,7 +196,9 @@ def _cels(
         check_that("images without palettes", eight, "be (H, W), (H, W, 3) or (H, W, 4) uint8")
         return [Cel(image, None) for image in images]
     shared = isinstance(palettes, np.ndarray)
-    each = _alike_palettes([palettes] if isinstance(palettes, np.ndarray) else list(palettes))
+    each = [palettes] if isinstance(palettes, np.ndarray) else list(palettes)
+    if all(palette.ndim == 2 and palette.shape[1] in (3, 4) for palette in each):  # else `check_indexed` rejects them
+        each = [palette[0] for palette in alike([palette[np.newaxis] for palette in each])]
     each *= len(images) if shared else 1  # the same object, which tells a writer that it is shared
     one_each = f"be one for each of the {len(images)} frames, or one array"
     check_that(f"{len(each)} palettes", len(each) == len(images), one_each)
@@ -205,10 +207,3 @@ def _cels(
     colored = indexed_png and not shared  # a PNG holds only one palette
     pairs = zip(images, each, strict=True)
     return [Cel(palette[image], None) if colored else Cel(image, palette) for image, palette in pairs]
-
-
-def _alike_palettes(palettes: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
-    """Convert all palettes to RGBA, or to RGB if all colors are opaque."""
-    if any(palette.ndim != 2 or palette.shape[1] not in (3, 4) for palette in palettes):
-        return palettes  # `check_indexed` rejects them
-    return [palette[0] for palette in alike([palette[np.newaxis] for palette in palettes])]

@@ -274,7 +274,9 @@ def _decode_all(file: BinaryIO) -> _Decoded:
         known = first.compression in tifffile.TIFF.DECOMPRESSORS
         images = []
         if is_plain(tags) and (known or not layout.for_pillow):
-            images = [_in_srgb(finished(page, tags), icc_profile(tags)) for page in _values_of_pages(tiff)]
+            images = [finished(page, tags) for page in _values_of_pages(tiff)]
+            if (icc := icc_profile(tags)) and images[0].dtype == np.uint8 and images[0].shape[2:] in ((), (3,), (4,)):
+                images = [np.array(to_srgb(Image.fromarray(page), icc=icc)) for page in images]
     images = images or _by_pillow(file, numbers)
     if len({(image.shape, image.dtype) for image in images}) > 1:
         raise UnfitContentError("has pages of different sizes or types")
@@ -327,15 +329,6 @@ def _values_of_pages(tiff: tifffile.TiffFile) -> NDArray[Any]:
     return flat[0] if len(flat) == 1 else np.concatenate(flat)
 
 
-def _in_srgb(values: NDArray[Any], icc: bytes | None) -> NDArray[Any]:
-    """Convert 8-bit gray and color with a profile to sRGB; deeper samples are converted elsewhere."""
-    if not icc or values.dtype != np.uint8 or values.shape[2:] not in ((), (3,), (4,)):
-        return values
-    image = Image.fromarray(values)
-    image.info["icc_profile"] = icc
-    return np.array(to_srgb(image))
-
-
 def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
     """Read pages whose samples need conversion: palettes, CMYK, fewer than 8 bits."""
     file.seek(0)
@@ -365,8 +358,9 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
         resolution = pages.pixel_size.dpi if pages.pixel_size else None
         unit = 2 if resolution else None
     described = {"axes": axes + "YX" + "S" * (first.ndim == 3), **(scale if kind else {})}
-    if "C" in axes and len(pages.channels) == shape[axes.index("C")]:
-        described |= _named_channels(kind, pages.channels, axes, shape)
+    if kind and "C" in axes and len(pages.channels) == shape[at := axes.index("C")]:
+        labels = [pages.channels[place[at]] for place in np.ndindex(*shape)]
+        described |= {"Channel": {"Name": list(pages.channels)}} if kind == "ome" else {"Labels": labels}
     dtype = first.dtype if palette is None else np.dtype(np.uint8)
     write_tiff(
         file,
@@ -383,14 +377,6 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
         resolutionunit=unit,
         metadata=described,
     )
-
-
-def _named_channels(kind: str, names: Sequence[str], axes: str, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return what names the channels: a label of each page for ImageJ, and elements for OME."""
-    if kind == "ome":
-        return {"Channel": {"Name": list(names)}}
-    at = axes.index("C")
-    return {"Labels": [names[place[at]] for place in np.ndindex(*shape)]} if kind else {}
 
 
 def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], NDArray[np.int64]]:

@@ -206,21 +206,13 @@ def _read(path: StrPath, form: Form) -> Iterator[Band]:
     with reading(path) as file, tifffile.TiffFile(file) as tiff:
         page = tiff.pages.first
         if _is_plain(page):
-            yield from _read_plain(page, form)
+            form_in_file = page.parent.byteorder + page.dtype.char
+            values = np.memmap(file, form_in_file, "r", page.dataoffsets[0], form.shape)
+            height = band_height(form.shape[1], 1)
+            for top in range(0, form.shape[0], height):
+                yield np.array(values[top : top + height], form.dtype)
         else:
             yield from _read_pieces(page, form)
-
-
-def _read_plain(page: Any, form: Form) -> Iterator[Band]:
-    height, (n_rows, width) = band_height(form.shape[1], 1), form.shape[:2]
-    file = page.parent.filehandle
-    for top in range(0, n_rows, height):
-        n = min(height, n_rows - top)
-        file.seek(page.dataoffsets[0] + top * (page.nbytes // n_rows))
-        flat = file.read_array(
-            page.parent.byteorder + page.dtype.char, n * page.nbytes // n_rows // page.dtype.itemsize
-        )
-        yield flat.reshape(n, width, *form.shape[2:]).astype(form.dtype, copy=False)
 
 
 def _read_pieces(page: Any, form: Form) -> Iterator[Band]:

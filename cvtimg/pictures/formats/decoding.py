@@ -59,7 +59,9 @@ def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> 
     """Decode the current frame or page of a Pillow image."""
     bits = depth(image)  # before load(), which discards the encoding of the file
     image.load()
-    _scale_transparent_color(image, bits)
+    color = image.info.get("transparency")
+    if color is not None and image.format == "PNG" and image.mode == "L" and bits in (2, 4):
+        image.info["transparency"] = color * 255 // (2**bits - 1)  # Pillow scales only the pixels
     if image.mode.startswith(("I", "F")):
         values = np.array(image)
         values = as_samples(values.astype(np.uint16) if bits == 16 else values)
@@ -81,18 +83,9 @@ def depth(image: ImageFile.ImageFile) -> int:
     return {"1": 1, "I": 32, "F": 32}.get(image.mode, 16 if image.mode.startswith("I;16") else 8)
 
 
-def _scale_transparent_color(image: Image.Image, bits: int) -> None:
-    """Scale the transparent color of a PNG to 8 bits; Pillow scales only the pixels."""
-    color = image.info.get("transparency")
-    if image.format != "PNG" or color is None:
-        return
-    if image.mode == "L" and bits in (2, 4):
-        image.info["transparency"] = color * 255 // (2**bits - 1)
-
-
-def to_srgb(image: Image.Image, *, keep_profile: bool = False) -> Image.Image:
+def to_srgb(image: Image.Image, *, keep_profile: bool = False, icc: bytes | None = None) -> Image.Image:
     """Convert an 8-bit image of any mode to L, RGB or RGBA in sRGB; `keep_profile` leaves RGB in its own profile."""
-    icc = image.info.get("icc_profile")
+    icc = icc or image.info.get("icc_profile")
     grey = image.mode in ("1", "L", "LA")
     opaque = "L" if grey else "CMYK" if image.mode == "CMYK" else "RGB"
     mode = "RGBA" if image.has_transparency_data else opaque

@@ -118,7 +118,12 @@ def encoder(
     if palette is not None and not form.lossless:
         lossless = ", ".join(lossless_suffixes())
         raise ValueError(f"{suffix} would lose the colors of the palette; use one of {lossless}")
-    picture = _direct(image, _has_alpha(image, alpha, form)) if palette is None else _indexed(image, palette, form)
+    if palette is None:
+        n_bands = np.shape(image)[2] if np.ndim(image) > 2 else 1
+        by_default = says_alpha(image) or (n_bands == 4 and _OTHER not in form.modes)
+        picture = _direct(image, n_bands > 1 and (by_default if alpha is None else alpha))
+    else:
+        picture = _indexed(image, palette, form)
     mode = picture.mode
     while mode not in form.modes and mode in _WIDER:
         mode = _WIDER[mode]
@@ -193,15 +198,6 @@ def _by_pillow(picture: _Picture) -> Image.Image:
     if picture.colors.shape[1] == 4:
         image.info["transparency"] = int(picture.colors[:, 3].argmin())
     return image
-
-
-def _has_alpha(image: NDArray[Any], alpha: bool | None, form: _Format) -> bool:
-    """Return whether the last band is transparency, by argument, mark of the image, or default of the format."""
-    if np.ndim(image) < 3 or np.shape(image)[2] < 2:
-        return False
-    if alpha is not None:
-        return alpha
-    return says_alpha(image) or (np.shape(image)[2] == 4 and _OTHER not in form.modes)
 
 
 def _direct(image: NDArray[Any], alpha: bool) -> _Picture:

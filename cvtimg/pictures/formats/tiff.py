@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
     import tifffile
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 #: First bytes of TIFF and BigTIFF files, little and big endian.
 TIFF_MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -157,7 +158,7 @@ def count_pages(file: BinaryIO) -> int:
     if start.startswith(TIFF_MAGICS):
         size = max(size, len(main_pages(file)))
         # ImageJ, for large stacks, and MetaMorph store only the first page as a TIFF page.
-        if selected().series or b"ImageJ=" in start or (size == 1 and _first_codes(file) & _OF_METAMORPH):
+        if selected().series or b"ImageJ=" in start or (size == 1 and _OF_METAMORPH.intersection(*_directories(file))):
             import tifffile
 
             file.seek(0)
@@ -168,20 +169,10 @@ def count_pages(file: BinaryIO) -> int:
     return size
 
 
-def _first_codes(file: BinaryIO) -> set[int]:
-    """Return the codes of the tags of the first directory of a TIFF that is no BigTIFF."""
-    file.seek(0)
-    order = "<" if file.read(4)[:2] == b"II" else ">"
-    with suppress(struct.error):
-        file.seek(*struct.unpack(f"{order}I", file.read(4)))
-        (n_entries,) = struct.unpack(f"{order}H", file.read(2))
-        return {code for code, _ in struct.iter_unpack(f"{order}H10s", file.read(12 * n_entries))}
-    return set()
-
-
 def main_series(tiff: tifffile.TiffFile) -> list[tifffile.TiffPageSeries]:
     """List the series of a file, excluding reduced-size copies and masks; only the one that is chosen, if so."""
-    series = [one for one in tiff.series if not is_subordinate(one.keyframe)]
+    kinds = [one.keyframe.aspage().tags.valueof(Base.NewSubfileType, 0) for one in tiff.series]
+    series = [one for one, kind in zip(tiff.series, kinds, strict=True) if not kind & _SUBORDINATE]
     if not (number := selected().series):
         return series
     if number > len(series):
@@ -196,40 +187,35 @@ def check_alone(file: BinaryIO) -> None:
 
 
 def main_pages(file: BinaryIO) -> list[int]:
-    """List the numbers of the pages of a TIFF, excluding reduced-size copies and masks.
+    """List the numbers of the pages of a TIFF, excluding reduced-size copies and masks."""
+    kinds = [directory.get(Base.NewSubfileType) for directory in _directories(file)]
+    return [number for number, kind in enumerate(kinds) if not (isinstance(kind, int) and kind & _SUBORDINATE)]
 
-    `UnfitContentError` says that the chain of pages is circular, of which tifffile makes many pages.
+
+def _directories(file: BinaryIO) -> list[ImageFileDirectory_v2]:
+    """List the directories of the pages of a TIFF, as far as they are complete.
+
+    `UnfitContentError` says that their chain is circular, of which tifffile makes many pages.
     """
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2
+
     file.seek(0)
-    start = file.read(16)
-    order = "<" if start[:2] == b"II" else ">"
-    big = start[2:4] in (b"+\0", b"\0+")
-    count, size_of, pointer = ("Q", 20, "Q") if big else ("H", 12, "I")
-    found: list[int] = []
-    seen: set[int] = set()
+    header = file.read(16)
+    header = header[: 16 if header[:4] in TIFF_MAGICS[2:] else 8]
+    pages: dict[int, ImageFileDirectory_v2] = {}
     with suppress(struct.error, OverflowError, OSError):  # cut off
-        (at,) = struct.unpack_from(order + pointer, start, 8 if big else 4)
-        while at:
-            if at in seen:
-                if len(seen) == 1:  # a single page that points to itself
-                    break
-                raise UnfitContentError("its chain of pages is circular")
+        at = ImageFileDirectory_v2(header).next
+        while at and at not in pages:
             file.seek(at)
-            (n_entries,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
-            # Tags are in ascending order, and no tag in use precedes this one.
-            tag, _, _, kind = struct.unpack_from(f"{order}HH{pointer}I", file.read(size_of))
-            file.seek((n_entries - 1) * size_of, 1)
-            (following,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
-            if not (tag == Base.NewSubfileType and kind & _SUBORDINATE):
-                found.append(len(seen))
-            seen.add(at)
-            at = following
-    return found
-
-
-def is_subordinate(page: Any) -> bool:
-    """Return whether a page is a reduced-size copy or a mask of another page."""
-    return bool(page.aspage().tags.valueof(Base.NewSubfileType, 0) & _SUBORDINATE)
+            page = ImageFileDirectory_v2(header)
+            page.next = -1
+            page.load(file)
+            if page.next == -1:  # cut off
+                break
+            pages[at], at = page, page.next
+        if at in pages and len(pages) > 1:  # a single page may point to itself
+            raise UnfitContentError("its chain of pages is circular")
+    return [*pages.values()]
 
 
 def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
@@ -240,7 +226,12 @@ def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
         return Arrangement("Q", (n_pages,))
     lengths = dict(zip(series[0].axes, series[0].shape, strict=True))
     shape = tuple(lengths[axis] for axis in axes)
-    names = _ome_channels(tiff.ome_metadata or "") if tiff.is_ome else _imagej_channels(tiff, axes, shape)
+    if tiff.is_ome:
+        elements = [*_ome_elements(tiff.ome_metadata or "", "Channel")]
+        is_named = any(one.get("Name") for one in elements)
+        names = tuple(str(one.get("Name") or one.get("ID", "")) for one in elements) if is_named else ()
+    else:
+        names = _imagej_channels(tiff, axes, shape)
     n_channels = lengths.get("C", 1) * lengths.get("S", 1)
     return Arrangement(axes or "Q", shape or (n_pages,), names if len(set(names)) == n_channels else ())
 
@@ -252,12 +243,6 @@ def _imagej_channels(tiff: tifffile.TiffFile, axes: str, shape: tuple[int, ...])
         return ()
     firsts = np.moveaxis(np.arange(len(labels)).reshape(shape), axes.index("C"), -1)
     return tuple(str(labels[number]) for number in firsts.reshape(-1, firsts.shape[-1])[0].tolist())
-
-
-def _ome_channels(description: str) -> tuple[str, ...]:
-    channels = list(_ome_elements(description, "Channel"))
-    named = any(one.get("Name") for one in channels)
-    return tuple(str(one.get("Name") or one.get("ID", "")) for one in channels) if named else ()
 
 
 def _ome_elements(description: str, name: str) -> Iterator[Element]:
@@ -352,18 +337,12 @@ def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
         given = tiff.imagej_metadata or {}
         scale |= {name: given[name] for name in OF_IMAGEJ if name in given}
     elif tiff.is_ome:
-        scale |= _ome_scale(tiff.ome_metadata or "")
-    return scale
-
-
-def _ome_scale(description: str) -> dict[str, Any]:
-    scale: dict[str, Any] = {}
-    for element in islice(_ome_elements(description, "Pixels"), 1):
-        for name in _OF_OME:
-            with suppress(KeyError, ValueError):
-                scale[name] = float(element.attrib[name])
-            if f"{name}Unit" in element.attrib:
-                scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
+        for element in islice(_ome_elements(tiff.ome_metadata or "", "Pixels"), 1):
+            for name in _OF_OME:
+                with suppress(KeyError, ValueError):
+                    scale[name] = float(element.attrib[name])
+                if f"{name}Unit" in element.attrib:
+                    scale[f"{name}Unit"] = element.attrib[f"{name}Unit"]
     return scale
 
 
