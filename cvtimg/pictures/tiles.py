@@ -206,7 +206,7 @@ def _read(path: StrPath, form: Form) -> Iterator[Band]:
     with reading(path) as file, tifffile.TiffFile(file) as tiff:
         page = tiff.pages.first
         if _is_plain(page):
-            form_in_file = page.parent.byteorder + page.dtype.char
+            form_in_file = page.parent.byteorder + form.dtype.char
             values = np.memmap(file, form_in_file, "r", page.dataoffsets[0], form.shape)
             height = band_height(form.shape[1], 1)
             for top in range(0, form.shape[0], height):

@@ -70,8 +70,15 @@ def without_motion(versions: Versions, noise: Doubles, *, moved: bool = False) -
 def without_background(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
-    # most frequent color.
-    background = _commonest_color(versions)
+    # most frequent color: the mean of the fullest of boxes, as many for each channel.
+    boxes, rows = (
+        16,
+        np.concatenate([versions.bands(s)[known] for s, known in enumerate(np.moveaxis(versions.known, 2, 0))]),
+    )
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)[:, :3]
+    number = places @ boxes ** np.arange(places.shape[1])
+    background = rows[number == np.bincount(number).argmax()].mean(axis=0)
     scales = np.repeat((noise[:, None] / _SIDES)[:, :, None], len(background), axis=2).astype(np.float32)
 
     def kept(part: _Part) -> Bools:
@@ -198,15 +205,6 @@ def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Fl
         return np.maximum((noise[version] / _SIDES)[:, None], usual).astype(np.float32)
 
     return np.stack([*side_by_side(scale, range(len(part.values)))])
-
-
-def _commonest_color(versions: Versions, boxes: int = 16) -> Floats:
-    """(C,) mean of the fullest of boxes, so many per channel, over all that is known."""
-    rows = np.concatenate([versions.bands(s)[versions.known[:, :, s]] for s in range(versions.n_versions)])
-    low, high = rows.min(axis=0), rows.max(axis=0)
-    places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)[:, :3]
-    number = places @ boxes ** np.arange(places.shape[1])
-    return rows[number == np.bincount(number).argmax()].mean(axis=0)
 
 
 # --- where the majority of versions cannot tell

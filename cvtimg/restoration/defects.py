@@ -88,7 +88,11 @@ def _impulses(values: NDArray[Any], known: Bools) -> Bools | None:
     alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
     counts = [np.count_nonzero(one) for one in alone]
     # Dithering stands out by a step of its levels, as a rule.
-    if not any(_are_no_steps(apart[one], float(np.max(white - black))) for one in alone if one.any()):
+    span, tails = (
+        np.max(white - black),
+        [(apart[one], *np.quantile(apart[one], (0.1, 0.9))) for one in alone if one.any()],
+    )
+    if not any(np.count_nonzero(own > span / 2) > _ALONE * len(own) or most > 2 * some for own, some, most in tails):
         return None
     n_below = np.count_nonzero(others & (bands < low))
     n_others = n_below, np.count_nonzero(others) - n_below
@@ -101,12 +105,6 @@ def _impulses(values: NDArray[Any], known: Bools) -> Bools | None:
         same = (around == level).sum(axis=0) <= binom.isf(_CHANCE, 8, share)
         hits |= (end & same & (apart > least) & (n > 0)).any(axis=2)
     return hits
-
-
-def _are_no_steps(apart: Floats, span: float) -> bool:
-    """Tell whether values stand out by half of the span of the levels, or by this and that."""
-    some, most = np.quantile(apart, (0.1, 0.9))
-    return bool(np.count_nonzero(apart > span / 2) > _ALONE * len(apart) or most > 2 * some)
 
 
 def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:

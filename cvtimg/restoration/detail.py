@@ -18,7 +18,7 @@ from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Bools, Clipped, Doubles, Floats, Versions, fill, fuse
+from cvtimg.restoration.versions import Bools, Clipped, Floats, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -128,7 +128,13 @@ def _fused(
         weight = known * share / spread
         if is_moved:
             noise = variance * (1 / share + 1 / evidence.trust[0])
-            weight *= _agreeing(values, first, known & first_known, noise)
+            both = known & first_known
+            apart = gaussian_filter(both * np.square(values - first).mean(axis=2), _NEAR)
+            excess = np.maximum(
+                apart / np.maximum(gaussian_filter(both.astype(np.float32), _NEAR), np.float32(1e-3)) - noise, 0
+            )
+            # The variance of noise, as a part of that and of what is not noise.
+            weight *= noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
         sigma = np.sqrt(np.float32(variance / share) * spread)[:, :, None]
         clips = False, False
         if white is not None:
@@ -150,14 +156,6 @@ def _fused(
     for version, share in enumerate(evidence.trust.astype(np.float32)):
         add(version, share)
     return fill(total, weights), weights
-
-
-def _agreeing(one: Floats, other: Floats, known: Bools, noise: float) -> Doubles:
-    """(H, W) weight, 0..1, of a version: the variance of `noise` as a part of that and of what is not noise."""
-    share = gaussian_filter(known.astype(np.float32), _NEAR, axes=(0, 1))
-    apart = gaussian_filter(known * np.square(one - other).mean(axis=2), _NEAR, axes=(0, 1))
-    excess = np.maximum(apart / np.maximum(share, np.float32(1e-3)) - noise, 0)
-    return noise / (noise + _STRICT * excess**2 / (excess + _SURE * noise))
 
 
 def clipped_ends(values: Floats, known: Bools, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
@@ -103,8 +102,10 @@ def that_tell(versions: Versions) -> Versions:
         told = hash((versions.bands(number).tobytes(), inside.tobytes()))
         if (first := seen.setdefault(told, number)) != number:
             reasons.append(f"images[{number}] is a copy of images[{first}] and counts once")
-        elif _is_flat(values[inside]) and not all(
-            _is_flat(other[inside & versions.known[:, :, s]]) for s, other in enumerate(versions.stack)
+        elif not np.ptp(values[inside], axis=0).any() and any(
+            np.ptp(other[inside & versions.known[:, :, s]], axis=0).any()
+            for s, other in enumerate(versions.stack)
+            if (inside & versions.known[:, :, s]).any()
         ):
             reasons.append(f"images[{number}] is of one color where others are not and is left out")
         else:
@@ -113,8 +114,3 @@ def that_tell(versions: Versions) -> Versions:
     if reasons:
         warn("; ".join(reasons))
     return replace(versions, known=known) if reasons else versions
-
-
-def _is_flat(rows: NDArray[Any]) -> bool:
-    """Whether (N, C) values are those of one pixel, or none."""
-    return not len(rows) or bool((rows == rows[0]).all())

@@ -40,6 +40,8 @@ _CLIPPED = (0.3, 0.03)
 _LEFT, _LARGEST = 0.1, 4.0
 #: Gain below which a version is a longer exposure, which knows nothing within the other part of the range from white.
 _LONGER, _NEAR_WHITE = 0.95, 1 / 16
+#: Side, in pixels, of the noise that is drawn.
+_DRAWN = 256
 
 
 def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = None) -> Doubles:
@@ -47,7 +49,12 @@ def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = Non
     n = versions.n_versions
     structure = [*side_by_side(partial(_structure, versions), range(n))]
     powers = [_means(np.square(values), known) for values, known in structure]
-    noisy = noise**2 * _left_of_noise(shared or SharedNoise.white(np.eye(versions.stack[0].shape[2])))
+    shared = shared or SharedNoise.white(np.eye(versions.stack[0].shape[2]))
+    # What is left of such noise, of a picture of its own, in the structure of the mean band.
+    spread, lags = np.zeros((_DRAWN, _DRAWN)), len(shared.autocovariance) // 2
+    spread[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
+    drawn = np.fft.fft2(np.random.default_rng(0).standard_normal(spread.shape)) * np.sqrt(np.abs(np.fft.fft2(spread)))
+    noisy = noise**2 * np.var(_between_blurs(np.fft.ifft2(drawn).real)) / np.diag(shared.bands).mean()
     found = np.zeros((n, n))
     for one, other in combinations(range(n), 2):
         both = structure[one][1] & structure[other][1]
@@ -97,15 +104,6 @@ def _means(values: NDArray[Any], known: Bools) -> Doubles:
     share = uniform_filter(known.astype(np.float64), _SIDE)[windows].ravel()
     sums = uniform_filter(np.where(known, values, 0).astype(np.float64), _SIDE)[windows].ravel()
     return np.divide(sums, share, out=np.full(share.shape, np.nan), where=share >= _KNOWN)
-
-
-def _left_of_noise(shared: SharedNoise, side: int = 256) -> float:
-    """Part of the variance of noise that is left in the structure of the mean band."""
-    noise = np.random.default_rng(0).standard_normal((side, side))
-    mean, lags = np.zeros((side, side)), len(shared.autocovariance) // 2
-    mean[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
-    noise = np.fft.ifft2(np.fft.fft2(noise) * np.sqrt(np.abs(np.fft.fft2(mean)))).real
-    return float(np.var(_between_blurs(noise)) / np.diag(shared.bands).mean())
 
 
 def fitting(

@@ -86,29 +86,24 @@ def merge_versions(
     rank = np.zeros(len(shown) + 1, np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1)
     labels = rank[end.labels]
+    by_version = np.full((len(order), versions.n_versions, int(np.bincount(versions.version_of).max())), np.nan)
+    for version, dtype in enumerate(evidence.placed.dtypes):
+        own = versions.version_of == version
+        places = np.where(end.masses > 0, end.generators, np.nan)[order][:, own]
+        white = peak(dtype) if space != "rgb" else 1.0
+        by_version[:, version, : np.count_nonzero(own)] = from_space(places, space, np.dtype(np.float64)) * white
     return Restoration.of(
         colors[order][labels - 1],
         versions,
         evidence,
         space,
         labels=labels,
-        generators=_by_version(np.where(end.masses > 0, end.generators, np.nan)[order], evidence.placed, space),
+        generators=by_version,
         colors=shown[order],
         edge_weight=cost,
         energies=end.energies,
         converged=end.converged,
     )
-
-
-def _by_version(generators: Doubles, versions: Versions, space: SpaceName) -> Doubles:
-    """(K, S, C) generators in the units of each version, NaN in bands that a version does not have."""
-    n_bands = np.bincount(versions.version_of)
-    apart = np.full((len(generators), versions.n_versions, int(n_bands.max())), np.nan)
-    for version, n in enumerate(n_bands):
-        places = generators[:, versions.version_of == version]
-        white = peak(versions.dtypes[version]) if space != "rgb" else 1.0
-        apart[:, version, :n] = from_space(places, space, np.dtype(np.float64)) * white
-    return apart
 
 
 def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:

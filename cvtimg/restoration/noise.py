@@ -132,8 +132,14 @@ class Noise:
                 if _is_shared(across):
                     across = _mean_of(_covariances(versions, in_place=in_place), ratios)
             shared = shared_noise(versions, in_place=in_place)
-            if not in_place or versions.n_versions == 1:  # what versions in place differ by has it already
-                shared = _with_rounding(shared, versions, variance)
+            pairs = [*zip(versions.roundings, versions.stack, strict=False)]
+            lost = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
+            # What JPEG files have lost is noise, too; what versions in place differ by has it already.
+            if lost and (not in_place or versions.n_versions == 1):
+                own = (shared or SharedNoise.white(variance * np.eye(lost[0].shape[2]))).autocovariance
+                shared = SharedNoise(
+                    own + sum(SharedNoise.of(one).autocovariance for one in lost) / len(versions.dtypes)
+                )
         if _is_shared(across) and (shared is None or np.trace(shared.bands) < np.trace(across)):
             shared = SharedNoise.white(across)  # else texture would give it neighbors
             bands = [np.sqrt(np.diag(across)) * ratio for ratio in ratios]
@@ -154,16 +160,6 @@ def _mean_of(squares: list[Doubles], ratios: Doubles) -> Doubles:
 def _is_shared(covariance: Doubles) -> bool:
     """Tell whether bands share noise of a covariance, (C, C)."""
     return bool(np.tril(covariance, -1).any())
-
-
-def _with_rounding(shared: SharedNoise | None, versions: Versions, white: float) -> SharedNoise | None:
-    """Add to noise, or to its variance if it is white, what versions have lost as JPEG files."""
-    pairs = zip(versions.roundings, versions.stack, strict=False)
-    found = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
-    if not found:
-        return shared
-    own = (shared or SharedNoise.white(white * np.eye(found[0].shape[2]))).autocovariance
-    return SharedNoise(own + sum(SharedNoise.of(lost).autocovariance for lost in found) / versions.n_versions)
 
 
 # --- what noise shows in
@@ -274,7 +270,10 @@ def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
     elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):
         return squares
     else:  # few patches are whole, but there is no texture
-        axes, powers = _by_medians(look.values[look.lost == 0].astype(np.float64))
+        # R. Gnanadesikan, J. R. Kettenring, Biometrics 28 (1972) 81-124, doi 10.2307/2528963, for medians.
+        rows = look.values[look.lost == 0].astype(np.float64)
+        sums, apart = (np.median(np.abs(rows[:, :, None] + sign * rows[:, None]), axis=0) for sign in (1, -1))
+        powers, axes = np.linalg.eigh((sums**2 - apart**2) / (2 * 0.6745) ** 2)
         squares = np.where(np.isfinite(squares), squares, np.median(powers) * np.eye(len(squares)))
     if len(squares) == 1:
         return np.minimum(squares, np.maximum(powers, 0)) if look.has_texture else squares
@@ -283,14 +282,6 @@ def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
     excess = np.maximum(powers - least, 0)
     excess[(excess < (_POWER - 1) * least) | (excess < len(squares) * grain**2)] = 0
     return np.asarray(squares + (axes * excess) @ axes.T)
-
-
-def _by_medians(rows: Doubles) -> tuple[Doubles, Doubles]:
-    """(C, C) axes of bands and (C,) the variance along each of (N, C) rows, some of which have more than noise."""
-    # R. Gnanadesikan, J. R. Kettenring, Biometrics 28 (1972) 81-124, doi 10.2307/2528963.
-    sums, apart = (np.median(np.abs(rows[:, :, None] + sign * rows[:, None]), axis=0) for sign in (1, -1))
-    powers, axes = np.linalg.eigh((sums**2 - apart**2) / (2 * 0.6745) ** 2)
-    return axes, np.maximum(powers, 0)
 
 
 def _flat(patches: Doubles, least: Doubles) -> tuple[Doubles, Doubles]:

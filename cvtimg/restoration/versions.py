@@ -156,7 +156,11 @@ class Versions:
         for band in range(n_bands):
             inside = [values[:, :, band][self.known[:, :, s]] for s, values in enumerate(self.stack)]
             if any(np.ptp(values) > 0 for values in inside if len(values)):
-                equal = (k for k, other in enumerate(chosen) if self._are_equal(band, other))
+                equal = (
+                    k
+                    for k, other in enumerate(chosen)
+                    if all(np.ptp(v[:, :, [band, other]], axis=2).max() == 0 for v in self.stack)
+                )
                 places[band] = next(equal, len(chosen))
                 chosen += [band] if places[band] == len(chosen) else []
         if len(chosen) in (0, n_bands):
@@ -171,9 +175,6 @@ class Versions:
         first = next(s for s in range(self.n_versions) if self.known[:, :, s].any())
         of_one_value = self.stack[first][self.known[:, :, first]][0]
         return np.where(places >= 0, image[:, :, places], of_one_value).astype(np.float32)
-
-    def _are_equal(self, band: int, other: int) -> bool:
-        return all(np.array_equal(values[:, :, band], values[:, :, other]) for values in self.stack)
 
     def cut_off(self, version: int) -> Bools:
         """(H, W, C) values of a version at an end of its levels, where clipping may have taken noise away."""
@@ -373,11 +374,11 @@ def fill(total: Floats, weight: Floats) -> Floats:
 
 
 def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> Any:
-    """Return an image as read from a file; of a JPEG file of such bands, as a Pillow image that has its tables."""
-    found: Any = image
+    """Return an image as read from a file; of a JPEG file, as a Pillow image that has its tables."""
     with suppress(OSError, Image.DecompressionBombError), Image.open(path) as file:
         tables: Any = file
         if Rounding.of(tables):
-            found = Image.fromarray(image)
-            found.quantization, found.layer = tables.quantization, tables.layer
-    return found
+            picture: Any = Image.fromarray(image)
+            picture.quantization, picture.layer = tables.quantization, tables.layer
+            return picture
+    return image
