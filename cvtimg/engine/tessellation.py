@@ -41,6 +41,7 @@ from cvtimg.engine.points import (
     float32_suffices,
     pack,
 )
+from cvtimg.engine.proof import proven
 from cvtimg.engine.samples import Line, WeightedSamples, line_through, pack_in_order
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
@@ -229,7 +230,8 @@ def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
     parts = cell_energies(points, end.generators, labels)
     moments = RowMoments(masses, sums, parts / points.frame.scale / points.frame.scale)
     places = points.frame.outward(end.generators)
-    return _result(end, places, labels[: points.n_points], moments, asked.volume_power, points.frame)
+    result = _result(end, places, labels[: points.n_points], moments, asked.volume_power, points.frame)
+    return proven(result, samples.rows, samples.density, asked.to_nearest)
 
 
 def _tessellate_rows(
@@ -252,7 +254,7 @@ def _tessellate_rows(
             or asked.watch.stopped
             or float32_suffices(points, found.energy * points.frame.scale * points.frame.scale)
         ):
-            return found
+            return proven(found, rows, weights, asked.to_nearest)
         exact = True
 
 
@@ -300,6 +302,11 @@ class _Asked(NamedTuple):
     locked: ArrayLike | None
     rng: np.random.Generator
     watch: Watch
+
+    @property
+    def to_nearest(self) -> bool:
+        """Whether rows end with their nearest generators, and not where a method moved them to."""
+        return not self.volume_power and (self.method is None or self.method in ("lloyd", "macqueen", "probabilistic"))
 
     @property
     def is_free(self) -> bool:

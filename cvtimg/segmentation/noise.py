@@ -21,8 +21,8 @@ _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
 _QUIET = (0.15, 0.35)
 #: The mean of the quiet blocks is this many standard deviations below the mean of all.
 _LESS_IN_QUIET = 0.674
-#: Where more than this share of the second differences are 0, the others are edges: rounded noise of a standard deviation
-#: of 0.2 levels leaves fewer.
+#: Where more than this share of the second differences are 0, the others are edges: rounded noise leaves fewer from a
+#: standard deviation of 0.3 levels.
 _FLAT = 0.5
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78

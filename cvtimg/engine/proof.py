@@ -1,0 +1,39 @@
+"""What must hold of a tessellation and its rows, checked where results prove themselves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvtimg._shared.records import PROVING, Claims, equals, prove
+
+if TYPE_CHECKING:
+    from cvtimg.engine.tessellation import Tessellation
+
+#: The nearest generator is looked for again of this many rows.
+_ROWS = 1024
+#: Generators are as near as each other, and energies the same, within this share.
+_ROUNDING = 1e-6
+
+
+def proven(result: Tessellation, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> Tessellation:
+    """Return a tessellation of (N, D) rows, which is checked if that is asked for; labels if they are the nearest."""
+    if PROVING:
+        prove("Tessellation", _claims(result, rows, density, nearest))
+    return result
+
+
+def _claims(result: Tessellation, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> Claims:
+    labels, generators = result.labels, result.generators
+    yield "masses are sums of the density", equals(result.masses, np.bincount(labels, density, len(generators)))
+    blocks = [slice(start, start + _ROWS) for start in range(0, len(rows), _ROWS)]
+    squares = np.concatenate([np.square(rows[block] - generators[labels[block]]).sum(axis=1) for block in blocks])
+    yield "the energy is that of the labels", equals(result.energy, float(density @ squares), _ROUNDING)
+    if nearest:
+        some = slice(None, None, -(-len(rows) // _ROWS))
+        least = np.full(len(squares[some]), np.inf)
+        for generator in generators:
+            np.minimum(least, np.square(rows[some] - generator).sum(axis=1), out=least)
+        yield "rows have their nearest generators", squares[some] <= least * (1 + _ROUNDING)
