@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -95,6 +95,10 @@ class VolumeMesh(ReadOnly):
     tetrahedra: NDArray[np.int32]
     tags: NDArray[np.int32]
     n_wanted: int | None
+
+    def _claims(self) -> Claims:
+        yield "volumes are positive", volumes(self.points, self.tetrahedra) > 0
+        yield "each vertex is one of a tetrahedron", len(np.unique(self.tetrahedra)) == len(self.points)
 
     @property
     def volume(self) -> float:

@@ -13,7 +13,7 @@ from cvtimg._shared.checks import check_at_least, check_colors, check_count, che
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg._shared.iteration import Callback, Stopping, iterate
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
 from cvtimg.colors.counting import add_samples, coarser, count_picture
@@ -72,6 +72,9 @@ class Palette(ReadOnly):
     tessellation: Tessellation | None
     alpha: bool = False
     tones: NDArray[Any] | None = None
+
+    def _claims(self) -> Claims:
+        yield "colors are distinct", len(np.unique(self.colors, axis=0)) == len(self.colors)
 
     def __repr__(self) -> str:
         """Tell the number of colors, and the first of them, in one line."""

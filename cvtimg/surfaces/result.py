@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_triangles
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, measure_triangles, unique_edges
@@ -114,6 +114,9 @@ class SurfacePoints(ReadOnly):
     energy: float
     offset: float
     n_iter: int
+
+    def _claims(self) -> Claims:
+        yield "masses are not negative", self.masses >= 0
 
     @property
     def qualities(self) -> NDArray[np.float64]:

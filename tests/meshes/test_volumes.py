@@ -91,7 +91,7 @@ def test_points_stay_where_surfaces_would_meet_themselves_and_narrow_tetrahedra_
 
 def test_regular_tetrahedra_have_quality_1() -> None:
     corners = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    mesh = VolumeMesh(corners, np.array([[0, 1, 2, 3]], np.int32), np.ones(1, np.int32), None)
+    mesh = VolumeMesh(corners, np.array([[0, 1, 3, 2]], np.int32), np.ones(1, np.int32), None)
     assert mesh.measures().mean_quality == pytest.approx(1)
     assert mesh.measures().least_angle == pytest.approx(np.degrees(np.arccos(1 / 3)))
     # A corner of a cube: r = 1 / (3 + 3^(1/2)), R = 3^(1/2) / 2.
