@@ -133,7 +133,8 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
     files = _parquet_files(place)
     check_that(place, bool(files), "have at least one .parquet file in it")
     groups = [(file, group) for file in files for group in _row_groups(file)]
-    check_that(place, sum(group.count_rows() for _, group in groups) > 0, "have rows")
+    n_rows = [group.row_groups[0].num_rows for _, group in groups]  # count_rows may be that of the file
+    check_that(place, sum(n_rows) > 0, "have rows")
     names, left_out = list(columns or ()), {}
     if columns is None:
         kinds = {field.name: field.type for field in groups[0][1].physical_schema if field.name != weight}
@@ -147,7 +148,7 @@ def _of_parquet(place: str, columns: Sequence[str] | None, weight: str | None, m
     types = [_type_of(file, group.physical_schema, name) for file, group in groups for name in wanted]
     dtype = np.result_type(*types, *([np.float32] if missing == "drop" else []))
     reads = [partial(_read_group, file, group, wanted, dtype, missing) for file, group in groups]
-    whole = as_blocks(_joined(reads, [group.count_rows() for _, group in groups], (len(wanted),), dtype)).rows
+    whole = as_blocks(_joined(reads, n_rows, (len(wanted),), dtype)).rows
     if weight is None:
         return Blocks(whole, None, None, tuple(names), left_out)
     return Blocks(whole[:, :-1], whole[:, -1].astype(np.float64), None, tuple(names), left_out)
