@@ -35,10 +35,7 @@ class Report:
             raise WrongUsageError("--json and --quiet exclude each other")
         self.as_json, self.quiet = as_json, quiet
         self._columns, self._note = columns, note
-        self.writes_files, self._is_heard = (
-            False,
-            True,
-        )  # whether the run does, and whether someone reads what it prints
+        self.writes_files, self._is_heard = False, True  # whether the run does, and someone reads what it prints
         self.rows: list[Row] = []
         self._counts = {"done": 0, "skipped": 0, "failed": 0}
 
@@ -51,7 +48,9 @@ class Report:
             self.show(row)
 
     def show(self, row: Row) -> None:
-        """Print a completed input at once; a hook for subclasses that print no table at the end."""
+        """Print a completed input at once where there is no table at the end: its text."""
+        if "_text" in row:
+            self.say(row["_text"])
 
     def would_do(self, task: Task) -> None:
         """Print the inputs of a task and its outputs, one a line."""

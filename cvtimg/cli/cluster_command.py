@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
@@ -92,86 +92,57 @@ def told_left_out(left_out: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg.tables.blocked import is_large_table
+    from cvtimg import tessellate
+    from cvtimg.batch.executors import on_cluster_of_task
+    from cvtimg.blocks import open_blocks
+    from cvtimg.tables import Spread, blocked, read_table, write_row_labels
 
-    work = _cluster_in_blocks if is_large_table(task.source) else _cluster_in_memory
-    found = work(task, stopwatch, given)
-    stopwatch.lap("write")
-    result, total = found.result, found.total
-    return {
+    is_large = blocked.is_large_table(task.source)
+    with on_cluster_of_task() if is_large else nullcontext():
+        opened: Any = open_blocks(task.source, **given.read) if is_large else None
+        table = None if is_large else read_table(task.source, **given.read, dialect=given.dialect)
+        spread = Spread.of(table.rows, table.weights) if table else blocked.spread_of(opened)
+        stopwatch.lap("read")
+        scaling = spread.scaling if given.standardize else None
+        samples: Any
+        rows: Any
+        weights: Any
+        if table:
+            samples = rows = scaling.apply(table.rows) if scaling else table.rows
+            weights = table.weights
+        else:
+            samples = blocked.standardized(opened, scaling) if scaling else opened
+            is_sampled = given.number == "auto" or given.silhouette or "--plot" in task.outputs
+            rows, weights = blocked.sample_rows(samples, given.seed) if is_sampled else (None, None)
+        n_generators, curve = _count(given, rows, weights)
+        result = tessellate(samples, n_generators, density=weights if table else None, **given.arguments)
+        stopwatch.lap("cluster")
+        if table is None:
+            n_rows = blocked.write_block_labels(task.output, result.labels, samples, overwrite=given.overwrite)
+        elif given.labels_only or task.output.suffix.lower() != ".csv":
+            write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
+        else:
+            _write_clusters(task, result, table.kept, given)
+        plot(task.outputs.get("--plot"), given, "draw_clusters", rows, result.generators)
+    names, left_out = (table or opened).names, (table or opened).left_out
+    _write_means(task, names, result, scaling, given.overwrite)
+    total = spread.energy(scaling)
+    row = {
         "rows": len(result.labels),
-        "left_out": found.n_rows - len(result.labels),
-        "columns": found.names,
+        "left_out": (len(table.kept) if table else n_rows) - len(result.labels),
+        "columns": names,
         "k": len(result.generators),
-        "elbow": found.curve.elbows() if found.curve else None,
-        **({"verdict": found.curve.verdict} if found.curve else {}),
+        "elbow": curve.elbows() if curve else None,
+        **({"verdict": curve.verdict} if curve else {}),
         "energy": result.energy,
         "explained": max(1 - result.energy / total, 0.0) if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
-        **({"silhouette": found.silhouette} if given.silhouette else {}),
-        **told_left_out(found.left_out),
+        **({"silhouette": _silhouette(rows, result, given, table and result.labels)} if given.silhouette else {}),
+        **told_left_out(left_out),
     }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    """What was found in a table of `n_rows` rows; `total` is the energy about the mean."""
-
-    result: Tessellation
-    names: Sequence[str]
-    n_rows: int
-    total: float
-    curve: EnergyCurve | None
-    left_out: Mapping[str, str]
-    silhouette: float | None
-
-
-def _cluster_in_memory(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
-    from cvtimg import tessellate
-    from cvtimg.tables import Spread, read_table, write_clusters, write_row_labels
-
-    table = read_table(task.source, **given.read, dialect=given.dialect)
-    spread = Spread.of(table.rows, table.weights)
-    stopwatch.lap("read")
-    scaling = spread.scaling if given.standardize else None
-    rows = scaling.apply(table.rows) if scaling else table.rows
-    n_generators, curve = _count(given, rows, table.weights)
-    result = tessellate(rows, n_generators, density=table.weights, **given.arguments)
-    stopwatch.lap("cluster")
-    if given.labels_only or task.output.suffix.lower() != ".csv":
-        write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
-    else:
-        how = {"dialect": given.dialect, "overwrite": given.overwrite}
-        write_clusters(task.output, task.source, result.labels, table.kept, **how)
-    _write_means(task, table.names, result, scaling, given.overwrite)
-    plot(task.outputs.get("--plot"), given, "draw_clusters", rows, result.generators)
-    silhouette = _silhouette(rows, result, given, result.labels)
-    return _Found(result, table.names, len(table.kept), spread.energy(scaling), curve, table.left_out, silhouette)
-
-
-def _cluster_in_blocks(task: Task, stopwatch: Stopwatch, given: Given) -> _Found:
-    from cvtimg import tessellate
-    from cvtimg.batch.executors import on_cluster_of_task
-    from cvtimg.blocks import open_blocks
-    from cvtimg.tables.blocked import sample_rows, spread_of, standardized, write_block_labels
-
-    with on_cluster_of_task():
-        opened = open_blocks(task.source, **given.read)
-        spread = spread_of(opened)
-        stopwatch.lap("read")
-        scaling = spread.scaling if given.standardize else None
-        blocks = standardized(opened, scaling) if scaling else opened
-        rows, weights = sample_rows(blocks, given.seed) if given.number == "auto" else (None, None)
-        n_generators, curve = _count(given, rows, weights)
-        result = tessellate(blocks, n_generators, **given.arguments)
-        stopwatch.lap("cluster")
-        n_rows = write_block_labels(task.output, result.labels, blocks, overwrite=given.overwrite)
-        some = sample_rows(blocks, given.seed)[0] if "--plot" in task.outputs or given.silhouette else None
-        plot(task.outputs.get("--plot"), given, "draw_clusters", some, result.generators)
-    _write_means(task, blocks.names, result, scaling, given.overwrite)
-    silhouette = _silhouette(some, result, given)
-    return _Found(result, blocks.names, n_rows, spread.energy(scaling), curve, opened.left_out, silhouette)
+    stopwatch.lap("write")
+    return row
 
 
 def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
@@ -185,8 +156,6 @@ def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | No
 
 def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = None) -> float | None:
     """Return scikit-learn's mean silhouette of some rows, None if they are of one cluster."""
-    if not given.silhouette:
-        return None
     import numpy as np
     from scipy.spatial.distance import cdist
 
@@ -197,6 +166,12 @@ def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = Non
     some = rows[drawn]
     own = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
     return float(metrics.silhouette_score(some, own)) if 1 < len(np.unique(own)) < len(some) else None
+
+
+def _write_clusters(task: Task, result: Tessellation, kept: Any, given: Given) -> None:
+    from cvtimg.tables import write_clusters
+
+    write_clusters(task.output, task.source, result.labels, kept, dialect=given.dialect, overwrite=given.overwrite)
 
 
 def _write_means(

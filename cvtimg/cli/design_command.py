@@ -39,16 +39,7 @@ def design(given: Given) -> Todo:
     plan = plan_of(given, together=True)
     columns = (*COLUMNS, *MEASURES) if given.measures else COLUMNS
     prints = given.output is None and not given.as_json
-    make = _Runs if prints else Report
-    return planned(plan, _design, make(columns, as_json=given.as_json, quiet=given.quiet or prints), given)
-
-
-class _Runs(Report):
-    """Prints the points in place of a table."""
-
-    def done(self, row: Row) -> None:
-        self.say(row["_text"])
-        super().done(row)
+    return planned(plan, _design, Report(() if prints else columns, as_json=given.as_json, quiet=given.quiet), given)
 
 
 def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -90,7 +81,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "energy": found.energy,
         **{name: value for name, value in figures.items() if name != "energy"},
         "points": None if "-o" in task.outputs else table,
-        "_text": csv_text(header, table).rstrip("\n"),
+        **({} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}),
     }
 
 
