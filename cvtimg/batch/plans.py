@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 from cvtimg.batch.pipes import STANDARD, is_pipe, is_standard, read_all, stem_of
 from cvtimg.batch.tasks import Missing, Task, WrongUsageError
-from cvtimg.files.finding import check_name, find_images
-from cvtimg.files.remote import IS_ONE, elsewhere, is_remote, url_of
+from cvtimg.files.finding import find_images
+from cvtimg.files.remote import IS_ONE, check_name, elsewhere, is_remote, url_of
 
 #: How an output is named: a pattern such as ``"{}-labels.png"``, in which ``{}`` is the name of the input without its
 #: suffix, or a function that returns the pattern for an input.

@@ -10,8 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from cvtimg.files.remote import IS_ONE, elsewhere, is_remote, url_of
-from cvtimg.files.whole import StrPath
+from cvtimg.files.remote import IS_ONE, StrPath, elsewhere, is_remote, url_of
 
 # Formats that Pillow identifies but cannot decode, or renders with an external program: Ghostscript should not run on
 # untrusted PostScript.
@@ -43,14 +42,7 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     return list(dict.fromkeys(found for path in paths for found in _expand(path)))
 
 
-def check_name(name: StrPath) -> None:
-    """Refuse an empty name, which `pathlib.Path` would take for the current folder."""
-    if not os.fspath(name):
-        raise ValueError("an empty name names no file; the current folder is '.'")
-
-
 def _expand(path: StrPath) -> list[Path]:
-    check_name(path)
     if is_remote(path):
         return find_remote(url_of(path), image_suffixes())
     given = Path(path)

@@ -19,8 +19,15 @@ _URL = re.compile(r"([a-z][a-z0-9+.-]+):/+(.*)", re.DOTALL)
 IS_ONE = re.compile(r".*?\.(zarr|parquet)(?=/|$)", re.IGNORECASE | re.DOTALL)
 
 
+def check_name(name: StrPath) -> None:
+    """Refuse an empty name, which `pathlib.Path` would take for the current folder."""
+    if not os.fspath(name):
+        raise ValueError("an empty name names no file; the current folder is '.'")
+
+
 def is_remote(path: StrPath) -> bool:
-    """Whether a path is a URL of a file elsewhere."""
+    """Whether a path, which must not be empty, is a URL of a file elsewhere."""
+    check_name(path)
     return _URL.fullmatch(str(path)) is not None
 
 

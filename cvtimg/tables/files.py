@@ -19,7 +19,7 @@ from cvtimg._shared.checks import check_choice, check_shape
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
-from cvtimg.files.finding import check_name, find_images, find_remote
+from cvtimg.files.finding import find_images, find_remote
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
@@ -257,7 +257,6 @@ def is_table(path: Path) -> bool:
 
 def find_tables(path: StrPath) -> list[Path]:
     """List the tables that a file, a folder, a pattern or a URL names, as `find_images` does for images."""
-    check_name(path)
     if is_remote(path):
         return find_remote(url_of(path), frozenset(TABLE_SUFFIXES))
     folder = Path(path)

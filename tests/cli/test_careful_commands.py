@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from commands import RowOf, Run
 
-from cvtimg import find_images, write_image
+from cvtimg import find_images, read_image, read_palette, write_image
+from cvtimg.bases import read_basis
 from cvtimg.batch import WrongUsageError, find
 from cvtimg.cli.overview import COMMANDS
+from cvtimg.labels import read_labels
 from cvtimg.options import options_of
 from cvtimg.options.common import quality
 from cvtimg.options.record import File
-from cvtimg.tables import find_tables
+from cvtimg.tables import find_tables, read_table
 
 #: A call of each command that writes, without names of outputs that are its own to choose.
 WRITING = {
@@ -64,9 +66,9 @@ def test_no_command_takes_an_empty_name(verb: str, run: Run) -> None:
 
 
 def test_a_list_of_names_is_no_empty_name_and_finding_takes_none(run: Run) -> None:
-    for finder in (find_images, find_tables):
+    for takes in (find_images, find_tables, read_image, read_labels, read_palette, read_table, read_basis):
         with pytest.raises(ValueError, match="an empty name names no file"):
-            finder("")
+            takes("")
     for text in ("", "@"):
         with pytest.raises(WrongUsageError, match="an empty name names no file"):
             find([text])

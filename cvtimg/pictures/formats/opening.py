@@ -22,7 +22,7 @@ from PIL.ExifTags import Base
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
-from cvtimg.files.remote import local_copy, url_of
+from cvtimg.files.remote import check_name, local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, developed, fits_as_tiff
 from cvtimg.pictures.formats.png_chunks import read_more, without_damage
@@ -101,6 +101,8 @@ def reading(source: Source) -> Iterator[BinaryIO]:
 def named(source: Source) -> Iterator[None]:
     """Name a source in errors: any in the block becomes an `OSError`."""
     path = name_of(source)
+    if isinstance(source, (str, os.PathLike)):
+        check_name(source)
     try:
         yield
     # For damaged files Pillow and tifffile raise many kinds of errors: SyntaxError, struct.error,
