@@ -25,8 +25,6 @@ _N_SCALES, _LEAST_SIDE = 6, 8
 #: A Gaussian of sigma 1.5.
 _BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
 _BLUR = (_BELL / _BELL.sum()).astype(np.float32)
-#: Steps that add up to the reach of it.
-_REACH = (1, 2, 2)
 #: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
 #: artifacts and lost detail. Those left out are 0.
 # fmt: off
@@ -186,18 +184,15 @@ def _score(total: float) -> float:
 
 def _n_busy(linear: NDArray[np.float32]) -> int:
     """Return the number of pixels (3, H, W) in whose window there is more than one color, or that of all if none."""
+    from scipy.ndimage import maximum_filter  # which takes long to import
+
     differs = np.zeros(linear.shape[1:], np.bool_)
     for axis, rows in enumerate((differs, differs.T)):
         steps = (np.diff(linear, axis=axis + 1) != 0).any(axis=0)
         steps = steps if axis == 0 else steps.T
         rows[:-1] |= steps
         rows[1:] |= steps
-    for rows in (differs, differs.T):
-        for step in _REACH:
-            near = rows.copy()
-            rows[step:] |= near[:-step]
-            rows[:-step] |= near[step:]
-    return int(np.count_nonzero(differs)) or differs.size
+    return int(np.count_nonzero(maximum_filter(differs, len(_BLUR)))) or differs.size
 
 
 def _pyramid(image: NDArray[Any], ground: float) -> list[NDArray[np.float32]]:
@@ -210,15 +205,8 @@ def _pyramid(image: NDArray[Any], ground: float) -> list[NDArray[np.float32]]:
 
 def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width = linear.shape[1:]
-    halved = np.empty((3, -(-height // 2), -(-width // 2)), np.float32)
-
-    def kernel(own: slice) -> None:
-        rows = linear[:, 2 * own.start : 2 * own.stop]
-        rows = np.pad(rows, ((0, 0), (0, rows.shape[1] % 2), (0, width % 2)), mode="edge")
-        halved[:, own] = 0.25 * ((rows[:, ::2, ::2] + rows[:, ::2, 1::2]) + (rows[:, 1::2, ::2] + rows[:, 1::2, 1::2]))
-
-    in_stripes(kernel, halved.shape[1], 4 * linear.size, 16)
-    return halved
+    even = np.pad(linear, ((0, 0), (0, height % 2), (0, width % 2)), mode="edge")
+    return 0.25 * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
 
 
 def _linear(image: NDArray[Any], ground: float) -> NDArray[np.float32]:

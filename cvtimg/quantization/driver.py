@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import repeat
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -31,8 +31,9 @@ from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
 from cvtimg.looks.rate import USUAL, Rate
+from cvtimg.looks.similarity import content_quality, visual_quality
 from cvtimg.quantization.dithering import STRENGTH
-from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES
+from cvtimg.quantization.looks import MATCHES, MAX_ENTRIES, streaks
 from cvtimg.quantization.palette_search import (
     EngineOptions,
     Merged,
@@ -196,56 +197,49 @@ class QuantizeOptions:
         return STRENGTH if self.palette is None else 1.0
 
 
-class Source(Protocol):
-    """Pixels that are counted, and mapped once there is a palette."""
+class Source:
+    """Pixels that are counted, and mapped once there is a palette; what follows `mapped` needs them in memory."""
 
-    @property
-    def counted(self) -> Sequence[ColorSamples]:
-        """The densities that palettes are found for: one for all pixels, or one for each frame."""
-        ...
+    counted: Sequence[ColorSamples]  # what palettes are found for: the density of all pixels, or that of each frame
+    images: Sequence[NDArray[Any]]  # as they were
+    n_pixels: int
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Any:
         """Map the pixels to the palettes, one for each of `counted`: an image, or frames."""
-        ...
-
-
-class MeasuredSource(Source, Protocol):
-    """Pixels in memory, whose looks and bytes can be measured."""
-
-    n_pixels: int
-
-    def sample(self, small: bool) -> MeasuredSource:
-        """Return fewer pixels of the same looks, a small sample within a point or two, or itself."""
-        ...
-
-    @property
-    def is_drawn(self) -> bool:
-        """Whether there are areas of one color, so that colors that are not mixed may have the smallest file."""
-        ...
-
-    def quality(self, result: Any) -> float:
-        """Return the quality of the content of a result."""
-        ...
-
-    def visual_quality(self, result: Any) -> float:
-        """Return the visual quality of a result."""
-        ...
-
-    def exact(self, how: QuantizeOptions) -> Any:
-        """Return the image in all its colors, where its file may be small; or None."""
-        ...
-
-    def streaks(self, result: Any) -> float:
-        """Return how much smooth areas of a result are banded."""
-        ...
-
-    def size(self, result: Any) -> int:
-        """Return the bytes of its file."""
-        ...
+        raise NotImplementedError
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Return the number of colors at the elbow of the energies, and their curve."""
-        ...
+        raise NotImplementedError
+
+    def size(self, result: Any) -> int:
+        """Return the bytes of the file of a result."""
+        raise NotImplementedError
+
+    def sample(self, small: bool) -> Source:
+        """Return fewer pixels of the same looks, a small sample within a point or two, or itself."""
+        return self
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether colors that are not mixed may have the smallest file."""
+        return False
+
+    def exact(self, how: QuantizeOptions) -> Any:
+        """Return the image in all its colors, where its file may be small; or None."""
+        return None
+
+    def quality(self, result: Any) -> float:
+        """Return the quality of the content of a result, the mean of the frames."""
+        return self._mean(content_quality, result)
+
+    def visual_quality(self, result: Any) -> float:
+        """Return the visual quality of a result, the mean of the frames."""
+        return self._mean(visual_quality, result)
+
+    def _mean(self, measure: Callable[[NDArray[Any], NDArray[Any]], float], result: Any) -> float:
+        pairs = zip(self.images, _each(result), strict=True)
+        return float(np.mean([measure(image, one.image) for image, one in pairs]))
 
 
 def quantized(source: Any, how: QuantizeOptions) -> Any:
@@ -303,7 +297,7 @@ def _by_number(
     return [end and end[1] for end in ends]
 
 
-def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) -> Any:
+def _within_bytes(source: Source, how: QuantizeOptions, max_bytes: int) -> Any:
     """Find the most colors whose file is small enough; for eyes the best image that fits."""
     growth = _AIMING.bytes_per_pixel * source.n_pixels
     if how.quality is not None:
@@ -327,7 +321,7 @@ def _within_bytes(source: MeasuredSource, how: QuantizeOptions, max_bytes: int) 
     return found
 
 
-def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
+def _for_eyes(source: Source, how: QuantizeOptions) -> Any:
     """Let bits cost as much as the quality allows, and say what was reached; see `quantize`."""
     result = _nearest_quality(source, how)
     least, wanted = how.quality_range
@@ -339,7 +333,7 @@ def _for_eyes(source: MeasuredSource, how: QuantizeOptions) -> Any:
     return judged(source, result)
 
 
-def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
+def _nearest_quality(source: Source, how: QuantizeOptions) -> Any:
     """Return the smallest result of a quality, the usual one by default, if it can be had, or else the best."""
     # Animations have a price of their own: noise that the measure sees in a frame is hardly seen in motion.
     if how.dither != "compact" or (how.quality is None and how.rate.coder == "lzw"):
@@ -364,11 +358,11 @@ def _nearest_quality(source: MeasuredSource, how: QuantizeOptions) -> Any:
 
     good = [one for one in found if one.content_quality >= least]
     if exact is not None and how.quality is None:  # bands and streaks, which the measure hardly sees, are no gain
-        good = [one for one in good if one is exact or source.streaks(one) <= _AIMING.bands]
+        good = [one for one in good if one is exact or _banding(source, one) <= _AIMING.bands]
     return good[0] if len(good) == 1 else min(good, key=cost)
 
 
-def _unmixed(source: MeasuredSource, palettes: _Palettes, least: float, mixed: Any) -> list[Any]:
+def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> list[Any]:
     """Return the result of the fewest colors of a quality that are not mixed, if it is likely to be small.
 
     Text and drawings have smaller files without dithering; gradients show bands, more than where colors are mixed.
@@ -384,14 +378,14 @@ def _unmixed(source: MeasuredSource, palettes: _Palettes, least: float, mixed: A
         result = palettes.unmixed(source, numbers[middle])
         below, reaching = (below, middle) if result.content_quality >= least else (middle, reaching)
         found += [result] * (reaching == middle)
-    bands = source.streaks(found[-1])
-    return found[-1:] if bands <= max(_AIMING.bands, source.streaks(mixed)) else []
+    bands = _banding(source, found[-1])
+    return found[-1:] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
 
 
 class _Search:
     """A search among rungs for the result of a quality: by mappings with few matches, then by whole ones."""
 
-    def __init__(self, source: MeasuredSource, how: QuantizeOptions, palettes: _Palettes) -> None:
+    def __init__(self, source: Source, how: QuantizeOptions, palettes: _Palettes) -> None:
         self._source, self._how, self._palettes, self._given = source, how, palettes, how.quality is not None
         self._sample = source.sample(small=not self._given)
         self._found: dict[_Rung, Any] = {}
@@ -520,11 +514,11 @@ class _Palettes:
         how = replace(self._how, price=price, dither_strength=strength, n_matches=n_matches, keeps_exact=False)
         return pixels.mapped(self._of(n_colors), how)
 
-    def unmixed(self, source: MeasuredSource, n_colors: int) -> Any:
+    def unmixed(self, source: Source, n_colors: int) -> Any:
         """Map pixels to the nearest of a number of colors, and see how good that is."""
         return _seen(source, source.mapped(self._of(n_colors), replace(self._how, dither=None)))
 
-    def exact(self, source: MeasuredSource) -> Any:
+    def exact(self, source: Source) -> Any:
         """Return the image as it is, where the palette has all its colors or its file may be small; or None."""
         result = source.mapped(self._of(self.most), replace(self._how, dither=None)) if self._has_all else None
         result = result or (source.exact(self._how) if self._how.palette is None else None)
@@ -563,15 +557,20 @@ class _Palettes:
         self._unlike = min(max(ratio, 1 / _AIMING.most_unlike), _AIMING.most_unlike)
 
 
-def _seen(source: MeasuredSource, result: Any) -> Any:
+def _seen(source: Source, result: Any) -> Any:
     """Return a result that knows the quality of its content."""
     return replace(result, content_quality=source.quality(result))
 
 
-def judged(source: MeasuredSource, result: Any) -> Any:
+def judged(source: Source, result: Any) -> Any:
     """Return a result that knows its qualities."""
     result = _seen(source, result) if result.content_quality is None else result
     return replace(result, quality=source.visual_quality(result))
+
+
+def _banding(source: Source, result: Any) -> float:
+    pairs = zip(source.images, _each(result), strict=True)
+    return max(streaks(image, one.image, has_alpha=source.counted[0].alpha) for image, one in pairs)
 
 
 def _miss(quality: float, least: float) -> tuple[bool, float]:
@@ -579,6 +578,10 @@ def _miss(quality: float, least: float) -> tuple[bool, float]:
     return quality < least, abs(quality - least)
 
 
+def _each(result: Any) -> Sequence[Any]:
+    """Return the results of all frames, or the single one."""
+    return getattr(result, "results", (result,))
+
+
 def _most_colors(result: Any) -> int:
-    """Return the size of the largest palette of the results of all frames, or of a single one."""
-    return max(len(one.palette) for one in getattr(result, "results", (result,)))
+    return max(len(one.palette) for one in _each(result))

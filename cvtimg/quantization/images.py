@@ -17,12 +17,12 @@ from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
-from cvtimg.looks.similarity import ContentQuality, visual_quality
+from cvtimg.looks.similarity import ContentQuality
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import roughness
-from cvtimg.quantization.driver import QuantizeOptions, judged, quantized
-from cvtimg.quantization.looks import MAX_ENTRIES, streaks
+from cvtimg.quantization.driver import QuantizeOptions, Source, judged, quantized
+from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.palette_search import EngineOptions, Palette, fixed_colors, keeping_main_colors
 from cvtimg.quantization.remapping import MAX_COLORS, Quantized, keep_outside, map_samples
 
@@ -153,7 +153,7 @@ def quantize(
     return result
 
 
-class PictureSource:
+class PictureSource(Source):
     """An image in memory: the `Source` of `quantize`; of a file, also what to keep of that."""
 
     def __init__(
@@ -173,7 +173,7 @@ class PictureSource:
             warn("image has 4 channels that all count: give alpha=True if the last is alpha, else alpha=False")
         seen = without_idle_alpha(array) if has_alpha else array
         self._image, self._shape, self._has_idle_alpha = image, array.shape, seen is not array
-        self.image = seen
+        self.images = [seen]
         # A masked array is passed on whole, with its mask.
         given = seen if self._has_idle_alpha else image
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
@@ -191,16 +191,12 @@ class PictureSource:
         if self.n_pixels <= 2 * (n * _PIECE) ** 2 or min(self._shape[:2]) < _PIECE:
             return self
         inside = None if self._samples.inside is None else _pieces(self._samples.inside, n)
-        return PictureSource(_pieces(self.image, n), self._samples.alpha, inside, None)
+        return PictureSource(_pieces(self.images[0], n), self._samples.alpha, inside, None)
 
     def quality(self, result: Quantized) -> float:
         """Return the quality of the content of a result."""
-        self._measure = self._measure or ContentQuality(self.image)
+        self._measure = self._measure or ContentQuality(self.images[0])
         return self._measure(result.image)
-
-    def visual_quality(self, result: Quantized) -> float:
-        """Return the visual quality of a result."""
-        return visual_quality(self.image, result.image)
 
     def size(self, result: Quantized) -> int:
         """Return the bytes of its file."""
@@ -246,14 +242,10 @@ class PictureSource:
         if (
             not fits
             or self._samples.inside is not None
-            or roughness(self.image.reshape(*self._shape[:2], -1)) > _SMOOTH
+            or roughness(self.images[0].reshape(*self._shape[:2], -1)) > _SMOOTH
         ):
             return None
         return self.mapped([Palette(own, None)], replace(how, dither=None))
-
-    def streaks(self, result: Quantized) -> float:
-        """Return how much smooth areas of a result are banded; see `streaks`."""
-        return streaks(self.image, result.image, has_alpha=self._samples.alpha)
 
     def elbow(self, how: QuantizeOptions) -> tuple[int, EnergyCurve]:
         """Pick the number of colors by the elbow of their energies, and as many more as keep the main colors."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
@@ -17,11 +17,10 @@ from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
-from cvtimg.looks.similarity import content_quality, visual_quality
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.frames import Frames, encode_frames, write_frames
 from cvtimg.pictures.pages import Pages, write_pages
-from cvtimg.quantization.driver import QuantizeOptions, quantized
+from cvtimg.quantization.driver import QuantizeOptions, Source, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES, Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
 from cvtimg.quantization.remapping import Quantized, Storing, keep_outside, map_samples
@@ -228,7 +227,7 @@ def quantize_frames(
     return found
 
 
-class SeriesSource:
+class SeriesSource(Source):
     """The frames of an animation, or pages: a `Source` of their palettes; of a file, also what to keep of that."""
 
     def __init__(
@@ -257,35 +256,7 @@ class SeriesSource:
         pairs = zip(frames.images, masks, strict=True)
         self._samples = [color_samples(image, alpha=has_alpha, mask=mask) for image, mask in pairs]
         self.counted = self._samples if how.per_frame else [merge_samples(self._samples)]
-        self.n_pixels = sum(samples.inverse.size for samples in self._samples)
-
-    def sample(self, small: bool) -> SeriesSource:
-        """Return itself: frames are small."""
-        return self
-
-    def quality(self, result: QuantizedSeries) -> float:
-        """Return the mean quality of the content of the frames of a result."""
-        return self._mean(content_quality, result)
-
-    def visual_quality(self, result: QuantizedSeries) -> float:
-        """Return the mean visual quality of the frames of a result."""
-        return self._mean(visual_quality, result)
-
-    def _mean(self, measure: Callable[[NDArray[Any], NDArray[Any]], float], result: QuantizedSeries) -> float:
-        pairs = zip(self._frames.images, result.results, strict=True)
-        return float(np.mean([measure(image, one.image) for image, one in pairs]))
-
-    @property
-    def is_drawn(self) -> bool:
-        """Frames without mixed colors are not tried."""
-        return False
-
-    def exact(self, how: QuantizeOptions) -> None:
-        """Frames have palettes."""
-
-    def streaks(self, result: QuantizedSeries) -> float:
-        """Frames without mixed colors are not tried."""
-        raise NotImplementedError
+        self.images, self.n_pixels = frames.images, sum(samples.inverse.size for samples in self._samples)
 
     def size(self, result: QuantizedSeries) -> int:
         """Return the bytes of its animation."""
