@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -115,11 +114,3 @@ def test_optimizing_makes_a_file_smaller_and_loses_nothing(tagged: NDArray[np.ui
     assert main(["quantize", "a.jpg", "-k", "20", "-o", "b.png", "--optimize", "--quiet"]) == 0
     assert Path("b.png").stat().st_size < Path("a.png").stat().st_size
     np.testing.assert_array_equal(read_image("a.png"), read_image("b.png"))
-
-
-def test_optimizing_needs_oxipng(
-    tagged: NDArray[np.uint8], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "oxipng", None)
-    assert main(["quantize", "a.jpg", "-k", "20", "-o", "a.png", "--optimize"]) == 2
-    assert "--optimize needs oxipng: pip install 'cvtimg[oxipng]'" in capsys.readouterr().err

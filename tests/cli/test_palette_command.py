@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pty
 import subprocess
@@ -50,15 +49,6 @@ def test_many_colors_are_reduced_as_quantize_does(tmp_path: Path, row_of: RowOf,
         assert sum(shares) == pytest.approx(1)
 
 
-def test_grey_transparency_and_16_bits_are_told_in_8_bits(tmp_path: Path, row_of: RowOf) -> None:
-    write_image(tmp_path / "grey.png", np.array([[7]], np.uint8))
-    write_image(tmp_path / "clear.png", np.array([[[1, 2, 3, 128]]], np.uint8))
-    write_image(tmp_path / "deep.png", np.array([[[257, 514, 65535]]], np.uint16))
-    assert palette_of(row_of, tmp_path / "grey.png") == [("#070707", 1.0)]
-    assert palette_of(row_of, tmp_path / "clear.png") == [("#01020380", 1.0)]
-    assert palette_of(row_of, tmp_path / "deep.png") == [("#0102ff", 1.0)]
-
-
 def test_a_pipe_gets_plain_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_image(tmp_path / "a.png", FLAG)
     assert main(["palette", str(tmp_path / "a.png")]) == 0
@@ -85,23 +75,6 @@ def test_a_terminal_gets_blocks_of_the_color(tmp_path: Path) -> None:
     assert "\x1b[48;2;0;0;255m" in text
     assert "50.00%" in text
     assert "#c8102e" in text
-
-
-def test_colors_are_saved_with_their_shares(tmp_path: Path) -> None:
-    write_image(tmp_path / "a.png", FLAG)
-    assert main(["palette", str(tmp_path / "a.png"), "--save-palette", str(tmp_path / "a.json")]) == 0
-    assert read_palette(tmp_path / "a.json").tolist() == [[0, 0, 255], [200, 16, 46], [255, 255, 0]]
-    assert json.loads((tmp_path / "a.json").read_text())["colors"][0]["share"] == 0.5
-
-
-def test_main_colors_have_small_vivid_parts(tmp_path: Path, row_of: RowOf) -> None:
-    field = np.zeros((50, 100, 3), np.uint8)
-    field[:, :, 1] = np.linspace(100, 220, 100)
-    field[:4, :4] = 220, 20, 30
-    write_image(tmp_path / "a.png", field)
-    red = "#dc141e"
-    assert red not in dict(palette_of(row_of, tmp_path / "a.png", "-k", 3))
-    assert red in dict(palette_of(row_of, tmp_path / "a.png", "-k", 3, "--main"))
 
 
 def test_colors_are_sorted_as_asked(tmp_path: Path, row_of: RowOf) -> None:

@@ -67,16 +67,6 @@ def test_colors_come_back_from_their_places(space: str, dtype: Any) -> None:
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_opaque_pictures_are_quantized_as_without_alpha(space: str, photograph: NDArray[Any]) -> None:
-    picture = photograph[::4, ::4]
-    opaque = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)
-    plain, result = (quantize(image, 12, space=space) for image in (picture, opaque))
-    np.testing.assert_array_equal(result.image[..., :3], plain.image)
-    assert (result.image[..., 3] == 255).all()
-    assert (result.energy, result.psnr) == (plain.energy, plain.psnr)
-
-
-@pytest.mark.parametrize("space", SPACES)
 def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
     holed = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 import cvtimg
-from cvtimg._shared.threads import one_thread
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks.rate import CoderName, Rate, map_by_rate, visibility
 from cvtimg.pictures.formats.encoding import encode_image
@@ -106,13 +105,6 @@ def test_what_a_frame_is_drawn_over_is_kept_where_that_is_hardly_seen() -> None:
 def test_the_measure_of_looks_falls_less_than_the_bytes() -> None:
     cheap, dear = (PALETTE[mapped(price)] for price in (1e-9, 1.0))
     assert cvtimg.visual_quality(COFFEE, dear) > cvtimg.visual_quality(COFFEE, cheap) - 8
-
-
-def test_threads_do_not_matter() -> None:
-    tall = np.tile(COFFEE, (3, 1, 1))
-    many = mapped(0.4, tall)
-    with one_thread():
-        np.testing.assert_array_equal(mapped(0.4, tall), many)
 
 
 @CODERS

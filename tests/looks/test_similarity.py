@@ -40,11 +40,6 @@ def test_types_agree() -> None:
     assert visual_quality(*unit) == pytest.approx(expected, abs=1e-3)
 
 
-def test_gray_is_rgb_of_equal_channels() -> None:
-    gray = COFFEE[:, :, 1]
-    assert visual_quality(gray, gray // 8 * 8) == visual_quality(np.dstack([gray] * 3), np.dstack([gray // 8 * 8] * 3))
-
-
 def test_what_is_transparent_is_not_seen() -> None:
     clear = np.dstack([COFFEE, np.zeros(COFFEE.shape[:2], np.uint8)])
     other = clear.copy()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.spatial.distance import cdist
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from cvtimg import quantize, read_image, read_palette
@@ -22,11 +23,6 @@ from cvtimg.quantization.dithering import DITHERS, dither, energy_of
 SAMPLES = Path(__file__).parents[2] / "sample_images"
 
 Entries = NDArray[np.int32]
-
-
-def nearest(places: NDArray[Any], palette: NDArray[Any]) -> NDArray[np.intp]:
-    distances = ((places[..., None, :].astype(np.float64) - palette) ** 2).sum(axis=-1)
-    return distances.argmin(axis=-1)
 
 
 def nearest_of(place: NDArray[np.float32], entries: NDArray[np.float32]) -> tuple[int, np.float32]:
@@ -110,8 +106,8 @@ def test_at_strength_0_every_pixel_has_its_nearest_entry(method: str, n_entries:
     image = rng.random((20, 31, n_dims), np.float32)
     labels = of_image(image, palette, method=method, strength=0)
     chosen = ((image - palette[labels]) ** 2).sum(axis=2, dtype=np.float64)
-    least = ((image - palette[nearest(image, palette)]) ** 2).sum(axis=2, dtype=np.float64)
-    np.testing.assert_allclose(chosen, least, rtol=1e-5)
+    least = cdist(image.reshape(-1, n_dims), palette, "sqeuclidean").min(axis=1)
+    np.testing.assert_allclose(chosen.ravel(), least, rtol=1e-5)
 
 
 @pytest.mark.parametrize("method", DITHERS)
@@ -138,19 +134,6 @@ def test_more_strength_keeps_the_mean_better_and_costs_more_grain(method: str) -
     drift = [np.square(uniform_filter(picture - image, (16, 16, 0))).mean() for picture in pictures]
     assert grain == sorted(grain)
     assert drift == sorted(drift, reverse=True)
-
-
-@pytest.mark.parametrize("method", DITHERS)
-def test_any_size_is_dithered_and_inputs_are_unchanged(method: str) -> None:
-    rng = np.random.default_rng(0)
-    palette = rng.random((5, 3))
-    for shape in ((1, 1), (1, 17), (17, 1), (2, 3), (65, 67)):
-        image = rng.random((*shape, 3))
-        before = image.copy(), palette.copy()
-        labels = of_image(image, palette, method=method)
-        assert (labels.shape, labels.dtype) == (shape, np.int32)
-        assert 0 <= labels.min() <= labels.max() < 5
-        assert all(map(np.array_equal, (image, palette), before))
 
 
 @pytest.mark.parametrize("method", DITHERS)

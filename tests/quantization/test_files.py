@@ -60,16 +60,20 @@ def test_each_file_goes_its_way() -> None:
     [
         ("film.png", {"writing": Writing(optimize=True)}, "optimize"),
         ("pages.tif", {"reading": Reading(depth="16")}, "depth"),
-        ("a.tif", {"how": QuantizeOptions(4, dither="blue-noise"), "reading": Reading(tiles=True)}, "dither"),
+        ("a.tif", {"how": QuantizeOptions(4, dither="blue-noise")}, "dither"),
+        ("a.tif", {"how": QuantizeOptions(4, psnr=30)}, "psnr"),
+        ("a.tif", {"how": QuantizeOptions("auto")}, "n_colors='auto'"),
+        ("a.tif", {"how": QuantizeOptions(quality=70)}, "quality"),
+        ("a.tif", {"writing": Writing(keep_metadata=True)}, "keep_metadata"),
     ],
 )
 def test_options_that_a_kind_of_file_cannot_have_are_named(source: str, given: dict[str, Any], option: str) -> None:
     write_frames("film.png", Frames(tuple(STACK), (40,) * 3, 0))
     tifffile.imwrite("pages.tif", STACK, photometric="rgb")
     tifffile.imwrite("a.tif", PICTURE, photometric="rgb")
-    target = f"b{Path(source).suffix}"
+    target, reading = f"b{Path(source).suffix}", Reading(tiles=source == "a.tif")
     with pytest.raises(UnfitOptionError) as error:
-        quantize_file(source, target, **{"how": QuantizeOptions(4), **given})
+        quantize_file(source, target, **{"how": QuantizeOptions(4), "reading": reading, **given})
     assert error.value.option == option
     assert not Path(target).exists()
 

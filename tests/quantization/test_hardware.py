@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvtimg import find_palette, quantize, quantize_frames
+from cvtimg import find_palette, quantize
 from cvtimg.colors import color_samples
 from cvtimg.colors.samples import ColorSamples
-from cvtimg.pictures import Frames
 from cvtimg.quantization import map_to_palette
 
 
@@ -112,13 +111,6 @@ def test_locked_colors_stay_if_the_hardware_has_them(photograph: NDArray[Any]) -
     assert [255, 0, 36] in result.palette.tolist()
     with pytest.raises(ValueError, match=r"locked=\[254, 0, 36\] must be \[255, 0, 36\], the nearest color"):
         quantize(photograph, 8, color_bits=3, locked=[[254, 0, 36]])
-
-
-def test_frames_share_hardware_colors(photograph: NDArray[Any]) -> None:
-    frames = Frames((photograph[:64, :64].copy(), photograph[64:128, :64].copy()), (40, 40), 0)
-    result = quantize_frames(frames, 6, color_bits=4)
-    assert np.isin(result.palette, shown(4)).all()
-    assert len(result.palette) == 6
 
 
 @pytest.mark.parametrize("bits", [0, 9, (5, 5), (5, 5, 0), (5, 5, 5, 5), 2.5])

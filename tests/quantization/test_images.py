@@ -47,19 +47,6 @@ def test_more_colors_leave_less_energy(photograph: NDArray[Any]) -> None:
     assert (np.diff(energies) < 0).all()
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-@pytest.mark.parametrize("channels", [None, 1, 3, 4, 6])
-def test_shape_and_type_stay(dtype: Any, channels: int | None) -> None:
-    shape = (19, 31) if channels is None else (19, 31, channels)
-    picture = np.random.default_rng(2).integers(0, 256, shape).astype(dtype)
-    if channels == 4:
-        picture[..., 3] = 1 if dtype is np.float32 else picture[..., 3] | 1
-    result = quantize(picture, 5, alpha=channels == 4)
-    assert result.image.shape == picture.shape
-    assert result.image.dtype == picture.dtype
-    assert result.palette.shape == (5, channels or 1)
-
-
 @given(hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=3, max_side=9)), st.integers(2, 30))
 def test_pictures_of_any_shape_get_at_most_the_colors_asked(picture: NDArray[Any], n_colors: int) -> None:
     result = quantize(picture, n_colors, alpha=picture.ndim == 3 and picture.shape[2] in (2, 4))

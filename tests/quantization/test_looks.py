@@ -144,12 +144,8 @@ def test_of_a_range_of_qualities_of_an_animation_the_upper_end_is_reached_and_le
 
 
 @pytest.mark.slow
-def test_the_quality_of_frames_and_pages_is_the_mean(tmp_path: Path) -> None:
-    frames = film(2)
-    result = quantize_frames(frames, quality=60, **FAST)
-    pairs = zip(frames.images, result.results, strict=True)
-    assert 60 <= np.mean([cvtimg.visual_quality(image, one.image) for image, one in pairs]) < 66
-    cvtimg.pictures.write_pages(tmp_path / "a.tif", cvtimg.pictures.Pages(frames.images, "Q", (2,), "", {}))
+def test_the_quality_of_pages_is_the_mean(tmp_path: Path) -> None:
+    cvtimg.pictures.write_pages(tmp_path / "a.tif", cvtimg.pictures.Pages(film(2).images, "Q", (2,), "", {}))
     pages = quantize_file(tmp_path / "a.tif", tmp_path / "b.tif", QuantizeOptions(quality=60, engine=FAST))
     assert pages.kind == "pages"
     assert pages.quality is not None

@@ -133,15 +133,6 @@ def test_what_has_no_weight_gets_no_colors(photograph: NDArray[Any]) -> None:
     assert len(result.palette) == 32
 
 
-def test_weights_and_volume_power_act_together(photograph: NDArray[Any]) -> None:
-    picture = photograph[::8, ::8]
-    weights = np.random.default_rng(2).random(picture.shape[:2])
-    palettes = [
-        quantize(picture, 6, weights=given, volume_power=power).palette for given in (None, weights) for power in (0, 1)
-    ]
-    assert len({palette.tobytes() for palette in palettes}) == 4
-
-
 @pytest.mark.parametrize(
     ("weights", "message"),
     [
@@ -156,32 +147,11 @@ def test_wrong_weights_are_refused(weights: NDArray[Any], message: str, photogra
         quantize(photograph[:8, :8], 4, weights=weights)
 
 
-@pytest.mark.parametrize("channels", [None, 3, 4])
-def test_a_palette_of_several_pictures_is_that_of_all_pixels(channels: int | None, photograph: NDArray[Any]) -> None:
-    strips = [photograph[::2, start : start + 40] for start in (0, 40, 160)]
-    strips = [strip[..., 0] if channels is None else strip for strip in strips]
-    if channels == 4:
-        strips = [np.dstack([strip, np.maximum(strip[..., 0], 99)]) for strip in strips]
-    merged = merge_samples([color_samples(strip) for strip in strips])
-    whole = color_samples(np.concatenate(strips, axis=1))
-    np.testing.assert_array_equal(merged.colors, whole.colors)
-    np.testing.assert_array_equal(merged.density, whole.density)
-    np.testing.assert_array_equal(find_palette(merged, 11).colors, find_palette(whole, 11).colors)
-
-
 def test_samples_that_differ_in_kind_do_not_merge() -> None:
     with pytest.raises(ValueError, match="must have one type and number of channels, not uint16 x 3, uint8 x 3"):
         merge_samples([color_samples(np.zeros((2, 2, 3), dtype)) for dtype in (np.uint8, np.uint16)])
     with pytest.raises(ValueError, match="not none"):
         merge_samples([])
-
-
-@pytest.mark.parametrize("space", SPACES)
-def test_remapping_to_its_own_palette_changes_nothing(space: str, photograph: NDArray[Any]) -> None:
-    once = quantize(photograph[::2, ::2], 20, space=space)
-    again = quantize(once.image, palette=once.palette, space=space)
-    np.testing.assert_array_equal(again.indices, once.indices)
-    assert again.energy == 0
 
 
 @pytest.mark.parametrize("space", SPACES)

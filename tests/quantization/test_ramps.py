@@ -34,14 +34,6 @@ def test_all_tones_of_a_dark_image_are_used(dither: Any, dark: NDArray[Any]) -> 
     assert (result.palette == RAMP).all()
 
 
-def test_darker_pixels_never_get_a_brighter_color(dark: NDArray[Any]) -> None:
-    indices = quantize(dark, palette=RAMP, ramp=True).indices.ravel()
-    tones = np.rint(255 * lightness(dark))
-    highest = [tones[indices == tone].max() for tone in range(4)]
-    lowest = [tones[indices == tone].min() for tone in range(4)]
-    assert all(high < low for high, low in zip(highest[:-1], lowest[1:], strict=True))
-
-
 def test_the_tones_represent_the_lightness_with_the_least_error(dark: NDArray[Any]) -> None:
     grays = np.rint(255 * lightness(dark)).astype(np.uint8).reshape(dark.shape[:2])
     assert (quantize(dark, palette=RAMP, ramp=True).indices == quantize(grays, 4).indices).all()

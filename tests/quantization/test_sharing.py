@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cvtimg import find_palette, read_image, visual_quality, write_image
+from cvtimg import find_palette, read_image, write_image
 from cvtimg._shared.pixels import AlphaArray
 from cvtimg.cli import app as cli
 from cvtimg.colors.samples import color_samples
@@ -86,24 +84,6 @@ def test_a_bad_picture_is_named_once_and_the_others_share(folder: Path, capsys: 
     assert len(list(Path("out").iterdir())) == len(PICTURES)
     assert cli.main([*options, "in/bad.png", "-o", "no.png"]) == 1
     assert capsys.readouterr().err.count("in/bad.png") == 1
-
-
-def test_of_a_range_of_qualities_pictures_below_it_fail_and_the_others_are_done(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    smooth = np.indices((32, 48)).transpose(1, 2, 0) * 5  # more tones than there are colors left
-    write_image("in/1.png", np.dstack([smooth, smooth[..., 0]]).astype(np.uint8), overwrite=True)
-    options = "quantize in/0.png in/1.png -k 128 --shared-palette --quality 87-95 --out-dir out --report a.csv"
-    assert cli.main(options.split()) == 1
-    reason = r"in/1\.png: --quality .* must be at most \d\d\.\d at its lower end, which 128 colors reach"
-    assert re.search(reason, capsys.readouterr().err)
-    assert [path.name for path in Path("out").iterdir()] == ["0.png"]
-    failed, done = sorted(csv.DictReader(Path("a.csv").read_text().splitlines()), key=lambda row: row["output"])
-    assert (failed["status"], done["status"]) == ("failed", "done")
-    written = visual_quality(read_image("in/0.png"), read_image("out/0.png"))
-    assert float(done["quality"]) == pytest.approx(written)
-    assert 87 <= written < 95
-    assert "--quality 95 is out of reach of 128 colors" in done["warning"]
 
 
 @pytest.mark.parametrize("others", [["--psnr", "30"], ["--max-bytes", "900"], ["--palette", "in/0.png"], []])

@@ -76,23 +76,9 @@ def test_no_fewer_colors_reach_the_quality(psnr: float, options: Any, photograph
     np.testing.assert_array_equal(result.image, quantize(picture, n_colors, **options).image)
 
 
-def test_grey_takes_the_fewest_levels_of_all(photograph: NDArray[Any]) -> None:
-    grey = photograph[::2, ::2, 1]
-    result = quantize(grey, psnr=35)
-    qualities = [quantize(grey, n).psnr for n in range(1, len(result.palette) + 1)]
-    assert [quality >= 35 for quality in qualities] == [False] * (len(qualities) - 1) + [True]
-
-
 def test_a_quality_out_of_reach_is_refused(photograph: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match=r"psnr=60 must be at most \d\d\.\d\d dB, which 16 colors reach"):
         quantize(photograph[::4, ::4], 16, psnr=60)
-
-
-def test_every_quality_is_reached_by_all_colors() -> None:
-    picture = np.random.default_rng(0).integers(0, 256, (20, 20, 3), np.uint8)
-    result = quantize(picture, psnr=100)
-    assert result.psnr >= 100
-    np.testing.assert_array_equal(result.image, picture)
 
 
 def test_locked_and_transparent_colors_are_counted(photograph: NDArray[Any]) -> None:
@@ -118,12 +104,6 @@ def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDA
 def test_a_size_too_small_for_the_fewest_colors_is_refused(photograph: NDArray[Any]) -> None:
     with pytest.raises(ValueError, match=r"max_bytes=4 must be at least \d+, for the fewest colors, 1"):
         quantize(photograph, max_bytes=4)
-
-
-def test_a_size_that_leaves_one_color_is_warned_of(photograph: NDArray[Any]) -> None:
-    most = size(quantize(photograph, 1))
-    with pytest.warns(UserWarning, match=rf"max_bytes={most} leaves one color of \d+"):
-        assert len(quantize(photograph, max_bytes=most).palette) == 1
 
 
 def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:

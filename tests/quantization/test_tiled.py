@@ -121,30 +121,6 @@ def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["-k", "12", "--dither", "floyd-steinberg"],
-        ["-k", "12", "--psnr", "30"],
-        ["-k", "12", "--depth", "8"],
-        ["-k", "12", "--keep-metadata"],
-        ["-k", "12", "--weight-map", "weights.png"],
-        ["-k auto"],
-        ["--quality 70"],
-    ],
-)
-def test_what_needs_the_whole_picture_is_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: list[str]
-) -> None:
-    write(PICTURE, tile=(64, 64))
-    write_image("weights.png", np.ones(PICTURE.shape[:2], np.uint8))
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
-    assert cli.main(["quantize", "a.tif", "-o", "b.tif", *" ".join(options).split()]) == 1
-    shown = options[0].removesuffix(" 70") if len(options) == 1 else options[2]
-    assert f"is read in tiles, and {shown} needs the whole image" in capsys.readouterr().err
-    assert not Path("b.tif").exists()
-
-
 def test_only_a_limit_that_is_given_holds_by_tiles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
