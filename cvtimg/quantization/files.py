@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import with_mark
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
@@ -184,6 +184,8 @@ def quantize_file(
     _check_fit(stack, target, how, reading, writing)
     if how.suffix == ".gif":
         stack = _without_half_transparency(stack, reading)
+    elif reading.matte is not None or reading.alpha_threshold != _READING.alpha_threshold:
+        warn("half transparency is kept: a threshold of alpha and a matte are for .gif files")
     if stack.kind == "tiles":
         how = _at_depth(how, stack.content.form.dtype)
         result = QuantizedSeries.of(quantized(TiledSource(stack, target, writing.overwrite), how), "tiles")
@@ -196,7 +198,7 @@ def quantize_file(
         depth = reading.depth
         if depth is None and how.goal == "eyes" and stack.content.dtype == np.uint16 and stack.nodata is None:
             depth = "8"
-            warnings.warn("16 bits per channel become 8, which screens show; depth 16 keeps them", stacklevel=2)
+            warn("16 bits per channel become 8, which screens show; depth 16 keeps them")
         image = to_depth(stack.content, np.dtype(f"uint{depth}")) if depth else stack.content
         how, mask = _at_depth(how, image.dtype), masks and masks[0]
         work = PictureSource(image, None, mask, reading.weights, how.suffix, metadata, smallest)
@@ -247,7 +249,7 @@ def _without_half_transparency(stack: Stack, reading: Reading) -> Stack:
     told, limits = "by a pattern", (blue_noise_mask() + 0.5) / 16
     if reading.alpha_threshold != "dither":
         told, limits = f"below {reading.alpha_threshold:.0%} alpha", np.full((1, 1), reading.alpha_threshold)
-    warnings.warn(f"half-transparent pixels become transparent {told}, else opaque", UserWarning, stacklevel=3)
+    warn(f"half-transparent pixels become transparent {told}, else opaque")
     hard = []
     for image in images:
         share = image[..., 3:] / white

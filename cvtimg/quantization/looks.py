@@ -59,7 +59,10 @@ def map_for_eyes(
     if below is not None:
         shown = entries[below.indices]
         wanted[below.still] = shown[below.still]
-        kept = shown if rate.coder == "lzw" and len(palette) < MAX_ENTRIES and not samples.alpha else None
+        # Where few pixels may keep what is below, its index would only be one more to learn.
+        cheap = seen * ((wanted - shown) ** 2).sum(axis=2) < bits
+        fits = rate.coder == "lzw" and len(palette) < MAX_ENTRIES and not samples.alpha
+        kept = shown if fits and 2 * np.count_nonzero(cheap) > cheap.size else None
     indices = map_by_rate(wanted, entries, seen, rate, strength, kept)
     if below is not None:
         indices = np.where(below.still | (indices == len(palette)), below.indices, indices)

@@ -281,8 +281,7 @@ class SeriesSource(Source):
         for image, samples, found in zip(frames.images, self._samples, of_frames, strict=True):
             below = None
             if results and len(palettes) == 1 and samples.inside is None:
-                before, still = results[-1], image == frames.images[len(results) - 1]
-                below = Below(before.indices, still.reshape(*before.indices.shape, -1).all(axis=2))
+                below = Below(results[-1].indices, _still(frames.images[len(results) - 1], image))
             result = map_samples(
                 samples, found.colors, how.space, how.dither, how.strength, how.rate, found.tones, below
             )
@@ -290,3 +289,12 @@ class SeriesSource(Source):
         kind = "pages" if isinstance(frames, Pages) else "frames"
         n_distinct = max(samples.n_colors for samples in self.counted)
         return QuantizedSeries(tuple(results), kind, n_distinct, original=frames)
+
+
+def _still(before: NDArray[Any], image: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return (H, W) whether a pixel is in a square of 3 x 3 that are all as before: others may be so by chance."""
+    from scipy.ndimage import binary_opening  # which takes long to import
+
+    equal = (image == before).reshape(*image.shape[:2], -1).all(axis=2)
+    still: NDArray[np.bool_] = binary_opening(equal, np.ones((3, 3)))
+    return still

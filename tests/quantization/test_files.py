@@ -133,6 +133,10 @@ def test_a_gif_takes_half_transparent_pixels_by_a_threshold_over_a_matte_or_in_a
                 tmp_path / "a.png", tmp_path / f"{name}.gif", QuantizeOptions(64, space="rgb"), reading=reading
             )
         found[name] = read_image(tmp_path / f"{name}.gif")
+    with pytest.warns(UserWarning, match=r"a threshold of alpha and a matte are for \.gif files"):
+        quantize_file(
+            tmp_path / "a.png", tmp_path / "a.webp", QuantizeOptions(4), reading=Reading(matte=(0, 0, 255), depth="8")
+        )
     share = soft[..., 3] / white
     np.testing.assert_array_equal(found["half"][..., 3] > 0, share >= 0.5)
     np.testing.assert_array_equal(found["matte"][..., 3] > 0, share >= 0.2)

@@ -122,6 +122,18 @@ def test_what_stands_still_in_an_animation_does_not_flicker() -> None:
     np.testing.assert_array_equal(shown[0][still], shown[1][still])
 
 
+def test_a_pan_of_few_colors_is_no_larger_than_its_frames_alone_and_reaches_a_low_quality(tmp_path: Path) -> None:
+    strip = cvtimg.quantize(COFFEE, 24, dither="floyd-steinberg", **FAST).image
+    frames = Frames(tuple(strip[:120, 12 * n : 12 * n + 160] for n in range(3)), (80.0,) * 3, 0)
+    how, sizes = QuantizeOptions(quality=60, engine=FAST), []
+    for name, several in (("pan", frames.images), *((f"{n}", frames.images[n : n + 1]) for n in range(3))):
+        cvtimg.pictures.write_frames(tmp_path / f"{name}.webp", Frames(several, (80.0,) * len(several), 0))
+        result = quantize_file(tmp_path / f"{name}.webp", tmp_path / f"{name}.gif", how)
+        assert result.content_quality == pytest.approx(60, abs=3)
+        sizes.append((tmp_path / f"{name}.gif").stat().st_size)
+    assert sizes[0] < 1.15 * sum(sizes[1:])
+
+
 def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_path: Path) -> None:
     cvtimg.pictures.write_frames(tmp_path / "a.webp", film(3, noise=2))
     plain = quantize_file(tmp_path / "a.webp", tmp_path / "plain.gif", QuantizeOptions(255, space="oklab", engine=FAST))

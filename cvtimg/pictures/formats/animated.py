@@ -95,12 +95,16 @@ def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict
     clear = np.flatnonzero(palette[:, 3] == 0) if clears else np.empty(0, int)
     if len(clear):
         shown, options["transparency"] = np.where(np.isin(shown, clear), clear[0], shown), int(clear[0])
-    elif not clears and len(palette) < 256 and not moved.all():
-        # Marking unchanged pixels as transparent compresses better than repeating their colors.
-        shown, options["transparency"] = np.where(moved, shown, len(palette)), len(palette)
-    picture = Image.fromarray(np.ascontiguousarray(shown, np.uint8))
-    picture.putpalette(_gif_table(palette))
-    return GifImagePlugin.getdata(picture, (box.left, box.top), **options)
+    forms = [(shown, options)]
+    if not clears and len(palette) < 256 and not moved.all():
+        # Marking unchanged pixels as transparent compresses better than repeating their colors, unless they are few.
+        forms.append((np.where(moved, shown, len(palette)), {**options, "transparency": len(palette)}))
+    frames = []
+    for pixels, told in forms:
+        picture = Image.fromarray(np.ascontiguousarray(pixels, np.uint8))
+        picture.putpalette(_gif_table(palette))
+        frames.append(GifImagePlugin.getdata(picture, (box.left, box.top), **told))
+    return min(frames, key=lambda parts: sum(map(len, parts)))
 
 
 def write_apng(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], plays: int, metadata: Metadata) -> None:
