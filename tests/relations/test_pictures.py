@@ -48,7 +48,7 @@ VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
     "segment": (lambda image: cvtimg.segment(image, 4).labels, alike),
     "superpixels": (lambda image: cvtimg.superpixels(image, 40).labels, alike),
     "segment_hierarchy": (lambda image: cvtimg.segment_hierarchy(image).cut(), alike),
-    "mosaic": (lambda image: cvtimg.mosaic(image, 30).psnr, close(2e-2)),
+    "mosaic": (lambda image: cvtimg.mosaic(image, 30).labels, equal),
     "energy_curve": (lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]), close(1e-2)),
 }
 
@@ -66,8 +66,9 @@ FORMS: dict[str, Callable[[Image], Any]] = {
 #: Changes of gray pictures.
 OF_GRAY: dict[str, Callable[[Image], Any]] = {"three equal bands": lambda image: np.dstack([image] * 3)}
 
-#: What is not so: an array (H, W) of floats is a table to `energy_curve`.
-EXCEPT = {("energy_curve", "floats in 0..1", gray_picture)}
+#: What is not so: an array (H, W) of floats is a table to `energy_curve`; three equal errors add up to another rounding
+#: than one, and the descent of a mosaic may end in another of its many minima, not far above or below.
+EXCEPT = {("energy_curve", "floats in 0..1", gray_picture), ("mosaic", "three equal bands", gray_picture)}
 
 
 def with_holes(rng: np.random.Generator) -> tuple[Image, Image]:
