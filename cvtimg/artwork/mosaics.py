@@ -153,7 +153,7 @@ class Mosaic(ReadOnly):
         drawn = Image.fromarray(self._eight_bits()[labels])
         if outline:
             pen, width = ImageDraw.Draw(drawn), max(round(outline * scale * fine), 1)
-            for polygon in filter(len, self.polygons()):
+            for _, polygon, _ in self._seen():
                 corners = np.concatenate([polygon, polygon[:1]]) * factors
                 pen.line(corners.ravel().tolist(), _LINES, width, joint="curve")
         return np.asarray(drawn.reduce(fine))
@@ -161,8 +161,8 @@ class Mosaic(ReadOnly):
     def save(self, path: StrPath, *, outline: float = 0.0, scale: float = 1.0, overwrite: bool = False) -> None:
         """Write the mosaic; the suffix picks the format.
 
-        .svg: drawn as by `draw`, but for the scale. .geojson: a polygon for each tile. .png and other formats of
-        pixels: what `draw` gives.
+        .svg: drawn as by `draw`, but for the scale. .geojson: a polygon for each tile that is not clear. .png and other
+        formats of pixels: what `draw` gives.
         """
         check_non_negative("outline", outline)
         suffix = check_choice("suffix", Path(path).suffix.lower(), suffixes())
@@ -184,12 +184,16 @@ class Mosaic(ReadOnly):
         colors = to_depth(self.colors, np.dtype(np.uint8))
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 
+    def _seen(self) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.uint8]]]:
+        """Yield the number, corners and color of each tile that is not clear."""
+        for tile, (polygon, color) in enumerate(zip(self.polygons(), self._eight_bits(), strict=True)):
+            if len(polygon) and (len(color) == 3 or color[3]):
+                yield tile, polygon, color
+
     def _paths(self, outline: float) -> Iterator[str]:
         clear = []
         yield f'{_SHARP_BELOW}<g id="tiles">\n'
-        for polygon, color in zip(self.polygons(), self._eight_bits(), strict=True):
-            if len(polygon) == 0 or (len(color) == 4 and color[3] == 0):
-                continue
+        for _, polygon, color in self._seen():
             fill = hexadecimal(color)
             stroke = "" if outline else f' stroke="{fill}"'
             look = f'fill="{fill}"{stroke} d="M{" ".join(numbers(polygon.ravel(), 3))}Z"/>\n'
@@ -201,12 +205,11 @@ class Mosaic(ReadOnly):
 
     def _write_geojson(self, path: StrPath, overwrite: bool) -> None:
         polygons, properties = [], {}
-        colors, areas = self._eight_bits(), np.bincount(self.labels.ravel(), minlength=len(self.colors))
-        for tile, polygon in enumerate(self.polygons()):
-            if len(polygon):
-                polygons.append(Polygon(tile, (np.concatenate([polygon, polygon[:1]]),)))
-                opacity = {"fill-opacity": round(int(colors[tile, 3]) / 255, 3)} if colors.shape[1] == 4 else {}
-                properties[tile] = {"fill": hexadecimal(colors[tile]), **opacity, "pixels": int(areas[tile])}
+        areas = np.bincount(self.labels.ravel(), minlength=len(self.colors))
+        for tile, polygon, color in self._seen():
+            polygons.append(Polygon(tile, (np.concatenate([polygon, polygon[:1]]),)))
+            opacity = {"fill-opacity": round(int(color[3]) / 255, 3)} if len(color) == 4 else {}
+            properties[tile] = {"fill": hexadecimal(color), **opacity, "pixels": int(areas[tile])}
         write_geojson(path, polygons, properties, overwrite=overwrite)
 
     def _repr_png_(self) -> bytes:
@@ -237,7 +240,8 @@ def mosaic(
     Parameters
     ----------
     image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point. Of 2 or 4 channels the last is alpha.
+        uint8, uint16 or floating point. Of 2 or 4 channels the last is alpha; if it is nowhere between clear and
+        opaque, tiles are the one or the other, by which most of their pixels are.
     n_cells : int
         Number of tiles, in 1..pixels; of triangles 2 or more, and not more than pixels.
     shape : {"cells", "triangles"}
@@ -289,7 +293,8 @@ def mosaic(
     painted = paint(bands, tiling.labels(points), tiling.n_tiles)
     triangles = tiling.triangles if isinstance(tiling, DelaunayTiling) else None
     middles = points if triangles is None else points[triangles].mean(axis=1)
-    colors = _colors(_means(painted, bands, middles), space, samples.dtype, has_alpha)
+    is_sharp = has_alpha and bool(np.isin(samples[..., -1], (0, peak(samples.dtype))).all())
+    colors = _colors(_means(painted, bands, middles), space, samples.dtype, has_alpha, is_sharp)
     if palette is not None:
         colors = _restricted(colors, painted.areas, palette, has_alpha)
     squared = _unit(samples.dtype, space) ** 2
@@ -367,13 +372,16 @@ def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.flo
     return means
 
 
-def _colors(means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], has_alpha: bool) -> NDArray[Any]:
-    """Return the means of tiles as colors of a type."""
+def _colors(
+    means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], has_alpha: bool, is_sharp: bool
+) -> NDArray[Any]:
+    """Return the means of tiles as colors of a type, clear or opaque ones if alpha is sharp."""
     unit = _unit(dtype, space)
     if not has_alpha:
         return from_space(means * unit, space, dtype)
     opacity = means[:, -1:] / _white(space)
     colors = from_space(means[:, :-1] * unit / np.maximum(opacity, 1e-6), space, dtype)
+    opacity = np.rint(opacity) if is_sharp else opacity
     return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
 
 

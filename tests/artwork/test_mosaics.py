@@ -106,6 +106,19 @@ def test_gray_stays_gray_and_alpha_stays_alpha() -> None:
     assert not result.image[:, :70, 3].any()
 
 
+@pytest.mark.parametrize("shape", ["cells", "triangles"])
+def test_a_shape_without_half_transparency_has_no_slivers_nor_lines_around_it(tmp_path: Path, shape: str) -> None:
+    y, x = np.mgrid[: PHOTO.shape[0], : PHOTO.shape[1]]
+    apart = np.hypot(x - 100, y - 66) - 50
+    image = np.dstack([PHOTO, np.where(apart < 0, 255, 0).astype(np.uint8)])
+    result = mosaic(image, 150, shape=shape)
+    assert set(np.unique(result.colors[:, 3])) == {0, 255}
+    assert not result.draw(outline=1)[apart > 8, 3].any()
+    result.save(tmp_path / "a.geojson")
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert {feature["properties"]["fill-opacity"] for feature in features} == {1}
+
+
 def test_a_palette_restricts_the_colors() -> None:
     assert len(np.unique(mosaic(PHOTO, 100, palette=5, effort="fast").colors, axis=0)) == 5
     palette = np.array([[0, 0, 0], [255, 128, 0], [255, 255, 255]], np.uint8)
