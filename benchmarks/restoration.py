@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import ROOT, machine, parser, pin_threads, print_table, timed, write_results
+from common import ROOT, machine, parser, pin_threads, print_means, print_table, timed, write_results
 from denoisers import DENOISERS, NON_LOCAL_MEANS, TOTAL_VARIATION, Damaged, fused, psnr
 from numpy.typing import NDArray
 from PIL import Image
@@ -146,36 +146,26 @@ def photographs(paths: list[Path], n_damages: int, words: list[str] | None) -> l
     rows = []
     denoisers = [one for one in DENOISERS if words is None or any(word in one.name for word in words)]
     for n_versions, holes, noise in DAMAGES[:n_damages]:
-        found = []
+        quality, seconds = list[dict[str, float]](), list[dict[str, float]]()
         for path in paths:
             clean = photograph(path)
-            case = Case(path.stem, clean, Damage(noise=noise, holes=holes), 32)
-            given = as_bytes(damaged(case, 1, n_versions))
-            found += [_row(path.stem, *one.quality(clean, given), one.name) for one in denoisers]
+            given = as_bytes(damaged(Case(path.stem, clean, Damage(noise=noise, holes=holes), 32), 1, n_versions))
+            found = {one.name: one.quality(clean, given) for one in denoisers}
             levels = [np.rint(255 * version).astype(np.uint8) for version in given.versions]
             for effort in EFFORTS:
-                call = partial(denoise, levels, masks=given.known, effort=effort)
-                result, seconds = timed(call, time.process_time)
-                found.append(_row(path.stem, psnr(result.image / 255, clean), seconds, f"cvtimg, {effort}"))
-        names = [*(f"cvtimg, {effort}" for effort in EFFORTS), *(one.name for one in denoisers)]
-        table = [
-            [path.stem, *(f"{row['psnr']:.2f}" for name in names for row in found if _is(row, path.stem, name))]
-            for path in paths
+                result, time_ = timed(partial(denoise, levels, masks=given.known, effort=effort), time.process_time)
+                found[f"cvtimg, {effort}"] = psnr(result.image / 255, clean), time_
+            quality.append({name: one[0] for name, one in found.items()})
+            seconds.append({name: one[1] for name, one in found.items()})
+        title, names = f"{n_versions} versions, noise {noise}, {holes:.0%} holes", [path.stem for path in paths]
+        print_means(f"{title}: PSNR, dB", names, quality, ".2f")
+        print_means(f"{title}: processor seconds", names, seconds, ".1f")
+        about = {"versions": n_versions, "holes": holes, "noise": noise}
+        rows += [
+            {**about, "case": name, "psnr": one, "seconds": other}
+            for name, one, other in zip(names, quality, seconds, strict=True)
         ]
-        for title, key, places in (("mean", "psnr", 2), ("processor seconds", "seconds", 1)):
-            means = [statistics.mean(row[key] for row in found if row["rival"] == name) for name in names]
-            table.append([title, *(f"{mean:.{places}f}" for mean in means)])
-        print_table(f"{n_versions} versions, noise {noise}, {holes:.0%} holes: PSNR, dB", ("", *names), table)
-        rows += [{"versions": n_versions, "holes": holes, "noise": noise, **row} for row in found]
     return rows
-
-
-def _row(case: str, decibels: float, seconds: float, rival: str) -> dict[str, Any]:
-    return {"case": case, "rival": rival, "psnr": decibels, "seconds": seconds}
-
-
-def _is(row: dict[str, Any], case: str, rival: str) -> bool:
-    return bool(row["case"] == case and row["rival"] == rival)
 
 
 def measure(case: Case, seeds: Iterable[int]) -> list[dict[str, Any]]:

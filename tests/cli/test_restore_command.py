@@ -57,12 +57,6 @@ def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:
     np.testing.assert_array_equal(read_image("nodata.png"), read_image("alpha.png"))
 
 
-def test_auto_is_found_by_the_command_too(run: Run) -> None:
-    assert run("v_*.png", "-o", "auto.png")[0] == 0
-    result = restore([read_image(f"v_{number}.png") for number in (1, 2, 3)], "auto")
-    np.testing.assert_array_equal(read_image("auto.png"), result.image)
-
-
 def test_json_tells_of_every_version(run: Run) -> None:
     status, out, _ = run("v_*.png", "-k", "4", "-o", "whole.png", "--json")
     row = json.loads(out)

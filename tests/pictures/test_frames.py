@@ -285,11 +285,6 @@ def test_a_palette_for_each_frame_is_that_of_the_frame_and_has_less_error(photog
     assert result.energy < quantize_frames(frames, 12).energy
 
 
-def test_a_given_palette_is_taken(photograph: NDArray[Any]) -> None:
-    result = quantize_frames(film(photograph), palette=PALETTE)
-    assert all((one.palette == PALETTE).all() for one in result.results)
-
-
 def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photograph: NDArray[Any]) -> None:
     result = quantize_frames(film(photograph), 300)
     shown, palettes = result.content

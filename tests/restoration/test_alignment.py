@@ -52,26 +52,6 @@ def test_what_a_shift_uncovers_is_not_known_and_the_rest_is_in_place(photograph:
     np.testing.assert_allclose(aligned.bands(1)[inner, inner], fixed[inner, inner], atol=0.02)
 
 
-@pytest.mark.slow
-def test_restoration_with_alignment_is_as_good_as_without_shifts(photograph: NDArray[np.uint8]) -> None:
-    clean = scene(photograph, (0, 0))
-    rng = np.random.default_rng(0)
-
-    def noisy(shift: tuple[float, float]) -> NDArray[np.float64]:
-        return scene(photograph, shift) + 0.1 * rng.standard_normal(clean.shape)
-
-    shifts = [(0, 0), (2.5, -3.2), (-1.3, 4.7)]
-    versions = [noisy((0, 0))] + [noisy((down, right)) for down, right in shifts[1:]]
-    inner = slice(6, -6)
-    with pytest.warns(UserWarning, match=r"images\[1\], images\[2\] .* may spoil the result"):
-        blind = denoise(versions, hidden="none")
-    result = denoise(versions, align=True)
-    np.testing.assert_allclose(result.shifts, np.negative(shifts), atol=0.15)
-    assert (
-        psnr(result.image[inner, inner], clean[inner, inner]) > psnr(blind.image[inner, inner], clean[inner, inner]) + 3
-    )
-
-
 def test_flat_versions_are_left_where_they_are() -> None:
     flat = np.full((20, 20), 0.5)
     with pytest.warns(UserWarning, match=r"images\[1\] cannot be aligned"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -81,12 +80,6 @@ def test_versions_that_fit_have_no_misfit_whatever_noise_gaps_and_exposure(photo
     assert misfit(whole, noisy(turned(photograph, 0, (0.5, 0)))).max() < 0.15
     assert misfit(whole, noisy(turned(photograph, 0, (3, 0)))).max() > 2 * MOST_MISFIT
     assert misfit(np.full((40, 50), 9, np.uint8), np.full((40, 50), 99, np.uint8)).max() == 0
-
-
-def test_fitting_versions_are_restored_without_a_warning(photograph: NDArray[Any]) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        restore([noisy(photograph), noisy(photograph)], 4, effort="fast")
 
 
 @pytest.mark.parametrize("shape", [(20, 30), (20, 30, 3)])
