@@ -38,42 +38,42 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         raise WrongUsageError("there are no frames")
     snapshots = as_snapshots(list(task.sources) if len(task.sources) > 1 else task.sources[0])
     stopwatch.lap("read")
-    found = reduced_basis(snapshots, **given.arguments, centered=not given.uncentered)
+    result = reduced_basis(snapshots, **given.arguments, centered=not given.uncentered)
     stopwatch.lap("reduce")
-    found.save(task.outputs["-o"], overwrite=given.overwrite)
+    result.save(task.outputs["-o"], overwrite=given.overwrite)
     if "--sheet" in task.outputs:
         from cvtimg.plotting.sheets import contact_sheet
 
-        write_image(task.outputs["--sheet"], contact_sheet(_panels(found), panel_width=200), overwrite=given.overwrite)
-    plot(task.outputs.get("--plot"), given, "draw_spectrum", found.energies, found.variance)
+        write_image(task.outputs["--sheet"], contact_sheet(_panels(result), panel_width=200), overwrite=given.overwrite)
+    plot(task.outputs.get("--plot"), given, "draw_spectrum", result.energies, result.variance)
     stopwatch.lap("write")
     return {
-        "snapshots": len(found.labels),
-        "shape": list(found.shape),
-        "kind": found.kind,
-        "n": found.n_modes,
-        "cells": found.n_cells,
-        "explained": found.explained,
-        "energy": found.energy,
-        "energies": found.energies.tolist(),
-        "medoids": found.medoids.tolist(),
+        "snapshots": len(result.labels),
+        "shape": list(result.shape),
+        "kind": result.kind,
+        "n": result.n_modes,
+        "cells": result.n_cells,
+        "explained": result.explained,
+        "energy": result.energy,
+        "energies": result.energies.tolist(),
+        "medoids": result.medoids.tolist(),
     }
 
 
-def _panels(found: Basis) -> list[list[Panel]]:
+def _panels(basis: Basis) -> list[list[Panel]]:
     """Show centers as they are, and modes about gray: a mode has no sign and no scale."""
     import numpy as np
 
     from cvtimg.plotting.sheets import Panel
 
-    if len(found.shape) not in (2, 3) or found.shape[2:] not in ((), (1,), (3,)):
-        raise ValueError(f"--sheet needs frames that are gray or RGB images, not snapshots of shape {found.shape}")
+    if len(basis.shape) not in (2, 3) or basis.shape[2:] not in ((), (1,), (3,)):
+        raise ValueError(f"--sheet needs frames that are gray or RGB images, not snapshots of shape {basis.shape}")
     panels = []
-    for cell, (center, modes) in enumerate(zip(found.centers, found.modes, strict=True)):
-        name = "mean" if found.n_cells == 1 else f"cell {cell}: {np.count_nonzero(found.labels == cell)} frames"
-        panels.append(Panel(np.clip(np.rint(center), 0, 255).astype(np.uint8).reshape(found.shape), (name,)))
+    for cell, (center, modes) in enumerate(zip(basis.centers, basis.modes, strict=True)):
+        name = "mean" if basis.n_cells == 1 else f"cell {cell}: {np.count_nonzero(basis.labels == cell)} frames"
+        panels.append(Panel(np.clip(np.rint(center), 0, 255).astype(np.uint8).reshape(basis.shape), (name,)))
         for number, mode in enumerate(modes):
             about_grey = np.rint(127.5 + 127.5 * mode / max(np.abs(mode).max(), 1e-30)).astype(np.uint8)
-            panels.append(Panel(about_grey.reshape(found.shape), (f"mode {number + 1}",)))
+            panels.append(Panel(about_grey.reshape(basis.shape), (f"mode {number + 1}",)))
     shown = panels[: _MOST_SHOWN + 1]
     return [shown[start : start + _IN_A_ROW] for start in range(0, len(shown), _IN_A_ROW)]

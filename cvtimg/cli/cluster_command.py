@@ -57,7 +57,9 @@ def cluster(given: Given) -> Todo:
     columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
     columns = (*columns[:-2], "silhouette", *columns[-2:]) if given.silhouette else columns
     # A .npy file may fit into memory, where it is read like a .csv.
-    return planned(plan, _cluster, columns, given, by_url=tuple(one for one in BLOCK_SUFFIXES if one != ".npy"))
+    return planned(
+        plan, _cluster, columns, given, by_url=tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
+    )
 
 
 def reading(given: Given) -> dict[str, Any]:
@@ -164,8 +166,8 @@ def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = Non
     metrics = optional("sklearn.metrics", "sklearn", "--silhouette needs")
     drawn = np.random.default_rng(given.seed).permutation(len(rows))[:_SILHOUETTE_ROWS]
     some = rows[drawn]
-    own = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
-    return float(metrics.silhouette_score(some, own)) if 1 < len(np.unique(own)) < len(some) else None
+    labeled = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
+    return float(metrics.silhouette_score(some, labeled)) if 1 < len(np.unique(labeled)) < len(some) else None
 
 
 def _write_clusters(task: Task, result: Tessellation, kept: Any, given: Given) -> None:

@@ -59,26 +59,26 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             arguments[option] = computed(f"--{option}", text, names)
     if given.latin:  # the default, as far as it can be
         arguments["latin"] = None
-    found = cvtimg.design(given.number, factors, existing=old, **arguments)
+    result = cvtimg.design(given.number, factors, existing=old, **arguments)
     stopwatch.lap("place")
-    figures = asdict(found.measures()) if given.measures else {}
+    figures = asdict(result.measures()) if given.measures else {}
     if given.shuffle is not None:
-        found = found.shuffled(given.shuffle)
-    header, table = found.table()
+        result = result.shuffled(given.shuffle)
+    header, table = result.table()
     if "-o" in task.outputs:
-        found.save(task.outputs["-o"], overwrite=given.overwrite)
+        result.save(task.outputs["-o"], overwrite=given.overwrite)
     labels = [factor.header for factor in factors]
     shown = {"existing": old, "levels": [factor.levels for factor in factors]}
-    plot(task.outputs.get("--plot"), given, "draw_pairs", found.points, labels, **shown)
+    plot(task.outputs.get("--plot"), given, "draw_pairs", result.points, labels, **shown)
     stopwatch.lap("write")
     return {
         "n": given.number,
-        "dimensions": found.points.shape[1],
+        "dimensions": result.points.shape[1],
         "names": labels,
-        "existing": len(found.existing),
-        "latin": found.latin,
-        "periodic": found.periodic,
-        "energy": found.energy,
+        "existing": len(result.existing),
+        "latin": result.latin,
+        "periodic": result.periodic,
+        "energy": result.energy,
         **{name: value for name, value in figures.items() if name != "energy"},
         "points": None if "-o" in task.outputs else table,
         **({} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}),

@@ -41,7 +41,7 @@ def elbow(given: Given) -> Todo:
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
     report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
-    plan = plan_of(given, expand=_found, joined=("--csv", "--plot"))
+    plan = plan_of(given, expand=_inputs_of, joined=("--csv", "--plot"))
     given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
     if given.edge_weight:
         given.segments["edge_weight"] = given.edge_weight
@@ -50,7 +50,7 @@ def elbow(given: Given) -> Todo:
     return partial(_run, planned(plan, _measure, report, given), report, given)
 
 
-def _found(path: str) -> list[Path]:
+def _inputs_of(path: str) -> list[Path]:
     """Find images, or the tables of a folder that has none."""
     try:
         return find_images(path)
@@ -138,12 +138,12 @@ def _read(source: Path, given: Given) -> tuple[Any, NDArray[Any] | None, NDArray
 
     if is_large_table(source):
         blocks = open_blocks(source, **given.read)
-        found: tuple[Any, Any] = sample_rows(blocks, given.seed)
+        weighted: tuple[Any, Any] = sample_rows(blocks, given.seed)
         left_out = blocks.left_out
     else:
         table = read_table(source, **given.read, dialect=given.dialect)
-        found, left_out = (table.rows, table.weights), table.left_out
-    rows, weights = found
+        weighted, left_out = (table.rows, table.weights), table.left_out
+    rows, weights = weighted
     return Spread.of(rows, weights).scaling.apply(rows) if given.standardize else rows, None, weights, left_out
 
 
@@ -162,9 +162,9 @@ def _write(done: list[Plotted], given: Given) -> None:
 
     if given.csv:
         lines = [
-            (one.name, k, float(energy), float(share), int(k == one.k))
-            for one in done
-            for k, (energy, share) in enumerate(zip(one.curve.energies, one.curve.explained, strict=True), 1)
+            (plotted.name, k, float(energy), float(share), int(k == plotted.k))
+            for plotted in done
+            for k, (energy, share) in enumerate(zip(plotted.curve.energies, plotted.curve.explained, strict=True), 1)
         ]
         write_csv(given.csv, ("input", "k", "energy", "explained", "chosen"), lines, overwrite=given.overwrite)
     plot(given.plot, given, "draw_curves", done, rule=given.rule)

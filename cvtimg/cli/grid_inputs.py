@@ -130,7 +130,9 @@ def read_width(width: float | Path, circles: list[tuple[Any, ...]]) -> CellWidth
     """Return widths of cells in km: one, or a map of them, with circles of finer cells."""
     from cvtimg.sphere import CellWidth, WidthCircle
 
-    return CellWidth(_width_map(width) if isinstance(width, Path) else width, [WidthCircle(*one) for one in circles])
+    return CellWidth(
+        _width_map(width) if isinstance(width, Path) else width, [WidthCircle(*circle) for circle in circles]
+    )
 
 
 def _width_map(path: Path) -> NDArray[np.float64]:

@@ -32,10 +32,10 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.pictures import image_info
     from cvtimg.pictures.stacks import read_whole
 
-    found = image_info(task.source)
-    header = asdict(found)
-    header["channels"] = found.channels or None
-    header["pixel_size"] = found.pixel_size and str(found.pixel_size)
+    info = image_info(task.source)
+    header = asdict(info)
+    header["channels"] = info.channels or None
+    header["pixel_size"] = info.pixel_size and str(info.pixel_size)
     header["alpha"] = header.pop("has_alpha")
     if header["nodata"] is not None and not math.isfinite(header["nodata"]):
         header["nodata"] = str(header["nodata"])  # JSON has no such numbers
@@ -48,7 +48,7 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         from cvtimg.restoration import measure_noise
         from cvtimg.restoration.versions import with_tables
 
-        noise = measure_noise([with_tables(image, task.source)], nodata=found.nodata)
+        noise = measure_noise([with_tables(image, task.source)], nodata=info.nodata)
         values = noise.levels[0], noise.slope, noise.neighbors
         row |= zip(NOISE_COLUMNS, (value if math.isfinite(value) else None for value in values), strict=True)
     return row

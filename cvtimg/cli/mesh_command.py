@@ -69,39 +69,39 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     sizes = None if given.size is None else read_size(given.size)
     stopwatch.lap("read")
     if labels is None:
-        found = cvtimg.mesh_region(region, size=sizes, **outlines, **making)
+        result = cvtimg.mesh_region(region, size=sizes, **outlines, **making)
     elif is_mask:
-        found = cvtimg.mesh_region(labels > 0, size=sizes, **making)
+        result = cvtimg.mesh_region(labels > 0, size=sizes, **making)
     else:
-        found = cvtimg.mesh_labels(labels, size=sizes, **making)
+        result = cvtimg.mesh_labels(labels, size=sizes, **making)
     stopwatch.lap("mesh")
     if given.name:
-        found = named(found, given.name)
-    found.save(task.output, overwrite=given.overwrite)
+        result = named(result, given.name)
+    result.save(task.output, overwrite=given.overwrite)
     image = None if given.over is None else cvtimg.read_image(given.over)
-    drawn = found.points, found.triangles, found.qualities, found.edges
+    drawn = result.points, result.triangles, result.qualities, result.edges
     below = {"image": image, "y_down": not is_polygon or image is not None}
     plot(task.outputs.get("--plot"), given, "draw_mesh", *drawn, **below)
     stopwatch.lap("write")
-    local = found.projection
-    each = measure_triangles(found.points if local is None else local.to_km(found.points), found.triangles)
+    local = result.projection
+    each = measure_triangles(result.points if local is None else local.to_km(result.points), result.triangles)
     if is_polygon and local is None and task.source.suffix.lower() in (".geojson", ".json"):
-        warn_of_degrees(found)
+        warn_of_degrees(result)
     return {
-        "n": len(found.points),
-        "n_wanted": found.n_wanted,
-        "triangles": len(found.triangles),
-        "area": found.area if local is None else float(each.areas.sum()),
+        "n": len(result.points),
+        "n_wanted": result.n_wanted,
+        "triangles": len(result.triangles),
+        "area": result.area if local is None else float(each.areas.sum()),
         "least_angle": float(each.least_angles.min()),
         "mean_quality": float(each.qualities.mean()),
         "below_30": float((each.least_angles < 30).mean()),
-        "energy": found.energy,
-        "n_iter": len(found.energies) - 1,
-        **({} if found.changes is None else asdict(found.changes)),
-        **({} if found.pairs is None else {"pairs": len(found.pairs)}),
-        **({} if found.quadratic is None else {"n_straight": found.quadratic.n_straight}),
-        **({"names": {name: tag for (_, tag), name in found.names.items()}} if found.names else {}),
-        **(asdict(found.measures()) if given.measures else {}),
+        "energy": result.energy,
+        "n_iter": len(result.energies) - 1,
+        **({} if result.changes is None else asdict(result.changes)),
+        **({} if result.pairs is None else {"pairs": len(result.pairs)}),
+        **({} if result.quadratic is None else {"n_straight": result.quadratic.n_straight}),
+        **({"names": {name: tag for (_, tag), name in result.names.items()}} if result.names else {}),
+        **(asdict(result.measures()) if given.measures else {}),
     }
 
 
@@ -112,19 +112,23 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
 
     if unfit := given.chosen("size", "plot", "grade", "min_size", "order", "periodic", "name"):
         raise ValueError(f"has voxels, to which {' and '.join(unfit)} cannot be applied")
-    found = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)
+    result = mesh_volume(voxels > 0 if is_mask else voxels, n=given.n, edge_length=given.edge_length)
     stopwatch.lap("mesh")
-    found.save(task.output, overwrite=given.overwrite)
+    result.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
-        "n": len(found.points),
-        "n_wanted": found.n_wanted,
-        "tetrahedra": len(found.tetrahedra),
-        "triangles": len(found.surface),
-        "volume": found.volume,
-        "least_angle": float(found.dihedral_angles.min()),
-        "mean_quality": float(found.qualities.mean()),
-        **(asdict(found.measures()) if given.measures else {}),
-        **({"labels": {tag: asdict(one) for tag, one in found.measures_by_label().items()}} if given.measures else {}),
-        "is_manifold": found.is_manifold,
+        "n": len(result.points),
+        "n_wanted": result.n_wanted,
+        "tetrahedra": len(result.tetrahedra),
+        "triangles": len(result.surface),
+        "volume": result.volume,
+        "least_angle": float(result.dihedral_angles.min()),
+        "mean_quality": float(result.qualities.mean()),
+        **(asdict(result.measures()) if given.measures else {}),
+        **(
+            {"labels": {tag: asdict(measures) for tag, measures in result.measures_by_label().items()}}
+            if given.measures
+            else {}
+        ),
+        "is_manifold": result.is_manifold,
     }

@@ -59,9 +59,9 @@ def _parts(shape: Any, name_by: str) -> Any:
     words = [re.sub(r"[^\w-]+", "_", str(name)) for name in names]
     words = [word if word[:1].isalpha() else f"_{word}" for word in words]
     return {
-        word: PolygonRegion({"type": "FeatureCollection", "features": [features[k] for k in own]})
+        word: PolygonRegion({"type": "FeatureCollection", "features": [features[k] for k in members]})
         for word in dict.fromkeys(words)
-        if (own := [k for k, other in enumerate(words) if other == word])
+        if (members := [k for k, other in enumerate(words) if other == word])
     }
 
 

@@ -110,10 +110,12 @@ def help_of(verb: str) -> str:
     lines = [f"Usage: {command.usage}", "", *_wrapped(command.paragraphs[0], "  ", width), "", *command.examples[:3]]
     few, rest = dict[str, "list[Option]"](), dict[str, str]()
     for title, options in command.panels.items():
-        usual = [one for one in options if title == "What to get" or one.name in _OUTPUTS]
+        usual = [option for option in options if title == "What to get" or option.name in _OUTPUTS]
         few |= {title: usual} if usual else {}
         if title != _SHARED and len(options) > len(usual):
-            rest[f"{title}:"] = ", ".join(one.words[0].partition("/")[0] for one in options if one not in usual)
+            rest[f"{title}:"] = ", ".join(
+                option.words[0].partition("/")[0] for option in options if option not in usual
+            )
     for title, options in (("Arguments", command.inputs), *few.items()):
         lines += _section(title, recorded(options), width)
     if _SHARED in command.panels:

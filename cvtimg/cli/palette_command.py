@@ -65,12 +65,12 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         result = quantize(image, wanted, space=given.space, locked=locked)
     counts = np.bincount(result.indices.ravel(), minlength=len(result.palette))
     order = color_order(result.palette, given.sort, density=counts)
-    found, counts = result.palette[order], counts[order]
+    colors, counts = result.palette[order], counts[order]
     stopwatch.lap("cluster")
     if "--save-palette" in task.outputs:
-        write_palette(task.outputs["--save-palette"], found, density=counts, overwrite=given.overwrite)
+        write_palette(task.outputs["--save-palette"], colors, density=counts, overwrite=given.overwrite)
         stopwatch.lap("write")
-    return {"distinct_colors": n_distinct, "k": len(found), "colors": _entries(found, counts)}
+    return {"distinct_colors": n_distinct, "k": len(colors), "colors": _entries(colors, counts)}
 
 
 def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:

@@ -93,13 +93,13 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
         return Pages(images, "T", (len(images),))
 
     def read(paths: Sequence[Path]) -> list[tuple[Path, Pages]]:
-        found = []
+        pages = []
         for path in paths:
             try:
-                found.append((path, pages_of(path)))
+                pages.append((path, pages_of(path)))
             except OSError as error:
                 failed.append((str(path), error))
-        return found
+        return pages
 
     images, known = read(sources), read(masks)
     if failed:
@@ -111,13 +111,13 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
             raise ValueError(f"{path} has the axes {pages.axes}YX, without {merge} to --merge; --axes names them")
     stacks = [(path, *pages.joined().grouped(f"Q{merge or ''}")) for path, pages in images]
     first, stack, groups = stacks[0]
-    for path, other, own in stacks:
-        if len(own) != len(groups):
+    for path, other, groups_of_file in stacks:
+        if len(groups_of_file) != len(groups):
             raise ValueError(f"{path} has {other}, and {first} has {stack}; they must have as many pages")
     versions = []
     for number in range(len(groups)):
-        names, each = _named([(path, own[number]) for path, _, own in stacks])
-        versions.append(VersionFiles(each, [not_black(one) for one in shown] or None, names, mask_names, alpha))
+        names, each = _named([(path, groups_of_file[number]) for path, _, groups_of_file in stacks])
+        versions.append(VersionFiles(each, [not_black(mask) for mask in shown] or None, names, mask_names, alpha))
     return versions, stack
 
 
@@ -144,7 +144,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         results, said = [], []
         for read in versions:
             results.append(_restored(read, given))
-            said += [given.worded(_with_names(str(one.message), read)) for one in caught]
+            said += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
             caught.clear()
     stopwatch.lap("cluster")
     first = results[0]

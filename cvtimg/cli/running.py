@@ -93,8 +93,8 @@ def running_of(given: Given) -> Running:
     """Return how a batch is run, by the options that the command has."""
     names = ("overwrite", "dask", "skip_existing", "in_place", "skip_if_larger", "preserve", "dry_run")
     jobs = given.jobs if hasattr(given, "jobs") else 1
-    own = {name: getattr(given, name) for name in names if hasattr(given, name)}
-    return Running(jobs, report_file=given.report, **own)
+    options = {name: getattr(given, name) for name in names if hasattr(given, name)}
+    return Running(jobs, report_file=given.report, **options)
 
 
 @contextmanager
@@ -110,7 +110,7 @@ def _as_asked(notes: list[str], *, given: Given) -> Iterator[None]:
             if text == str(error):
                 raise
             raise ValueError(text) from error
-    notes += dict.fromkeys(given.worded(str(one.message)) for one in caught)
+    notes += dict.fromkeys(given.worded(str(warning.message)) for warning in caught)
 
 
 def selected(given: Given) -> ExitStack:

@@ -128,19 +128,19 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     in_volume = given.volume and given.objects
     ways = {"together": given.volume, "volumes": in_volume, "track": given.track, "apart": given.edge_radius}
-    found = divide_stack(stack, partial(_way(given), **_detail(task, given)), **ways, edits=given.edit)
+    divided = divide_stack(stack, partial(_way(given), **_detail(task, given)), **ways, edits=given.edit)
     stopwatch.lap("cluster")
-    write_outputs(task, found, given, in_volume=in_volume)
+    write_outputs(task, divided, given, in_volume=in_volume)
     stopwatch.lap("write")
-    image, pages = found.images[0], found.pages
+    image, pages = divided.images[0], divided.pages
     by_planes = given.objects and not in_volume and pages is not None and "Z" in pages.axes
     return {
         "width": image.shape[1],
         "height": image.shape[0],
         "channels": image.shape[2] if image.ndim == 3 else 1,
         **({} if pages is None else {"pages": len(pages.images)}),
-        **found.summary(),
-        **({"tracks": int(found.labels.max())} if given.track else {}),
+        **divided.summary(),
+        **({"tracks": int(divided.labels.max())} if given.track else {}),
         **({"warning": _OF_PLANES} if by_planes else {}),
         **({"warning": _UNEVEN} if _is_lit_unevenly(given, image, stack.known[0]) else {}),
     }

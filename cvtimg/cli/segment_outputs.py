@@ -94,8 +94,8 @@ class Subject:
         drawing = contour_drawing(contours, self.labels, self.image)
         if self.given.chosen(*OF_LINES):
             least = {} if self.given.chance is None else {"chance": self.given.chance}
-            found = self.tree.find_lines(**least, n_lines=self.given.strongest, image=image, tolerance=off)
-            drawing = replace(drawing, lines=found.lines, chances=found.chances)
+            chosen = self.tree.find_lines(**least, n_lines=self.given.strongest, image=image, tolerance=off)
+            drawing = replace(drawing, lines=chosen.lines, chances=chosen.chances)
         drawing = replace(drawing, place=self.place, channels=self.header.channels)
         if place := self.header.geo_transform:
             return replace(drawing, transform=[place[:3], place[3:]], epsg=self.header.epsg)
@@ -156,16 +156,16 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: bool) -> None:
+def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume: bool) -> None:
     """Write what was asked for; of several pages, all into one file."""
     from cvtimg.labels import write_contours
 
-    places = [{}] if found.pages is None else found.pages.places
-    tree = found.results[0].hierarchy if found.pages is None else None
-    each = zip(found.images, found.labels, places, strict=True)
+    places = [{}] if divided.pages is None else divided.pages.places
+    tree = divided.results[0].hierarchy if divided.pages is None else None
+    each = zip(divided.images, divided.labels, places, strict=True)
     others, names = _other_channels(task.source, given) if given.measure else ([None] * len(places), ())
     subjects = [
-        Subject(task.source, image, labels, found.header, given, tree, at, bands, names, in_volume)
+        Subject(task.source, image, labels, divided.header, given, tree, at, bands, names, in_volume)
         for (image, labels, at), bands in zip(each, others, strict=True)
     ]
     for option, path in task.outputs.items():
@@ -176,10 +176,10 @@ def write_outputs(task: Task, found: DividedStack, given: Given, *, in_volume: b
             write_contours(path, [subject.drawing for subject in subjects], overwrite=given.overwrite)
         elif kind == "table":
             _write_table(subjects, path, given.overwrite)
-        elif found.pages is None:
+        elif divided.pages is None:
             _write_image(kind, subjects[0], path, given.overwrite)
         else:
-            _write_pages(kind, subjects, path, found.pages, given.overwrite)
+            _write_pages(kind, subjects, path, divided.pages, given.overwrite)
 
 
 def _other_channels(source: Path, given: Given) -> tuple[Sequence[NDArray[Any] | None], Sequence[str]]:
@@ -224,12 +224,11 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
         dtype = np.min_scalar_type(max(int(subject.labels.max()) for subject in subjects))
         images = [subject.labels.astype(dtype) for subject in subjects]
     else:
-        if (
-            kind == "overlay" and subjects[0].image.dtype != np.uint8
-        ):  # pages are as bright beside each other as they are
-            bands = [one.image.reshape(*one.labels.shape, -1) for one in subjects]
-            limits = limits_to_show([one[by.labels != by.ignore] for one, by in zip(bands, subjects, strict=True)])
-            subjects = [replace(by, image=shown(one, limits)) for one, by in zip(bands, subjects, strict=True)]
+        if kind == "overlay" and subjects[0].image.dtype != np.uint8:  # pages stay as bright beside each other
+            bands = [each.image.reshape(*each.labels.shape, -1) for each in subjects]
+            counted = [values[each.labels != each.ignore] for values, each in zip(bands, subjects, strict=True)]
+            limits = limits_to_show(counted)
+            subjects = [replace(each, image=shown(band, limits)) for each, band in zip(subjects, bands, strict=True)]
         images = [_drawn(kind, subject, path) for subject in subjects]
     is_joined = pages.is_joined and kind == "mean"
     write_pages(path, replace(pages, images=tuple(images), has_alpha=False, is_joined=is_joined), overwrite=overwrite)

@@ -38,22 +38,22 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     shape = read_surface(task.source, given.weld)
     weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
-    found = cvtimg.surface_points(
+    result = cvtimg.surface_points(
         shape, given.number, density=weight, feature_angle=given.feature_angle, effort=given.effort
     )
     stopwatch.lap("place")
-    found.save(task.output, overwrite=given.overwrite)
-    drawn = found.points, found.triangles, found.qualities
+    result.save(task.output, overwrite=given.overwrite)
+    drawn = result.points, result.triangles, result.qualities
     plot(task.outputs.get("--plot"), given, "draw_surface", *drawn, center=given.view)
     stopwatch.lap("write")
-    measures = asdict(found.measures())
+    measures = asdict(result.measures())
     return {
         "n": given.number,
-        "triangles": len(found.triangles),
+        "triangles": len(result.triangles),
         "area": shape.area,
-        "energy": found.energy,
-        "offset": found.offset,
-        "n_iter": found.n_iter,
+        "energy": result.energy,
+        "offset": result.offset,
+        "n_iter": result.n_iter,
         "components": measures.pop("n_components"),
         "borders": measures.pop("n_borders"),
         **measures,

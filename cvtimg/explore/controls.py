@@ -154,7 +154,9 @@ class Several(Control):
         return tuple(map(self.parse_one, value))
 
     def parse_one(self, value: Any) -> Any:
-        raise NotImplementedError
+        if not isinstance(value, str) or len(value) > 64:
+            raise self.refuse(value, "a short text")
+        return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,16 +258,10 @@ class Brushed(Edits):
 
 @dataclass(frozen=True, kw_only=True)
 class Files(Several):
-    """Files that the page has sent before, by the keys that the server gave them."""
+    """Files that the page has sent before, by the keys that the server gave them; `Store` knows which are open."""
 
     of: str = "pictures"  # What they are
     most: int = 1  # How many can be chosen
-
-    def parse_one(self, value: Any) -> str:
-        """Check a key; whether such a file is open is known elsewhere."""
-        if not isinstance(value, str) or len(value) > 64:
-            raise self.refuse(value, "a file that is open")
-        return value
 
 
 @dataclass(frozen=True, kw_only=True)

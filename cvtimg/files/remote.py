@@ -33,7 +33,8 @@ def is_remote(path: StrPath) -> bool:
 
 def url_of(path: StrPath) -> str:
     """Return the URL that a path was made of: "s3://bucket/a.png" for ``Path("s3:/bucket/a.png")``."""
-    return _URL.sub(r"\1://\2", str(path), count=1) if is_remote(path) else str(path)
+    url = _URL.fullmatch(str(path))
+    return f"{url[1]}://{url[2]}" if url else str(path)
 
 
 @contextmanager

@@ -75,7 +75,7 @@ def quality(text: str | float | Sequence[float]) -> float | tuple[float, float]:
 
 def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:
     """Parse bits per channel: 5 for all, or 5,6,5."""
-    bits = [int(one) if one in map(str, range(1, 9)) else 0 for one in str(text).split(",")]
+    bits = [int(part) if part in map(str, range(1, 9)) else 0 for part in str(text).split(",")]
     if len(bits) in (1, 3) and all(bits):
         return tuple(bits * 3)[:3]
     raise ValueError(f"{str(text)!r} must be a number of bits in 1..8, or three such as 5,6,5")

@@ -25,12 +25,12 @@ def _name(text: Any) -> tuple[str, list[float]]:
     """Return a name and what it is for: the number of a label, or the four of a box."""
     name, _, numbers = str(text).partition("=")
     try:
-        found = [float(number) for number in numbers.split(",")]
+        values = [float(number) for number in numbers.split(",")]
     except ValueError:
-        found = []
-    if not name or not (len(found) == 4 or (len(found) == 1 and found[0].is_integer())):
+        values = []
+    if not name or not (len(values) == 4 or (len(values) == 1 and values[0].is_integer())):
         raise ValueError(f"{str(text)!r} must be NAME=LABEL or NAME=X0,Y0,X1,Y1")
-    return name, found
+    return name, values
 
 
 MESH = (

@@ -146,8 +146,8 @@ def late(module: str, name: str) -> Callable[..., Any]:
 
 
 def _called(module: str, name: str, *given: Any) -> Any:
-    found: Any = import_module(f"cvtimg.{module}")
-    return reduce(getattr, name.split("."), found)(*given)
+    value: Any = import_module(f"cvtimg.{module}")
+    return reduce(getattr, name.split("."), value)(*given)
 
 
 Kind: TypeAlias = Real | Choice | Switch | Text | File | Pair
@@ -210,7 +210,7 @@ class Option(NamedTuple):
             return None
         if "" in (given if self.many else [given]):  # of a shell's variable that is not set
             raise ValueError("an empty text is no value; the current folder is '.'")
-        return [self.kind.parse(one) for one in given] if self.many else self.kind.parse(given)
+        return [self.kind.parse(item) for item in given] if self.many else self.kind.parse(given)
 
     def is_given(self, value: Any) -> bool:
         """Whether a value differs from the default."""

@@ -122,6 +122,7 @@ mesh noise.png -o a.vtu | is no mask and no labels; divide it first: cvtimg segm
 info trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto reads it
 palette trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto
 quantize wrong.geojson -k 4 | is no image; if it has outlines, cvtimg mesh wrong.geojson
+info bare.nc | bare.nc: has arrays by name and is no image; save one of them as .npy or .tif
 info ball.stl | is a surface and not an image; cvtimg surface ball.stl
 info wrong.gpl | is a palette and not an image; cvtimg palette wrong.gpl
 cluster a.png -k 2 | is not text; for images there is cvtimg segment

@@ -141,9 +141,9 @@ def _versions(request: Request) -> list[Picture]:
     chosen = [request.store.picture(key) for key in request.settings["versions"]]
     shown = request.picture  # of an animation the frame
     if request.settings["align"]:
-        chosen.sort(key=lambda one: one is not (shown.whole_file or shown))  # the others are moved onto it
-    versions = [each for one in chosen or [shown] for each in _of_file(one, shown)]
-    if len(versions) > 1 and any(one.page and not _are_versions(one.whole_file) for one in versions):
+        chosen.sort(key=lambda version: version is not (shown.whole_file or shown))  # the others are moved onto it
+    versions = [part for version in chosen or [shown] for part in _of_file(version, shown)]
+    if len(versions) > 1 and any(version.page and not _are_versions(version.whole_file) for version in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
     sizes = {picture.size for picture in versions}
     if len(sizes) > 1 and not (request.settings["align"] and versions[0].size == shown.size):
