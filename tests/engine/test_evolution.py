@@ -31,10 +31,7 @@ OPTIMA = {
 def tables() -> dict[str, NDArray[Any]]:
     from sklearn.datasets import load_iris
 
-    return {
-        "ruspini": np.array(RUSPINI).reshape(-1, 2),
-        "iris": load_iris().data,
-    }
+    return {"ruspini": np.array(RUSPINI).reshape(-1, 2), "iris": load_iris().data}
 
 
 @pytest.mark.parametrize(("name", "fewest"), OPTIMA)

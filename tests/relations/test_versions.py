@@ -9,8 +9,9 @@ import numpy as np
 from conftest import SAMPLES
 from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
+from relations.test_pictures import gray_picture
 
-from cvtimg import denoise, read_image
+from cvtimg import denoise, read_image, restore
 
 Case = tuple[NDArray[np.uint8], list[NDArray[np.uint8]]]
 SIDE = 72
@@ -87,7 +88,30 @@ def as_shorts(case: Case) -> NDArray[Any]:
     return restored((case[0], [version * np.uint16(257) for version in case[1]])) / 257
 
 
-SINCE = "2026-11-27"
+def flat_versions(rng: np.random.Generator) -> Case:
+    """Return a picture of a few flat colors, and three versions of it."""
+    levels = (gray_picture(rng, (40, 48)) // 60 * 60).astype(np.uint8)
+    clean = np.dstack([levels, 255 - levels, levels // 2])
+    noisy = [clean + rng.normal(0, 10, clean.shape) for _ in range(3)]
+    return clean, [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in noisy]
+
+
+def error_in_flat_colors(case: Case) -> float:
+    """Mean squared error of what is restored in flat colors, in squared levels."""
+    return error_of(restore(case[1], 5).image, case)
+
+
+def in_flat_colors(case: Case) -> NDArray[Any]:
+    """(H, W, C) what is restored in flat colors."""
+    return restore(case[1], 5).image
+
+
+def backwards(case: Case) -> Case:
+    """Return the versions in the other order."""
+    return case[0], case[1][::-1]
+
+
+SINCE, LATER = "2026-11-27", "2026-11-28"
 ONE, GRAY, THREE = spoiled(1), spoiled(1, gray=True), spoiled(3)
 RELATIONS = [
     Relation("denoise", "bands repeated", GRAY, first_band, each(lambda v: np.dstack([v] * 3)), equal, SINCE),
@@ -97,5 +121,17 @@ RELATIONS = [
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
     Relation("denoise", "one version: itself", ONE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
     Relation("denoise", "three versions: their mean", THREE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
+    Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
+    Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, equal, LATER),
+    Relation(
+        "restore",
+        "versions: their mean",
+        flat_versions,
+        error_in_flat_colors,
+        as_it_is,
+        not_above(),
+        LATER,
+        rival=error_of_mean,
+    ),
 ]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)

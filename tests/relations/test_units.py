@@ -1,0 +1,65 @@
+"""Points, meshes and bases do not depend on units, axes or the order of what they are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from relations.relation import Relation, close, quick_and_wide
+from shapely import affinity
+from shapely.geometry import Polygon
+
+import cvtimg
+
+
+def star(rng: np.random.Generator) -> Polygon:
+    """Return a polygon around the origin, of size 1."""
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 9)) + np.arange(9) * 1e-3
+    return Polygon(rng.uniform(0.5, 1, 9)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)).buffer(0.01)
+
+
+def in_squares(points: int) -> Callable[[Polygon], float]:
+    """Return the energy of points in units of the squared area."""
+    return lambda region: cvtimg.place_generators(region, points).energy / region.area**2
+
+
+def area(region: Polygon) -> float:
+    """Return the area of a mesh, in that of its region."""
+    return cvtimg.mesh_region(region, n=120).area / region.area
+
+
+def snapshots(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return 30 snapshots of four shapes, with noise."""
+    return rng.normal(size=(30, 4)) @ rng.normal(size=(4, 200)) + 0.01 * rng.normal(size=(30, 200))
+
+
+def unexplained(rows: NDArray[np.float64]) -> float:
+    """Return what four modes leave, as a share of all."""
+    return cvtimg.reduced_basis(rows, 4).energies[-1] / float(np.square(rows - rows.mean(axis=0)).sum())
+
+
+_UNITS: dict[str, Callable[[Polygon], Polygon]] = {
+    "in meters for kilometers": lambda region: affinity.scale(region, 1000, 1000, origin=(0, 0)),
+    "far from the origin": lambda region: affinity.translate(region, 1e5, 5e6),
+    "turned by 33 degrees": lambda region: affinity.rotate(region, 33, origin=(0, 0)),
+    "mirrored": lambda region: affinity.scale(region, -1, 1, origin=(0, 0)),
+}
+_ROWS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "another order of snapshots": lambda rows: rows[::-1],
+    "another order of places": lambda rows: rows[:, ::-1],
+    "another unit": lambda rows: rows * 1000,
+}
+_ENDS = "descents from other roundings end elsewhere"
+_CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = [
+    ("place_generators", _UNITS, star, in_squares(40), close(0.03), _ENDS),
+    ("mesh_region", _UNITS, star, area, close(1e-5), "points within rounding are one"),
+    ("reduced_basis", _ROWS, snapshots, unexplained, close(1e-6), "rounding"),
+]
+RELATIONS = [
+    Relation(verb, change, inputs, result, changed, follows, since="2026-11-28", because=because)
+    for verb, changes, inputs, result, follows, because in _CASES
+    for change, changed in changes.items()
+]
+test_units_and_axes_change_nothing, test_units_and_axes_never_change_anything = quick_and_wide(RELATIONS)
