@@ -11,12 +11,13 @@ are comparable here and not with published figures.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import resource
 import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations
 from types import ModuleType
 from typing import Any
 from unittest.mock import patch
@@ -27,16 +28,20 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.optimize import curve_fit
+from scipy.spatial import cKDTree
 from segmentation import Divided, berkeley, metrics_of
 from skimage import __version__ as skimage_version
 
 from cvtimg import find_edges, segment_hierarchy
 from cvtimg.segmentation.hierarchy import building, evidence
-from cvtimg.segmentation.hierarchy.settings import SETTINGS
+from cvtimg.segmentation.hierarchy.settings import SETTINGS, Settings
 
 SIZES = ((481, 321), (1224, 816), (4000, 3000))
 OURS = "cvtimg segment_hierarchy"
 LEVELS = np.linspace(0.1, 1.2, 56)  # of evidence
+#: Numbers of evidence that are chosen, and the step of powers.
+CURVE = ("half_drawn", "drawn_power")
+CHOSEN, STEP = ("view_powers", "inhibition", "surround"), 0.1
 
 Labels = NDArray[Any]
 
@@ -136,24 +141,17 @@ def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]]
 
 
 def edges(given: argparse.Namespace) -> Rows:
-    """Score edges: the best F that one threshold has for all pictures, and each picture's best."""
+    """Score edges: the F of one threshold for all pictures, and of the best for each, over the pixels of all."""
     pictures, metrics = divided(given)
     rows = []
     for name, find in edge_rivals().items():
-        scores = []
+        counts = []
         for number, picture in enumerate(pictures):
             progress(f"{name}: {number + 1} of {len(pictures)}")
-            people = list(picture.borders)
-            scores.append([metrics.bprf(found, people)[:2] for found in find(picture.pixels)])
-        precision, recall = np.moveaxis(np.array(scores), 2, 0)
-        each = 2 * precision * recall / np.maximum(precision + recall, 1e-9)
-        p, r = precision.mean(axis=0), recall.mean(axis=0)
-        all_f = 2 * p * r / np.maximum(p + r, 1e-9)
-        best = int(all_f.argmax())
-        rows.append(
-            {"rival": name, "f_ods": float(all_f[best]), "f_ois": float(each.max(axis=1).mean())}
-            | {"precision": float(p[best]), "recall": float(r[best])}
-        )
+            maps = find(picture.pixels)
+            counts.append([metrics.boundary_counts(lines.astype(float), picture.borders, [0.5])[0] for lines in maps])
+        f_ods, f_ois = metrics.boundary_f(np.array(counts))
+        rows.append({"rival": name, "f_ods": float(f_ods), "f_ois": float(f_ois)})
     return rows
 
 
@@ -162,12 +160,11 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
     from skimage.color import rgb2gray
     from skimage.feature import canny
     from skimage.filters import apply_hysteresis_threshold, gaussian, sobel
-    from skimage.morphology import thin
     from skimage.segmentation import felzenszwalb
 
     def ours(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         chances = segment_hierarchy(image).find_edges(strength=True)
-        return [thin(chances >= level) for level in np.arange(1, 18) / 20]
+        return [chances >= level for level in np.arange(1, 36) / 40]
 
     def canny_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         grey = rgb2gray(image)
@@ -176,7 +173,7 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
     def sobel_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         steps = sobel(gaussian(rgb2gray(image), 2))
         levels = (0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.13)
-        return [thin(apply_hysteresis_threshold(steps, level / 2, level)) for level in levels]
+        return [apply_hysteresis_threshold(steps, level / 2, level) for level in levels]
 
     def region_edges(image: NDArray[np.uint8]) -> list[NDArray[np.bool_]]:
         scales = (100, 200, 400, 600, 900, 1300, 2000)
@@ -192,68 +189,100 @@ def edge_rivals() -> dict[str, Callable[[NDArray[np.uint8]], list[NDArray[np.boo
 
 # What the chances of edges are: powers of evidence, and the curve
 
-#: Settings that are tried one at a time in place of the chosen ones.
-TRIED: dict[str, tuple[Any, ...]] = {
-    "view_powers": ((1, 0, 0), (0.5, 0.5, 0), (0.5, 0.5, 0.5), (0.3, 0.4, 0.3), (0.3, 0.3, 0.4), (0.5, 0.3, 0.2)),
-    "drawing_accuracy": (1e-9, 0.004, 0.015),
-    "surround": (1 / 32, 1 / 8),
-    "inhibition": (0.0, 0.1, 0.3),
-    "least_surround": (0.01, 0.1),
-}
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watched:
+    """The borders of leaves of a picture, and what people drew near them."""
+
+    asked: tuple[Any, ...]  # arguments of `evidence_of`
+    right: NDArray[np.intp]  # (B,): cracks of each border within the tolerance of what anybody drew
+    near: NDArray[np.intp]  # (N,): borders within the tolerance of pixels that people drew, for one after the other
+    starts: NDArray[np.intp]  # (P,): where those of each pixel begin
+    n_drawn: int  # pixels, of all people, also those without a border near them
+
+    @classmethod
+    def of(cls, picture: Divided, asked: tuple[Any, ...]) -> Watched:
+        """Compare the borders with what people drew."""
+        borders, _, inside = asked
+        off = SETTINGS.drawing_accuracy * np.hypot(*inside.shape)
+        is_right = distance_transform_edt(~picture.borders.any(axis=0))[tuple(borders.places.T)] <= off
+        drawn = np.argwhere(picture.borders)[:, 1:]
+        lists = [cracks for cracks in cKDTree(borders.places).query_ball_point(drawn, off) if cracks]
+        border_of = np.repeat(np.arange(len(borders.lengths)), borders.lengths)
+        return cls(
+            asked,
+            np.add.reduceat(is_right.astype(np.intp), borders.starts[:-1]),
+            border_of[np.concatenate(lists).astype(np.intp)],
+            np.cumsum([0, *map(len, lists[:-1])]),
+            len(drawn),
+        )
+
+    def counts(self) -> NDArray[np.float64]:
+        """(T, 4) cracks that are right, all, drawn pixels near one, all, for each level of the present evidence."""
+        levels, lengths = evidence.evidence_of(*self.asked), self.asked[0].lengths
+        best = np.maximum.reduceat(levels[self.near], self.starts)
+        rows = [(self.right[levels >= t].sum(), lengths[levels >= t].sum(), (best >= t).sum()) for t in LEVELS]
+        return np.column_stack([np.array(rows, float), np.full(len(LEVELS), self.n_drawn)])
+
+
+def steps_from(settings: Settings) -> Iterator[Settings]:
+    """Yield settings of evidence beside some: powers have the sum 1, as evidence is told apart by its order."""
+    for more, less in permutations(range(3), 2):
+        powers = np.array(settings.view_powers)
+        powers[[more, less]] += [STEP, -STEP]
+        if powers.min() > -1e-9:
+            yield replace(settings, view_powers=tuple(powers.round(2).tolist()))
+    for inhibition in (settings.inhibition - STEP, settings.inhibition + STEP):
+        if inhibition > -1e-9:
+            yield replace(settings, inhibition=round(inhibition, 2))
+    for factor in (0.5, 2.0):
+        yield replace(settings, surround=settings.surround * factor)
 
 
 def chances(given: argparse.Namespace) -> Rows:
-    """Score settings of evidence by the F of leaf borders, and fit the curve of chances; for --set bsds_train."""
-    pictures, _ = divided(given)
+    """Choose the numbers of evidence, by steps from like powers, and fit the curve of chances; on bsds_train."""
+    pictures, metrics = divided(given)
     asked: list[tuple[Any, ...]] = []
     with patch.object(building, "evidence_of", lambda *about: asked.append(about) or evidence.evidence_of(*about)):
         for number, picture in enumerate(pictures):
             progress(f"chances: {number + 1} of {len(pictures)}")
             segment_hierarchy(picture.pixels)
-    rows = []
-    for name, value in [("as chosen", None), *((name, value) for name, values in TRIED.items() for value in values)]:
-        progress(f"{name} {value}")
-        changed = evidence.SETTINGS if value is None else dataclasses.replace(evidence.SETTINGS, **{name: value})
-        with patch.object(evidence, "SETTINGS", changed):
-            levels = [evidence.evidence_of(*about) for about in asked]
-        counts = np.array([counted(*each) for each in zip(pictures, asked, levels, strict=True)])
-        best = f_of(counts.sum(axis=0)).max(), f_of(counts).max(axis=1).mean()
-        rows.append({"setting": f"{name} {value}", "f_ods": float(best[0]), "f_ois": float(best[1])})
-        if value is None:
-            known, share = np.concatenate([drawn(*each) for each in zip(pictures, asked, levels, strict=True)], axis=1)
-            curve, _ = curve_fit(lambda e, h, p: 1 / (1 + (h / e) ** p), known, share, (0.5, 2.0))
-            rows[-1] |= {"half_drawn": float(curve[0]), "drawn_power": float(curve[1])}
+    watched = [Watched.of(*each) for each in zip(pictures, asked, strict=True)]
+    rows: Rows = []
+
+    def score(settings: Settings) -> float:
+        progress(f"chances: {len(rows)} settings")
+        with patch.object(evidence, "SETTINGS", settings):
+            f_ods, f_ois = metrics.boundary_f(np.array([each.counts() for each in watched]))
+        numbers = {name: getattr(settings, name) for name in CHOSEN}
+        rows.append({**numbers, "f_ods": float(f_ods), "f_ois": float(f_ois)})
+        return float(f_ods + f_ois)
+
+    best = replace(SETTINGS, view_powers=(0.4, 0.3, 0.3), inhibition=0.0, surround=1 / 16)
+    most, before = score(best), None
+    while best != before:
+        before = best
+        scores = [(score(settings), number, settings) for number, settings in enumerate(steps_from(best))]
+        if max(scores)[0] > most:
+            most, _, best = max(scores)
+    score(SETTINGS)
+    with patch.object(evidence, "SETTINGS", best):
+        known, share = np.concatenate([drawn(*each) for each in zip(pictures, asked, strict=True)], axis=1)
+    curve, _ = curve_fit(lambda e, h, p: 1 / (1 + (h / e) ** p), known, share, (0.5, 2.0))
+    chosen = {name: getattr(best, name) for name in CHOSEN} | dict(zip(CURVE, map(float, curve), strict=True))
+    print("\nchosen:", chosen, "\nin the record:", {name: getattr(SETTINGS, name) for name in chosen})
     return rows
 
 
-def counted(picture: Divided, about: tuple[Any, ...], levels: NDArray[np.float64]) -> NDArray[Any]:
-    """(T, 4) cracks that are right, all cracks, pixels of people that are near one, all of these."""
-    borders, _, inside = about
-    off = SETTINGS.drawing_accuracy * np.hypot(*inside.shape)
-    near = distance_transform_edt(~picture.borders.any(axis=0))[tuple(borders.places.T)] <= off
-    disc = np.hypot(*np.mgrid[-int(off) : off, -int(off) : off]) <= off
-    most = maximum_filter(borders.on_pixels(levels, inside.shape), footprint=disc)
-    each = np.concatenate([most[drawn] for drawn in picture.borders])
-    cracks = np.repeat(levels, borders.lengths)
-    rows = [((cracks[near] >= t).sum(), (cracks >= t).sum(), (each >= t).sum(), len(each)) for t in LEVELS]
-    return np.array(rows)
-
-
-def drawn(picture: Divided, about: tuple[Any, ...], levels: NDArray[np.float64]) -> NDArray[np.float64]:
+def drawn(picture: Divided, asked: tuple[Any, ...]) -> NDArray[np.float64]:
     """(2, P) evidence of edges as `find_edges` draws them, and the share of people who drew them."""
     from skimage.morphology import thin
 
-    seen = about[0].on_pixels(levels, about[2].shape)
+    seen = asked[0].on_pixels(evidence.evidence_of(*asked), asked[2].shape)
     off = SETTINGS.drawing_accuracy * np.hypot(*seen.shape)
     share = np.mean([distance_transform_edt(~drawn) <= off for drawn in picture.borders], axis=0)
     lines = thin(seen > 0)
     return np.stack([maximum_filter(seen, 3)[lines], share[lines]])
-
-
-def f_of(counts: NDArray[Any]) -> NDArray[np.float64]:
-    """F of (..., 4) counts."""
-    precision, recall = (counts[..., n] / np.maximum(counts[..., n + 1], 1) for n in (0, 2))
-    return 2 * precision * recall / np.maximum(precision + recall, 1e-9)
 
 
 # Speed

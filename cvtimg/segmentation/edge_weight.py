@@ -47,16 +47,14 @@ _STRIPE = 64
 #: Pixels up to this distance tell over which area what a segment does not explain is correlated.
 _CORRELATED = 3
 #: Pixels of which variances are taken; up to four times as many where rows are long.
-_ENOUGH_SAMPLES = 1 << 15
+_ENOUGH_SAMPLES = 1 << 14
 #: Regions of an image of more pixels move in a smaller one, whose sides are halved until it has at most four times the
 #: second number of pixels; it is held in memory.
 _ENOUGH_PIXELS, _MOST_PIXELS = 1 << 19, 1 << 17
-#: Superpixels in which regions move, and sweeps that these get: 2,000 that settle gain 1 % of energy.
-_N_LEAVES, _LEAF_SWEEPS = 500, 4
-#: Pixels above which superpixels are found at half the size.
-_ENOUGH_FOR_LEAVES = 1 << 16
-#: Sweeps before regions move, rounds of moves, and sweeps after each but the last.
-_FIRST_SWEEPS, _ROUNDS, _SWEEPS_BETWEEN = 3, 2, 2
+#: Pixels above which superpixels are found at half the size, and sweeps that they get.
+_ENOUGH_FOR_CELLS, _CELL_SWEEPS = 1 << 16, 4
+#: Sweeps before regions move, and between rounds of moves.
+_FIRST_SWEEPS, _SWEEPS_BETWEEN = 3, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,29 +77,24 @@ def descend(
     n_segments: int,
     *,
     edge_weight: float,
-    radius: int = 3,
-    planes: Planes | None = None,
     weights: NDArray[np.float32] | None = None,
-    volume_power: float = 0,
-    connected: bool = False,
     max_sweeps: int = _MAX_SWEEPS,
     detail: float = 0,
-    of_regions: float | None = None,
-    described: bool = False,
+    **moves: Any,
 ) -> EdgeWeighted:
-    """Transfer boundary pixels of (H, W) labels between segments until no transfer lowers the energy."""
+    """Move pixels and regions of (H, W) labels between segments until that lowers the energy no more; see `Moves`."""
     # Values, (H, W, D), have a mean near 0, so that float32 is precise enough. Label 0 is outside: it has no energy and
     # is nobody's neighbor. Each pair of near pixels in different segments costs `edge_weight` twice, once from each
     # side. A pixel without weight, (H, W, D), in any channel starts with the label of the nearest one that has some,
     # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `detail`, the
     # edge weight is at least that of `State.descend`.
+    allowed = Moves(**moves)
+    radius = allowed.radius
     padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
     known = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
     others, stale = np.zeros(padded.shape, np.uint16), np.zeros(padded.shape, np.uint8)
     whole = Layers(np.ascontiguousarray(values, dtype=np.float32), known, padded, others, stale)
-    state = State(
-        whole, values.shape, n_segments, Moves(radius, volume_power, connected, planes, of_regions, described)
-    )
+    state = State(whole, values.shape, n_segments, allowed)
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
     inner, cells = padded[radius:-radius, radius:-radius].copy(), state.cells
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
@@ -135,13 +128,15 @@ class Layers(NamedTuple):
 class Moves(NamedTuple):
     """Which transfers lower the energy, and which are allowed."""
 
-    radius: int  # pixels are near each other up to this distance
+    radius: int = 3  # pixels are near each other up to this distance
     volume_power: float = 0  # cells count by their share of the mass to this power
     connected: bool = False  # whether cells must stay in one piece
     planes: Planes | None = None  # those of a volume, or none: an image
     #: Edge weight of regions, which move as a whole; with a detail, the least. None: pixels move one by one.
     of_regions: float | None = None
     described: bool = False  # whether that of a detail is the most, and the least description decides
+    n_cells: int = 500  # superpixels, whose parts in segments move
+    n_rounds: int = 1  # of moves
 
 
 class Planes(NamedTuple):
@@ -228,41 +223,39 @@ class State:
         radius, planes = self._moves.radius, self._moves.planes
         worth = self._greatest_step() * weight_of_detail(detail, radius, planes) if detail else 0.0
         weight, shrinking = max(edge_weight, worth), (1.5 if is_deep(radius, planes) else 2) * worth
+        of_regions, described = self._moves.of_regions, self._moves.described and worth > 0
         self._begin()
-        if self._moves.of_regions is not None:
-            described = self._moves.described
-            if shrinking > weight and not described:
-                self._settle(shrinking, max_sweeps)
-            self._settle(weight, min(_FIRST_SWEEPS, max_sweeps))
-            least = self._moves.of_regions if described else max(self._moves.of_regions, worth)
-            weight = self._move_regions(edge_weight, least, worth if described else 0.0)
-        elif shrinking > weight:
+        if shrinking > weight and not described:
             self._settle(shrinking, max_sweeps)
+        if of_regions is not None:
+            least, most = (of_regions, worth) if described else (max(of_regions, worth), 0.0)
+            self._settle(weight, min(_FIRST_SWEEPS, max_sweeps))
+            weight = self._move_regions(edge_weight, least, most)
         energies, converged = self._settle(weight, max_sweeps)
         return energies, weight, converged
 
-    def _move_regions(self, of_pixels: float, least: float, worth: float) -> float:
-        """Move regions, of a large image in a smaller one first, and return the edge weight with which to go on.
+    def _weight_of_regions(self, least: float, most: float) -> float:
+        """Return the least edge weight or, if there is a most, between them what the least description says."""
+        return self._describe(least, most) if most else least
 
-        It is at least that `of_pixels`. That of regions is the `least` one or, if they are to be `worth` one, between.
-        """
+    def _move_regions(self, of_pixels: float, least: float, most: float) -> float:
+        """Move regions, of a large image in a smaller one, and return the edge weight to go on with."""
         (height, width, _), margin = self._shape, self._margin
-        n_pixels = height * width
-        if self._moves.planes or n_pixels <= _ENOUGH_PIXELS:
-            leaves = self._leaves()
-            for _ in range(_ROUNDS):
-                weight = self._describe(least, worth) if worth else least
-                if not self._rearrange(leaves, weight):
+        if self._moves.planes or height * width <= _ENOUGH_PIXELS:
+            cells = self._cells()
+            for _ in range(self._moves.n_rounds):
+                weight = self._weight_of_regions(least, most)
+                if not self._rearrange(cells, weight):
                     break
                 self._settle(max(weight, of_pixels), _SWEEPS_BETWEEN)
             return max(weight, of_pixels)
-        side = 2 ** max(int(np.log2(n_pixels / _MOST_PIXELS) / 2), 1)  # of the squares that become one pixel
+        side = 2 ** max(int(np.log2(height * width / _MOST_PIXELS) / 2), 1)  # of the squares that become one pixel
         values, before = self._reduced(side)
         frames = (np.zeros([length + 2 * margin for length in before.shape], kind) for kind in (np.uint16, np.uint8))
         image = Layers(values, None, np.pad(before, margin), *frames)
         small = State(image, values.shape, len(self.rates) - 1, self._moves)
         small._begin()
-        small._settle(small._move_regions(of_pixels / side, least / side, worth / side), _MAX_SWEEPS)
+        small._settle(small._move_regions(of_pixels / side, least / side, most / side), _MAX_SWEEPS)
         after = image.labels[margin:-margin, margin:-margin]
         columns = np.minimum(np.arange(width) // side, before.shape[1] - 1)
         for first, last in self._stripes:
@@ -272,7 +265,7 @@ class State:
             blocks = rows[y], columns[x]
             labels[y, x] = np.where(labels[y, x] == before[blocks], after[blocks], labels[y, x])
         self._changed()
-        return max(self._describe(least, worth) if worth else least, of_pixels)
+        return max(self._weight_of_regions(least, most), of_pixels)
 
     def _changed(self) -> None:
         """Measure labels that have been written."""
@@ -289,31 +282,24 @@ class State:
         for each pixel of its length, as a chain code. A is the area over which pixels are correlated.
         """
         radius, planes, margin = self._moves.radius, self._moves.planes, self._margin
-        steps = [(down, right) for _, down, right in neighbors(min(radius, _CORRELATED)) if (down, right) > (0, 0)]
+        lags = [(down, right) for _, down, right in neighbors(min(radius, _CORRELATED)) if (down, right) > (0, 0)]
         n_labels, means = len(self.rates), self.cells.means
-        variances, products = np.zeros((n_labels, *(means.shape[1],) * 2)), np.zeros((2 * len(steps) + 2, n_labels))
+        products, counts = np.zeros((2, len(lags) + 1, n_labels))
         n_rows = -(-_ENOUGH_SAMPLES // (self._shape[1] * len(self._stripes)))
         some = self._stripes[:: max(8 * self._shape[1] * len(self._stripes) // (4 * _ENOUGH_SAMPLES), 1)]
-        bands = [self._image.rows(first, min(last, first + max(n_rows, 8)), margin) for first, last in some]
-        parts = []
-        for band in bands:
+        for first, last in some:
+            band = self._image.rows(first, min(last, first + max(n_rows, 8)), margin)
             labels = band.labels[margin:-margin, margin:-margin]
-            parts.append((labels, band.values - means[labels]))
-            for label in np.unique(labels[labels > 0]):
-                rows = parts[-1][1][labels == label]
-                variances[label] += np.einsum("nd,ne->de", rows, rows)
-        axes = np.linalg.eigh(variances)[1][:, :, -1]
-        for labels, values in parts:
-            along = np.einsum("yxd,yxd->yx", values, axes[labels])
-            for number, (down, right) in enumerate([(0, 0), *steps]):
+            rest = band.values - means[labels]
+            for number, (down, right) in enumerate([(0, 0), *lags]):
                 here = np.s_[: len(labels) - down, max(-right, 0) : labels.shape[1] - max(right, 0)]
                 there = np.s_[down:, max(right, 0) : labels.shape[1] + min(right, 0)]
                 same = np.where(labels[here] == labels[there], labels[here], 0).ravel()
-                product = (along[here] * along[there]).ravel()
-                products[2 * number] += np.bincount(same, product, n_labels)
-                products[2 * number + 1] += np.bincount(same, minlength=n_labels)
-        covariances = products[::2] / np.maximum(products[1::2], 1)
-        share = products[1] * (np.arange(n_labels) > 0)
+                product = np.einsum("yxd,yxd->yx", rest[here], rest[there]).ravel()
+                products[number] += np.bincount(same, product, n_labels)
+                counts[number] += np.bincount(same, minlength=n_labels)
+        covariances = products / np.maximum(counts, 1)
+        share = counts[0] * (np.arange(n_labels) > 0)
         share /= share.sum()
         least_variance = max(1e-9 * float((share * covariances[0]).sum()), 1e-100)  # of segments of one color
         c = np.maximum(covariances[0], least_variance)
@@ -324,24 +310,24 @@ class State:
         self.rates[:] = np.stack([g0 / c, g0 * np.log(c / g0)], axis=1)
         return max(least, min(2 * log(3) * g / length_cost(radius, planes), most))
 
-    def _leaves(self) -> NDArray[np.int32]:
+    def _cells(self) -> NDArray[np.int32]:
         """(H, W) superpixels; of a volume, cubes."""
-        margin, planes, (height, width, _) = self._margin, self._moves.planes, self._shape
-        image = self._image.rows(0, height, margin)
-        inside = image.labels[margin:-margin, margin:-margin] > 0
+        planes, (height, width, _), n_cells = self._moves.planes, self._shape, self._moves.n_cells
+        image = self._image.rows(0, height, self._margin)
+        inside = image.labels[self._margin : -self._margin, self._margin : -self._margin] > 0
         if planes is None:
-            return leaves_of(image.values, inside)
-        side = max((np.count_nonzero(inside) * planes.spacing / _N_LEAVES) ** (1 / 3), 1)
+            return cells_at_edges(image.values, inside, n_cells)
+        side = max((np.count_nonzero(inside) * planes.spacing / n_cells) ** (1 / 3), 1)
         plane, down = np.divmod(np.arange(height, dtype=np.int32), planes.rows)
         deep = plane // max(round(side / planes.spacing), 1)
         high, wide = (places // round(side) for places in (down, np.arange(width, dtype=np.int32)))
         return ((deep * (high.max() + 1) + high) * (wide.max() + 1))[:, None] + wide
 
-    def _rearrange(self, leaves: NDArray[np.int32], edge_weight: float) -> bool:
-        """Move regions, in parts of leaves; return whether any moved."""
+    def _rearrange(self, cells: NDArray[np.int32], edge_weight: float) -> bool:
+        """Move regions, in parts of superpixels; return whether any moved."""
         margin, image, n_labels = self._margin, self._image.rows(0, self._shape[0], self._margin), len(self.rates)
         inner = image.labels[margin:-margin, margin:-margin]
-        keys = np.where(inner > 0, leaves * np.int64(n_labels) + inner, 0)
+        keys = np.where(inner > 0, cells * np.int64(n_labels) + inner, 0)
         present = np.bincount(keys.ravel()) > 0
         present[0] = False
         before = np.flatnonzero(present) % n_labels - 1
@@ -463,15 +449,15 @@ class State:
         return moved
 
 
-def leaves_of(values: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """(H, W) superpixels of (H, W, D) values, not quite settled."""
-    if inside.all() and inside.size > _ENOUGH_FOR_LEAVES:
+def cells_at_edges(values: NDArray[np.float32], inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
+    """(H, W) superpixels of (H, W, D) values, not quite settled, so that dots and lines are parts that can move."""
+    if inside.all() and inside.size > _ENOUGH_FOR_CELLS:
         rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in inside.shape)
         half = halved(values)
-        return take_rows(leaves_of(half, np.ones(half.shape[:2], bool)).take(columns, axis=1), rows)
-    cells = grid_of_cells(inside, min(_N_LEAVES, int(inside.sum())))
-    way: dict[str, Any] = {"edge_weight": compactness_of(values, cells), "connected": True, "max_sweeps": _LEAF_SWEEPS}
-    return descend(values, cells, int(cells.max()), **way).labels
+        return take_rows(cells_at_edges(half, np.ones(half.shape[:2], bool), n_cells).take(columns, axis=1), rows)
+    cells = grid_of_cells(inside, min(n_cells, int(inside.sum())))
+    weight = compactness_of(values, cells)
+    return descend(values, cells, int(cells.max()), edge_weight=weight, connected=True, max_sweeps=_CELL_SWEEPS).labels
 
 
 def compactness_of(values: NDArray[np.float32], cells: NDArray[np.int32]) -> float:

@@ -53,7 +53,12 @@ def frame_of(image: Any, inside: Any, turns: bool = True) -> Frame:
     n_rows, first, n_more = len(left[0].of(inside)), 0, 1
     while len(left) > 1 and first < n_rows:
         rows = slice(first, first + n_more)
-        left = _first_of(left, [_values(frame.of(image)[rows], frame.of(inside)[rows]) for frame in left])
+        values = [_values(frame.of(image)[rows], frame.of(inside)[rows]) for frame in left]
+        least = values[0]
+        for other in values[1:]:
+            at = int((other != least).argmax())
+            least = other if other[at] < least[at] else least
+        left = [frame for frame, other in zip(left, values, strict=True) if np.array_equal(other, least)]
         first, n_more = first + n_more, 2 * n_more
     return left[0]
 
@@ -62,16 +67,3 @@ def _values(image: Any, inside: Any) -> NDArray[Any]:
     """Return values in order, with 0 for pixels that do not count."""
     known = inside.reshape(*inside.shape, *(1,) * (image.ndim - inside.ndim))
     return np.where(known, image, image.dtype.type(0)).ravel()
-
-
-def _first_of(frames: list[Frame], values: list[NDArray[Any]]) -> list[Frame]:
-    """Return the frames whose values come before those of all others."""
-    least, first = values[0], [frames[0]]
-    for frame, other in zip(frames[1:], values[1:], strict=True):
-        differs = other != least
-        at = int(differs.argmax())
-        if not differs[at]:
-            first.append(frame)
-        elif other[at] < least[at]:
-            least, first = other, [frame]
-    return first

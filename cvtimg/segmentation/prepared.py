@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
-from cvtimg._shared.choices import AveragingName
+from cvtimg._shared.choices import AveragingName, EffortName
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
@@ -28,6 +28,8 @@ _RADIUS_OF_AUTO = 3
 _OF_REGIONS = 2 * log(3) / 36 / _AUTO_WEIGHT
 #: Regions move between at most this many segments: more take longer and have few regions each.
 _MOST_MOVED = 64
+#: How regions move with the best effort, which lowers the energy by another 0.5 %.
+_THOROUGH = {"n_cells": 2000, "n_rounds": 2}
 #: Radius of a detail in pixels: where "auto" decides what counts, larger ones that are as different as any always do.
 _DETAIL_AT_MOST = 1.0
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
@@ -51,6 +53,7 @@ class Smoothness:
     described: bool  # whether edges may cost less, as segments are described in the fewest bits
     volume_power: float  # cells count by their share of the mass to this power
     planes: Planes | None  # of a volume
+    effort: EffortName
 
     @classmethod
     def checked(
@@ -61,6 +64,7 @@ class Smoothness:
         smallest_detail: float | str,
         volume_power: float = 0,
         planes: Planes | None = None,
+        effort: EffortName = "balanced",
     ) -> Smoothness:
         """Check the arguments of `segment` by these names."""
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
@@ -68,7 +72,8 @@ class Smoothness:
         detail, described = (_DETAIL_AT_MOST, not volume_power) if given is None else (given, False)
         if averaging is not None and not isinstance(averaging, Averaging):
             averaging = Averaging(check_choice("averaging", averaging, WHEN))
-        return cls(averaging, check_edge_weight(edge_weight), radius, detail, described, volume_power, planes)
+        weight = check_edge_weight(edge_weight)
+        return cls(averaging, weight, radius, detail, described, volume_power, planes, effort)
 
     def averages(self, when: str) -> Averaging | None:
         """Return how to average at this time, if so."""
@@ -85,7 +90,7 @@ class Smoothness:
         if self.volume_power or n_segments > _MOST_MOVED:
             return {}
         of_regions = edge_weight if self.edge_weight is not None else edge_weight * _OF_REGIONS
-        return {"of_regions": of_regions, "described": self.described}
+        return {"of_regions": of_regions, "described": self.described, **(_THOROUGH if self.effort == "best" else {})}
 
     def prepare(self, values: PictureValues, shaded: int = 0) -> Prepared:
         """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""

@@ -99,10 +99,12 @@ def parts_of(
         used = _segments.count_pairs(numbers, places, steps[steps > 0], keys, counts)
     slots = np.flatnonzero(keys)
     pairs = np.stack([keys[slots] >> 32, keys[slots] & 0xFFFFFFFF]) - 1
-    inner = numbers[margin:-margin, margin:-margin].ravel()
-    known = np.flatnonzero(inner)
-    part, rows = inner[known] - 1, values.reshape(-1, values.shape[2])[known].astype(np.float64)
-    n_parts = int(part.max()) + 1
+    n_parts, n_dims = int(numbers.max()), values.shape[2]
+    moments = np.zeros((n_parts + 1, 2 * n_dims + 1))
+    _segments.measure_cells(values, None, numbers, margin, np.zeros_like(moments), moments)
+    masses, sums, squares = (
+        np.ascontiguousarray(columns) for columns in (moments[1:, 0], moments[1:, n_dims:-1], moments[1:, -1])
+    )
     ends = np.concatenate([pairs, pairs[::-1]], axis=1)
     costs = border * np.tile(counts[slots], 2)
     graph = coo_array((costs, tuple(ends)), shape=(n_parts, n_parts)).tocsr()
@@ -110,9 +112,6 @@ def parts_of(
     heads = graph.indices.astype(np.int32)
     backs = np.empty_like(heads)
     backs[np.argsort(heads, kind="stable")] = np.arange(len(heads))
-    masses = np.bincount(part, minlength=n_parts).astype(np.float64)
-    sums: _Floats = np.stack([np.bincount(part, column, n_parts) for column in rows.T], axis=1)
-    squares = np.bincount(part, _squared(rows), n_parts).astype(np.float64)
     first = graph.indptr.astype(np.int32)
     tails = np.repeat(np.arange(n_parts, dtype=np.int32), np.diff(first))
     return Parts(masses, sums, squares, first, tails, heads, backs, graph.data, rates)
@@ -124,7 +123,7 @@ def rearranged(parts: Parts, labels: _Labels) -> _Labels:
     for way, n_times in ((_given_back, _MAX_GIFTS), (_traded, _MAX_TRADES)):
         for _ in range(n_times):
             start = way(parts, best)
-            if start is None:
+            if start is None or parts.energy(start) >= parts.energy(best):
                 break
             other = _expanded(parts, start)
             if parts.energy(other) >= parts.energy(best) * (1 - 1e-6):

@@ -100,7 +100,7 @@ def segment(
     mask : array of the size of the image, optional
         Pixels to segment: those where the mask is not 0. The others have label 0 and no influence.
     effort, rng
-        As in `tessellate`.
+        As in `tessellate`. With "best", regions also move in finer parts, and twice.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def segment(
     framed = known.shape
     if spacing is not None:
         bands, known, planes = below_each_other(bands, known, size_of_voxels[0], edge_radius)
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power, planes)
+    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power, planes, effort)
     size = int(check_non_negative("min_size", min_size))
     check_excluded("objects", bool(objects), components=components)
     if n_segments != "auto":

@@ -111,7 +111,7 @@ def segment_file(
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
     check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
     check_choice("space", space, SPACES)
-    smoothness = Smoothness.checked(None, edge_weight, edge_radius, smallest_detail)
+    smoothness = Smoothness.checked(None, edge_weight, edge_radius, smallest_detail, effort=effort)
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)
     with scratch_folder(target) as folder:
         picture = PixelsOnDisk(stack, folder, space)

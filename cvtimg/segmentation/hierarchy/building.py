@@ -107,8 +107,7 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
 
     if not len(coarse.borders.pairs):
         return leaves
-    merges = coarse.merged()
-    between = altitudes_between(coarse.borders.pairs, merges.pairs, merges.altitudes, len(coarse.sizes))
+    between = altitudes_between(coarse.borders.pairs, *coarse.merged(), len(coarse.sizes))
     near = maximum_filter(coarse.borders.on_pixels(between, coarse.labels.shape), 2 * SETTINGS.near + 1)
     borders = leaves.borders
     seen = near[tuple(borders.places.T // 2)].astype(np.float64)
@@ -117,32 +116,31 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
     weight, worth = SETTINGS.coarse_weight, SETTINGS.coarse_worth
     strengths = (leaves.strengths + weight * means) / (1 + weight * worth)
-    own = leaves.merged()
-    near_altitudes = altitudes_between(borders.pairs, own.pairs, own.altitudes, len(leaves.sizes))
+    near_altitudes = altitudes_between(borders.pairs, *leaves.merged(), len(leaves.sizes))
     return replace(leaves, strengths=strengths, near_and_far=(near_altitudes, means))
 
 
 def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHierarchy:
     """Merge the leaves, and measure the nodes of the tree; white is that of the image over that of the values."""
-    merges = leaves.merged()
+    merges, altitudes = leaves.merged()
     moments = np.column_stack([leaves.sizes, leaves.moments])
     n_leaves = len(moments)
-    nodes = np.concatenate([moments, np.zeros((len(merges.pairs), moments.shape[1]))])
-    for node, (one, other) in enumerate(merges.pairs.tolist(), start=n_leaves):
+    nodes = np.concatenate([moments, np.zeros((len(merges), moments.shape[1]))])
+    for node, (one, other) in enumerate(merges.tolist(), start=n_leaves):
         nodes[node] = nodes[one] + nodes[other]
     sizes, sums, squares = nodes[:, 0], nodes[:, 1:-1], nodes[:, -1]
     means = sums / sizes[:, None]
     energies = np.maximum(squares - np.einsum("nd,nd->n", sums, means), 0)
-    roots = np.setdiff1d(np.arange(len(nodes)), merges.pairs)
+    roots = np.setdiff1d(np.arange(len(nodes)), merges)
     total = float(energies[roots].sum())
     borders = leaves.borders
-    between = altitudes_between(borders.pairs, merges.pairs, merges.altitudes, n_leaves)
+    between = altitudes_between(borders.pairs, merges, altitudes, n_leaves)
     explained = 1 - float(energies[:n_leaves].sum()) / total if total > 0 else 0.0
     near, far = leaves.near_and_far or (between, between)
     return RegionHierarchy(
         leaves=leaves.labels,
-        merges=merges.pairs,
-        altitudes=merges.altitudes,
+        merges=merges,
+        altitudes=altitudes,
         sizes=sizes.copy(),
         colors=values.to_picture(means + values.center) * white,
         means=means,

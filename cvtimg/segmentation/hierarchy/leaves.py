@@ -26,14 +26,6 @@ _DIVIDED = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Merges:
-    """Merges of N regions in their order."""
-
-    pairs: NDArray[np.int32]  # (M, 2): numbers of the regions that merge, the lower first. Merge m makes region N + m.
-    altitudes: NDArray[np.float64]  # (M,): how much they differ; the running maximum, so that it never falls
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Leaves:
     """N leaves, numbered from 0, and B borders between them."""
 
@@ -47,14 +39,15 @@ class Leaves:
     #: (B,) each: altitudes in the tree of the image alone, and in that of the image at half its size, if there is one
     near_and_far: tuple[NDArray[np.float64], ...] = ()
 
-    def merged(self) -> Merges:
-        """Merge the leaves, those that differ least first."""
-        pairs, lengths = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64)
+    def merged(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Merge the leaves, those that differ least first; return (M, 2) the regions that merge, and (M,) altitudes."""
+        # Merge m makes region N + m. Altitudes are the running maximum of what differs, so that they never fall.
+        pairs, lengths, sizes = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64), self.sizes.copy()
         blocks = np.cumsum([0, *(one.shape[1] for one in self.histograms)], dtype=np.int32)
         weights = SETTINGS.color, SETTINGS.texture, SETTINGS.shared, SETTINGS.size_power
         sums = np.concatenate(self.histograms, axis=1)
-        found = _labels.merge(pairs, lengths, self.strengths * lengths, self.sizes.copy(), sums, blocks, *weights)
-        return Merges(found[0], np.maximum.accumulate(found[1]))
+        merges, altitudes = _labels.merge(pairs, lengths, self.strengths * lengths, sizes, sums, blocks, *weights)
+        return merges, np.maximum.accumulate(altitudes)
 
 
 def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Leaves:

@@ -56,16 +56,16 @@ class Settings:
     texture: float = 0.8  # the same of textons
     shared: float = 0.3  # ... decrease for the share of the border in the shorter perimeter
     size_power: float = 0.17  # power of n_a n_b / ((n_a + n_b) n), n_a and n_b pixels of n: small regions merge first
-    # edges that people draw, chosen by benchmarks/hierarchy.py --parts chances
-    view_powers: tuple[float, ...] = (0.4, 0.3, 0.3)  # of the altitude, the strength, and the altitude from afar
+    # edges that people draw: powers, surround, inhibition and the last two as benchmarks/hierarchy.py chooses them
+    view_powers: tuple[float, ...] = (0.3, 0.4, 0.3)  # of the altitude, the strength, and the altitude from afar
     least_view: float = 1e-3  # no view alone rules a border out
     drawing_accuracy: float = 0.0075  # how far from edges people draw them, in parts of the diagonal
-    surround: float = 1 / 16  # how far around a border others make it count less, in parts of the root of the area ...
-    inhibition: float = 0.2  # ... by this power of their mean strength
+    surround: float = 1 / 32  # how far around a border others make it count less, in parts of the root of the area ...
+    inhibition: float = 0.3  # ... by this power of their mean strength
     least_surround: float = 0.05  # strength: a faint line in flat ground counts no more for less around it
     usual_surround: float = 0.25  # strength around that changes nothing
-    half_drawn: float = 0.551  # half of the people draw borders of this evidence
-    drawn_power: float = 2.65  # how fast more of them do above
+    half_drawn: float = 0.522  # half of the people draw borders of this evidence
+    drawn_power: float = 2.91  # how fast more of them do above
     # where trees are cut by default
     threshold: float = 0.5  # the best single one against regions that people drew
     least_threshold: float = 0.25  # noise stays below this

@@ -76,7 +76,7 @@ def test_merges_are_those_of_comparing_all_pairs(height: int, width: int, seed: 
     strengths = rng.random(len(pairs))
     nowhere = np.zeros((0, 2), np.int32)
     borders = Borders(pairs, np.append(0, np.cumsum(lengths)).astype(np.int32), nowhere, np.zeros(0, bool))
-    found = Leaves(nowhere, sizes, np.zeros((cells.size, 2)), histograms, borders, strengths).merged()
+    found, found_at = Leaves(nowhere, sizes, np.zeros((cells.size, 2)), histograms, borders, strengths).merged()
     merges, altitudes = merged_naively(pairs, lengths, strengths, sizes, histograms)
-    assert [tuple(pair) for pair in found.pairs.tolist()] == merges
-    np.testing.assert_allclose(found.altitudes, np.maximum.accumulate(altitudes) if altitudes else [], rtol=1e-12)
+    assert [tuple(pair) for pair in found.tolist()] == merges
+    np.testing.assert_allclose(found_at, np.maximum.accumulate(altitudes) if altitudes else [], rtol=1e-12)
