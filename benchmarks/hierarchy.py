@@ -1,17 +1,16 @@
-"""Trees of regions beside other programs: regions and edges that people drew, seconds.
+"""Trees of regions beside other programs: regions and edges that people drew.
 
 Every program is scored at every threshold of its own. "One threshold" is the best that serves all pictures (ODS),
 "its best" the best of each picture (OIS), "default" the default cut of cvtimg, found on the training pictures.
 Edges are compared within 0.75 % of the diagonal, without the one-to-one matching of the official benchmark, so they
 are comparable here and not with published figures.
 
-    python benchmarks/hierarchy.py [--quick] [--parts regions edges chances speed] [--set bsds bsds_train]
+    python benchmarks/hierarchy.py [--quick] [--parts regions edges chances] [--set bsds bsds_train]
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
 import statistics
 import sys
 import time
@@ -23,9 +22,8 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb, run
+from common import DATA, Rows, parser, progress, run
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.optimize import curve_fit
 from scipy.spatial import cKDTree
@@ -36,7 +34,6 @@ from cvtimg import find_edges, segment_hierarchy
 from cvtimg.segmentation.hierarchy import building, evidence
 from cvtimg.segmentation.hierarchy.settings import SETTINGS, Settings
 
-SIZES = ((481, 321), (1224, 816), (4000, 3000))
 OURS = "cvtimg segment_hierarchy"
 LEVELS = np.linspace(0.1, 1.2, 56)  # of evidence
 #: Numbers of evidence that are chosen, and the step of powers.
@@ -114,27 +111,7 @@ def region_rivals() -> dict[str, tuple[list[float], Callable[[NDArray[np.uint8]]
     def graph_based(image: NDArray[np.uint8]) -> list[Labels]:
         return [felzenszwalb(image, scale=scale, sigma=0.8, min_size=int(scale / 4)) + 1 for scale in scales]
 
-    rivals: dict[str, Any] = {
-        OURS: ([np.nan, *levels], ours),
-        f"scikit-image {skimage_version} felzenszwalb": (scales, graph_based),
-    }
-    try:
-        import higra
-    except ImportError:
-        print("\nhigra is not installed")
-        return rivals
-    from skimage.color import rgb2lab
-
-    steps = [float(step) for step in (4, 6, 8, 11, 15, 20, 26)]
-
-    def average_linkage(image: NDArray[np.uint8]) -> list[Labels]:
-        graph = higra.get_4_adjacency_graph(image.shape[:2])
-        weights = higra.weight_graph(graph, rgb2lab(image), higra.WeightFunction.L2)
-        tree, altitudes = higra.binary_partition_tree_average_linkage(graph, weights)
-        return [higra.labelisation_horizontal_cut_from_threshold(tree, altitudes, step) + 1 for step in steps]
-
-    rivals["higra average linkage of pixels, Lab"] = (steps, average_linkage)
-    return rivals
+    return {OURS: ([np.nan, *levels], ours), f"scikit-image {skimage_version} felzenszwalb": (scales, graph_based)}
 
 
 # Edges
@@ -282,30 +259,10 @@ def drawn(picture: Divided, asked: tuple[Any, ...]) -> NDArray[np.float64]:
     off = SETTINGS.drawing_accuracy * np.hypot(*seen.shape)
     share = np.mean([distance_transform_edt(~drawn) <= off for drawn in picture.borders], axis=0)
     lines = thin(seen > 0)
-    return np.stack([maximum_filter(seen, 3)[lines], share[lines]])
-
-
-# Speed
-
-
-def speed(given: argparse.Namespace) -> Rows:
-    """Measure seconds of the processor by size of the picture, and of a cut."""
-    large = (given.data or DATA) / "large" / "Futuristic.jpg"
-    source = Image.fromarray(read_rgb(large if large.exists() else SAMPLES / "coffee.png"))
-    rows = []
-    for width, height in SIZES[: 2 if given.quick else 3]:
-        progress(f"speed: {width} x {height}")
-        image = np.asarray(source.resize((width, height), Image.Resampling.BICUBIC))
-        repeats = cpu_seconds(lambda image=image: segment_hierarchy(image), 3 if width < 2000 else 1)
-        tree = segment_hierarchy(image)
-        cuts = [cpu_seconds(lambda tree=tree, n=n: tree.cut(n))[0] for n in range(2, 30)]
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        rows.append({"size": f"{width} x {height}", "seconds": min(repeats)})
-        rows[-1] |= {"cut_ms": 1e3 * statistics.median(cuts), "peak_mib": peak}
-    return rows
+    return np.stack([np.maximum(seen, maximum_filter(np.where(lines, 0, seen), 3))[lines], share[lines]])
 
 
 if __name__ == "__main__":
     read = parser(__doc__)
     read.add_argument("--set", default="bsds", choices=("bsds", "bsds_train"), help="pictures (default: bsds)")
-    run(read, regions, edges, chances, speed)
+    run(read, regions, edges, chances)

@@ -1,9 +1,10 @@
 """Segmentation beside other programs: noise, pictures that people divided, superpixels, seconds.
 
-Prints four parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
-pictures, if they are there; superpixels beside SLIC; seconds on a megapixel.
+Prints five parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
+pictures, if they are there; energies beside those of expansion over pixels; superpixels beside SLIC; seconds on a
+megapixel.
 
-    python benchmarks/segmentation.py [--quick] [--parts noise bsds cells speed]
+    python benchmarks/segmentation.py [--quick] [--parts noise bsds energy cells speed]
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize, segment, segment_hierarchy, superpixels
-from cvtimg.labels import connected_pieces
+from cvtimg.labels import connected_pieces, region_means
 
 SIGMAS = (0.25, 0.5, 1.0)
-N_SUPERPIXELS = 400
+N_SUPERPIXELS, EDGE_WEIGHT = 400, 600.0
 
 Labels = NDArray[Any]
 
@@ -147,19 +148,95 @@ def means_of(rows: Rows, columns: dict[str, str]) -> Rows:
 def bsds(given: argparse.Namespace) -> tuple[Rows, Rows]:
     """Compare with human segmentations of Berkeley pictures."""
     from skimage.color import rgb2gray
-    from skimage.segmentation import chan_vese, felzenszwalb
+    from skimage.filters import gaussian, sobel
+    from skimage.graph import cut_threshold, rag_mean_color
+    from skimage.segmentation import chan_vese, felzenszwalb, slic, watershed
+
+    def merged(image: NDArray[np.uint8]) -> Labels:
+        cells = slic(image, N_SUPERPIXELS)
+        return np.asarray(cut_threshold(cells, rag_mean_color(image, cells), 29))
 
     rivals: dict[str, Callable[[NDArray[np.uint8]], Labels]] = {
         "cvtimg segment_hierarchy": lambda image: segment_hierarchy(image).cut(),
         "cvtimg segment, K = 4": lambda image: segment(image, 4).labels,
+        "cvtimg segment, K = 4, effort best": lambda image: segment(image, 4, effort="best").labels,
         "cvtimg segment, K = 4, edge_weight=0 (k-means)": lambda image: segment(image, 4, edge_weight=0).labels,
         f"{skimage()} chan_vese, gray": lambda image: chan_vese(rgb2gray(image)).astype(np.int32),
         f"{skimage()} felzenszwalb, scale 600": lambda image: felzenszwalb(image, scale=600),
+        f"{skimage()} watershed of sobel, 40": lambda image: watershed(sobel(gaussian(rgb2gray(image), 2)), markers=40),
+        f"{skimage()} slic, 400, merged at 29": merged,
     }
     rows = measured(rivals, given)
     columns = {"PRI": "PRI (high)", "VOI": "VOI (low)", "COV": "covering (high)", "BR2": "boundary recall"}
     columns |= {"bP": "precision", "specks": "specks", "n": "segments"}
     return rows, means_of(rows, columns)
+
+
+def energy(given: argparse.Namespace) -> Rows:
+    """Compare the energy of six segments at one edge weight: shares of that of k-means, and seconds."""
+    rows: Rows = []
+    for name in ("chelsea", "coffee"):
+        image = read_rgb(SAMPLES / f"{name}.png")[::2, ::2].astype(np.float64)
+        start = segment(image / 255, 6, edge_weight=0).labels
+        ways: dict[str, Callable[[], Labels]] = {
+            "k-means": lambda start=start: start,
+            "cvtimg segment": lambda image=image: segment(image / 255, 6, edge_weight=EDGE_WEIGHT).labels,
+            "cvtimg segment, effort best": lambda image=image: (
+                segment(image / 255, 6, edge_weight=EDGE_WEIGHT, effort="best").labels
+            ),
+        }
+        if importlib.util.find_spec("maxflow"):
+            ways["PyMaxflow, expansion over pixels"] = lambda image=image, start=start: expanded(image, start)
+        for rival, divide in ways.items():
+            progress(f"energy: {name}, {rival}")
+            labels, seconds = timed(divide, time.process_time)
+            rows.append({"picture": name, "rival": rival, "energy": energy_of(image, labels), "seconds": seconds})
+            rows[-1]["share"] = rows[-1]["energy"] / next(row["energy"] for row in rows if row["picture"] == name)
+    return rows
+
+
+def pairs(shape: tuple[int, ...]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """List the pixels and their neighbors within 3 pixels, by flat numbers, each pair once."""
+    numbers, (height, width) = np.arange(np.prod(shape)).reshape(shape), shape
+    steps = [(y, x) for y in range(4) for x in range(-3, 4) if (y, x) > (0, 0) and y * y + x * x <= 9]
+    return [
+        (
+            numbers[: height - y, max(-x, 0) : width - max(x, 0)].ravel(),
+            numbers[y:, max(x, 0) : width + min(x, 0)].ravel(),
+        )
+        for y, x in steps
+    ]
+
+
+def energy_of(image: NDArray[np.float64], labels: Labels) -> float:
+    """Return the energy at the edge weight."""
+    flat, apart = labels.ravel(), image - region_means(labels, image)[labels]
+    borders = sum(np.count_nonzero(flat[one] != flat[other]) for one, other in pairs(labels.shape))
+    return float(np.square(apart).sum() + 2 * EDGE_WEIGHT * borders)
+
+
+def expanded(image: NDArray[np.float64], labels: Labels) -> Labels:
+    """Let each segment take the set of pixels that lowers the energy most, twice: Boykov, Veksler and Zabih 2001."""
+    import maxflow
+
+    near, rows, own = pairs(labels.shape), image.reshape(-1, image.shape[2]), labels.ravel() - 1
+    cost = 2.0 * EDGE_WEIGHT
+    for label in [*range(own.max() + 1)] * 2:
+        means = region_means(own.reshape(labels.shape) + 1, image)[1:]
+        costs = np.stack([np.square(rows - mean).sum(axis=1) for mean in means])
+        supplies, free = costs[label] - costs[own, np.arange(len(own))], own != label
+        graph = maxflow.Graph[float](len(own), len(own) * len(near))
+        nodes = graph.add_nodes(len(own))
+        for one, other in near:
+            both, now = free[one] & free[other], cost * (own[one] != own[other])
+            np.add.at(supplies, one, np.where(both, cost - now, np.where(free[one] & ~free[other], -cost, 0)))
+            np.add.at(supplies, other, np.where(both | (free[other] & ~free[one]), -cost, 0))
+            graph.add_edges(one[both], other[both], 2 * cost - now[both], np.zeros(both.sum()))
+        supplies[~free] = 0
+        graph.add_grid_tedges(nodes, np.maximum(supplies, 0), np.maximum(-supplies, 0))
+        graph.maxflow()
+        own = np.where(graph.get_grid_segments(nodes) & free, label, own)
+    return own.reshape(labels.shape) + 1
 
 
 def cells(given: argparse.Namespace) -> tuple[Rows, Rows]:
@@ -228,4 +305,4 @@ def metrics_of(data: Path) -> ModuleType | None:
 
 
 if __name__ == "__main__":
-    run(parser(__doc__), noise, bsds, cells, speed)
+    run(parser(__doc__), noise, bsds, energy, cells, speed)

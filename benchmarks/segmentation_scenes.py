@@ -1,8 +1,6 @@
-"""Segments of single scenes against what is known of them: nuclei, and bone.
+"""Objects of a micrograph against what is known of them: 125 nuclei, some of them ten times as bright as others.
 
-Of nuclei the foreground and the objects are compared with their truth; of bone two segments with a threshold that was
-published for this slice, or where it is not there with the struts that were drawn in the sample image. Settings are
-the same for both but for the number of segments: nothing is tuned to a picture.
+The foreground and the objects are compared with their truth. Only the number of segments is tuned to the picture.
 
     python benchmarks/segmentation_scenes.py
 """
@@ -10,14 +8,13 @@ the same for both but for the number of segments: nothing is tuned to a picture.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import statistics
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, Rows, parser, run, timed
+from common import DATA, Rows, parser, run, timed
 from numpy.typing import NDArray
 from skimage.filters import gaussian, threshold_multiotsu, threshold_otsu
 from skimage.measure import label
@@ -26,8 +23,6 @@ import cvtimg
 from cvtimg.segmentation import Objects
 from cvtimg.segmentation.touching import BORDERS
 
-#: Two-phase threshold of the slice of bone, as published with it.
-BONE_THRESHOLD = 142
 #: Objects below this many pixels are dust, whoever finds them.
 DUST = 30
 #: An object is found when it covers a true one to this share of their union.
@@ -107,50 +102,5 @@ def score(objects: Labels, truth: Labels) -> dict[str, Any]:
     return {"iou": both.sum() / either.sum(), "objects": n_found, "matched": matched, "f1": f1}
 
 
-def bone(given: argparse.Namespace) -> Rows:
-    """Bone in two segments or three beside what is known to be bone."""
-    path = (given.data or DATA) / "scenes" / "bone_trabecular_lhdl_slice060.png"
-    if path.exists():
-        image, what = cvtimg.read_image(path), f"published threshold {BONE_THRESHOLD}"
-        known = image >= BONE_THRESHOLD
-    else:
-        image, what = cvtimg.read_image(SAMPLES / "bone_texture.png"), "struts that were drawn"
-        known = drawn_struts()
-    rows = [{"rival": what, **agreement(known, known)}]
-    settings: tuple[tuple[str, dict[str, Any]], ...] = (
-        ("cvtimg", {}),
-        ("cvtimg, edge weight 0", {"edge_weight": 0}),
-        ("cvtimg, averaging before", {"averaging": "before", "edge_weight": 0}),
-        ("cvtimg, averaging after", {"averaging": "after", "edge_weight": 0}),
-    )
-    for name, how in settings:
-        result, seconds = median_timed(lambda how=how: cvtimg.segment(image, 2, **how))
-        rows.append({"rival": name, **agreement(result.labels > 1, known), "ms": 1e3 * seconds})
-    level = threshold_otsu(image)
-    rows.append({"rival": f"Otsu ({level})", **agreement(image > level, known)})
-    brightest = cvtimg.segment(image, 3, edge_weight=0).labels > 2
-    return [*rows, {"rival": "cvtimg, the brightest of 3", **agreement(brightest, known)}]
-
-
-def agreement(found: NDArray[np.bool_], known: NDArray[np.bool_]) -> dict[str, float]:
-    """Compare two masks."""
-    return {
-        "share": float(found.mean()),
-        "agree": float((found == known).mean()),
-        "iou": float((found & known).sum() / (found | known).sum()),
-    }
-
-
-def drawn_struts() -> NDArray[np.bool_]:
-    """Draw again what is bone in the sample image."""
-    spec = importlib.util.spec_from_file_location("draw", SAMPLES / "draw.py")
-    assert spec is not None
-    assert spec.loader is not None
-    draw = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(draw)
-    struts: NDArray[np.bool_] = draw.bone_struts(np.random.default_rng(draw.BONE_SEED))
-    return struts
-
-
 if __name__ == "__main__":
-    run(parser(__doc__), nuclei, bone)
+    run(parser(__doc__), nuclei)

@@ -215,8 +215,9 @@ class RegionHierarchy(ReadOnly):
         lines = thin(strengths > (0.0 if strength and threshold is None else self._threshold(threshold)))  # type: ignore[no-untyped-call]
         if not strength:
             return np.asarray(lines)
-        # Of two pixels beside each other, thinning may have kept the weaker one.
-        evidence = maximum_filter(find_borders(self.leaves).on_pixels(self.evidence, lines.shape), 3)
+        # Of two pixels beside each other, thinning may have kept the weaker one: it takes what the other has.
+        evidence = find_borders(self.leaves).on_pixels(self.evidence, lines.shape)
+        evidence = np.maximum(evidence, maximum_filter(np.where(lines, 0, evidence), 3))
         return np.where(lines, chances_of(evidence), np.float32(0))
 
     def find_lines(
