@@ -1,11 +1,12 @@
 """What cores bring to each verb, and how its cost grows with the size.
 
-`shares` is the share of the processor time that one thread works alone, which a busy machine of two cores shows too:
-with 16 threads, the time of the calling thread outside the parts that other threads may take. Waiting for memory is not
-seen. `threads` has seconds and processor seconds for several numbers of threads, `growth` the exponent of the processor
-time of one thread from a sixteenth of the size to the size, both also of rivals.
+`virtual` tells what 16 cores can bring, on any machine: the parts of each pass are timed one by one, in one thread, and
+given to 16 workers as they get free; beside it how many passes that were, and what waking 15 threads for each of them
+adds. Locks and the memory's bandwidth are not seen. `threads` has seconds and processor seconds for several numbers of
+threads, `growth` the exponent of the processor time of one thread from a sixteenth of the size to the size, both also
+of rivals.
 
-    python benchmarks/scaling.py [--quick] [--parts shares threads growth] [--verbs quantize ...]
+    python benchmarks/scaling.py [--quick] [--parts virtual threads growth] [--verbs quantize ...]
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from heapq import heapreplace
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import pairwise
 from math import log, sqrt
 from typing import Any
 
@@ -33,6 +36,8 @@ Image8 = NDArray[np.uint8]
 #: Width, height and pixels of the pictures of which scenes are made.
 WIDTH, HEIGHT = 768, 512
 PICTURE = WIDTH * HEIGHT
+#: Seconds that waking a sleeping thread takes the one that wakes it, on a virtual machine.
+WAKING = 36e-6
 #: A part of the size runs first: imports are not counted.
 WARM = 1 / 64
 
@@ -99,69 +104,89 @@ RIVALS = {
 NEEDS = {"KMeans of scikit-learn": "sklearn", "SLIC of scikit-image": "skimage", "BM3D": "bm3d"}
 
 
-def watch_parts() -> list[float]:
-    """Count the processor seconds of this thread in parts of passes, in a list of one number, from now on."""
-    from cvtimg._shared import threads
+class Passes:
+    """Passes whose parts run one by one, timed, in place of side by side."""
 
-    caller, spent, within = threading.get_ident(), [0.0], [False]
-    in_parts, side_by_side = threads.in_parts, threads.side_by_side
+    def __init__(self, n_workers: int) -> None:
+        from cvtimg._shared import threads
 
-    def watched(work: Callable[..., Any]) -> Callable[..., Any]:
-        def part(*arguments: Any) -> Any:
-            if threading.get_ident() != caller or within[0]:
-                return work(*arguments)
-            within[0], start = True, time.thread_time()
+        self.n_workers, self.n_passes, self.work, self.seconds, self._within = n_workers, 0, 0.0, 0.0, False
+        threads.in_parts, threads.side_by_side = self.in_parts, self.side_by_side  # before other modules import them
+
+    def in_parts(self, kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
+        """Do what `threads.in_parts` does."""
+        from cvtimg._shared import threads
+
+        n = int(min(self.n_workers, n_items, (max(work, 0) / threads._TO_HAND_OVER) ** 0.5))
+        n_parts = 1 if self._within or n <= 1 else min(n_items, threads._PARTS_OF_A_THREAD * n)
+        ends = [n_items * part // n_parts for part in range(n_parts + 1)]
+        deque(self._timed(lambda part: kernel(*part), [*pairwise(ends)]), maxlen=0)
+
+    def side_by_side(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+        """Do what `threads.side_by_side` does."""
+        return self._timed(work, items)
+
+    def _timed(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+        if self._within or len(items) == 1:
+            yield from map(work, items)
+            return
+        free = [0.0] * self.n_workers  # when each worker has done its parts
+        for item in items:
+            self._within, start = True, time.thread_time()
             try:
-                return work(*arguments)
+                result = work(item)
             finally:
-                spent[0] += time.thread_time() - start
-                within[0] = False
-
-        return part
-
-    def parts(kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
-        part = watched(kernel)
-        in_parts(lambda *ends: (kernel if ends == (0, n_items) else part)(*ends), n_items, work)
-
-    def several(work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
-        return side_by_side(watched(work) if len(items) > 1 else work, items)
-
-    threads.in_parts, threads.side_by_side = parts, several  # before other modules import them
-    return spent
+                self._within, spent = False, time.thread_time() - start
+            self.work += spent
+            heapreplace(free, free[0] + spent)
+            yield result
+        self.seconds += max(free)
+        self.n_passes += 1
 
 
 def measured(name: str, share: float) -> dict[str, float]:
-    """Measure one call in this process: seconds, processor seconds, and those of this thread outside of parts."""
-    spent = watch_parts()
+    """Measure one call in this process: seconds, and processor seconds."""
     make, work = {**VERBS, **RIVALS}[name]
     work(make(share * WARM), share * WARM)
-    given, spent[0] = make(share), 0.0
-    before = time.perf_counter(), time.process_time(), time.thread_time()
+    given = make(share)
+    before = time.perf_counter(), time.process_time()
     work(given, share)
-    clock, all_, alone = time.perf_counter(), time.process_time(), time.thread_time()
-    return {"seconds": clock - before[0], "processor s": all_ - before[1], "alone": alone - before[2] - spent[0]}
+    return {"seconds": time.perf_counter() - before[0], "processor s": time.process_time() - before[1]}
 
 
-def measured_apart(name: str, share: float, n_threads: int) -> dict[str, float]:
-    """Measure in a process of its own, with so many threads."""
+def planned(name: str, share: float) -> dict[str, float]:
+    """Measure one call in one thread of this process, and what its passes would take on 16 cores."""
+    passes = Passes(16)
+    make, work = VERBS[name]
+    work(make(share * WARM), share * WARM)
+    given = make(share)
+    passes.n_passes, passes.work, passes.seconds = 0, 0.0, 0.0
+    start = time.thread_time()
+    work(given, share)
+    all_ = time.thread_time() - start
+    return {
+        "processor s": all_,
+        "alone": all_ - passes.work,
+        "gain of 16": all_ / (all_ - passes.work + passes.seconds),
+        "passes": passes.n_passes,
+        "waking s": passes.n_passes * 15 * WAKING,
+    }
+
+
+def measured_apart(name: str, share: float, n_threads: int, how: str = "--measured") -> dict[str, float]:
+    """Measure in a process of its own, with a number of threads."""
     progress(f"{name}, {n_threads} threads, {share:g} of the size")
     names = ("CVTIMG", "OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM")
     limits = {f"{library}_THREADS": str(n_threads) for library in names}
-    command = [sys.executable, __file__, "--one", name, str(share)]
+    command = [sys.executable, __file__, how, name, str(share)]
     done = subprocess.run(command, env={**os.environ, **limits}, stdout=subprocess.PIPE, text=True, check=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found
 
 
-def shares(given: argparse.Namespace) -> Rows:
-    """Measure the serial share of each verb, and how many times as fast 16 cores can be."""
-    found = []
-    for name in [name for name in given.verbs if name in VERBS]:
-        one = measured_apart(name, given.size, 16)
-        serial = one["alone"] / one["processor s"]
-        gain = 1 / (serial + (1 - serial) / 16)
-        found.append({"verb": name, "processor s": one["processor s"], "serial": serial, "gain of 16": gain})
-    return found
+def virtual(given: argparse.Namespace) -> Rows:
+    """Measure the serial part and the passes of each verb, and how many times as fast 16 cores can be."""
+    return [{"verb": name, **measured_apart(name, given.size, 1, "--planned")} for name in given.verbs if name in VERBS]
 
 
 def threads(given: argparse.Namespace) -> Rows:
@@ -185,12 +210,12 @@ def growth(given: argparse.Namespace) -> Rows:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "--one":
-        print(json.dumps(measured(sys.argv[2], float(sys.argv[3]))))
+    if sys.argv[1:2] in (["--measured"], ["--planned"]):
+        print(json.dumps((measured if sys.argv[1] == "--measured" else planned)(sys.argv[2], float(sys.argv[3]))))
         sys.exit()
     read = parser(__doc__)
     known = [*VERBS, *(name for name, module in NEEDS.items() if find_spec(module))]
     read.add_argument("--verbs", nargs="+", choices=known, default=known, help="only these")
     read.add_argument("--size", type=float, default=1, help="share of the size: 3.5 or .4 megapixels, 2 million rows")
     read.add_argument("--numbers", type=int, nargs="+", default=[1, 2, 4, 8, 16], help="of threads")
-    run(read, shares, threads, growth)
+    run(read, virtual, threads, growth)
