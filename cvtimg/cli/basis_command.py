@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot
@@ -10,7 +10,6 @@ from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
     from cvtimg.bases import Basis
-    from cvtimg.plotting.sheets import Panel
 
 EXAMPLES = """\
   cvtimg basis film.gif -n 8 -o film.npz --sheet modes.png
@@ -31,7 +30,7 @@ def basis(given: Given) -> Todo:
 
 
 def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg import reduced_basis, write_image
+    from cvtimg import reduced_basis
     from cvtimg.bases import as_snapshots
 
     if not task.sources:
@@ -42,9 +41,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("reduce")
     result.save(task.outputs["-o"], overwrite=given.overwrite)
     if "--sheet" in task.outputs:
-        from cvtimg.plotting.sheets import contact_sheet
-
-        write_image(task.outputs["--sheet"], contact_sheet(_panels(result), panel_width=200), overwrite=given.overwrite)
+        plot(task.outputs["--sheet"], given, "draw_sheet", _panels(result))
     plot(task.outputs.get("--plot"), given, "draw_spectrum", result.energies, result.variance)
     stopwatch.lap("write")
     return {
@@ -60,20 +57,18 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _panels(basis: Basis) -> list[list[Panel]]:
+def _panels(basis: Basis) -> list[list[tuple[Any, str]]]:
     """Show centers as they are, and modes about gray: a mode has no sign and no scale."""
     import numpy as np
-
-    from cvtimg.plotting.sheets import Panel
 
     if len(basis.shape) not in (2, 3) or basis.shape[2:] not in ((), (1,), (3,)):
         raise ValueError(f"--sheet needs frames that are gray or RGB images, not snapshots of shape {basis.shape}")
     panels = []
     for cell, (center, modes) in enumerate(zip(basis.centers, basis.modes, strict=True)):
         name = "mean" if basis.n_cells == 1 else f"cell {cell}: {np.count_nonzero(basis.labels == cell)} frames"
-        panels.append(Panel(np.clip(np.rint(center), 0, 255).astype(np.uint8).reshape(basis.shape), (name,)))
+        panels.append((np.clip(np.rint(center), 0, 255).astype(np.uint8).reshape(basis.shape), name))
         for number, mode in enumerate(modes):
             about_grey = np.rint(127.5 + 127.5 * mode / max(np.abs(mode).max(), 1e-30)).astype(np.uint8)
-            panels.append(Panel(about_grey.reshape(basis.shape), (f"mode {number + 1}",)))
+            panels.append((about_grey.reshape(basis.shape), f"mode {number + 1}"))
     shown = panels[: _MOST_SHOWN + 1]
     return [shown[start : start + _IN_A_ROW] for start in range(0, len(shown), _IN_A_ROW)]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import Todo, only, plan_of, planned
+from cvtimg.cli.running import Todo, only, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cvtimg.pictures import Pages
-    from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration import Denoised
 
 EXAMPLES = """\
@@ -306,10 +305,7 @@ def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages,
         labels = [result.labels.astype(kind) for result in results]
         _write_each(outputs["--labels"], labels, stack, task.source, given)
     if "--sheet" in outputs:
-        from cvtimg import write_image
-        from cvtimg.plotting.sheets import contact_sheet
-
-        write_image(outputs["--sheet"], contact_sheet(_panels(results[0], read, given)), overwrite=given.overwrite)
+        plot(outputs["--sheet"], given, "draw_sheet", _panels(results[0], read, given))
     return notes
 
 
@@ -336,11 +332,10 @@ def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, source
     return []
 
 
-def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[Panel]]:
+def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[tuple[Any, str]]]:
     import numpy as np
 
     from cvtimg._shared.pixels import peak
-    from cvtimg.plotting.sheets import Panel
     from cvtimg.restoration.versions import stack_versions
 
     stack = stack_versions(
@@ -353,10 +348,10 @@ def _panels(result: Any, read: VersionFiles, given: Given) -> list[list[Panel]]:
         alpha = known[:, :, None] * np.float32(peak(stack.dtypes[number]))
         shown = np.concatenate([colors, alpha], axis=2).astype(stack.dtypes[number])
         about = f"{known.mean():.0%} known, noise {result.noise[number]:.3g}, weight {result.weights[number]:.2f}"
-        panels.append(Panel(shown, (Path(name).name, about)))
+        panels.append((shown, f"{Path(name).name}\n{about}"))
     restored = f"restored: {len(result.colors)} segments" if hasattr(result, "colors") else "restored"
     unknown = f"{(result.coverage == 0).mean():.1%} was known in none"
     rows = [panels[start : start + 4] for start in range(0, len(panels), 4)]
     shares = (result.coverage - result.left_out) / len(panels)
-    covered = Panel(np.rint(255 * shares).astype(np.uint8), ("versions used", "white: all, black: none"))
-    return [*rows, [Panel(result.image, (restored, unknown)), covered]]
+    covered = np.rint(255 * shares).astype(np.uint8), "versions used\nwhite: all, black: none"
+    return [*rows, [(result.image, f"{restored}\n{unknown}"), covered]]

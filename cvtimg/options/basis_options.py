@@ -50,7 +50,7 @@ BASIS = (
         keyword="weights",
         to=late("tables.files", "read_weights"),
     ),
-    file("sheet", "Draw the mean and the modes as images.", common.lossless),
+    file("sheet", "Draw the mean and the modes as images, .png or .svg.", common.PLOTS),
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
     passed("passes", Whole(2, 64), "How often to read the input, an even number: more is more precise.", default=4),
     common.SEED,

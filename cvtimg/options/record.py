@@ -285,7 +285,7 @@ def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
             raise WrongUsageError(f"{option.flag} needs {' or '.join(map(worded, option.needs))}")
         for other in filter(holds, option.excludes):
             raise WrongUsageError(f"{option.flag} and {worded(other)} exclude each other")
-        if option.name in ("plot", "histograms") and find_spec("matplotlib") is None:
+        if option.name in ("plot", "histograms", "sheet") and find_spec("matplotlib") is None:
             raise WrongUsageError(f"{option.flag} needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
             check_suffix(option.flag, values[option.name], option.kind.endings)

@@ -157,7 +157,7 @@ RESTORE = (
         (".png", ".tif", ".tiff", ".npy"),
         excludes=("detail",),
     ),
-    file("sheet", "Draw the versions and the restored image on one sheet, to compare."),
+    file("sheet", "Draw the versions and the restored image on one sheet, .png or .svg.", common.PLOTS),
     common.MAX_PIXELS,
     *common.READING,
     *common.RUN,

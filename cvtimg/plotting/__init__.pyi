@@ -2,6 +2,7 @@ from .charts import draw_clusters as draw_clusters
 from .charts import draw_histograms as draw_histograms
 from .charts import draw_mesh as draw_mesh
 from .charts import draw_pairs as draw_pairs
+from .charts import draw_sheet as draw_sheet
 from .charts import draw_spectrum as draw_spectrum
 from .charts import draw_supports as draw_supports
 from .charts import save_plot as save_plot
@@ -10,9 +11,6 @@ from .energy_curves import draw_curves as draw_curves
 from .globes import draw_globe as draw_globe
 from .globes import draw_map as draw_map
 from .globes import draw_surface as draw_surface
-from .sheets import Panel as Panel
-from .sheets import contact_sheet as contact_sheet
 from .sheets import contour_drawing as contour_drawing
 from .sheets import draw_edges as draw_edges
-from .sheets import palette_strip as palette_strip
 from .sheets import shown_colors as shown_colors

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg.files.whole import write_whole
+from cvtimg.pictures.showing import limits_to_show, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +53,30 @@ def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str, n_bins: int
             axes.set_xlabel(name)
             axes.set_yticks([])
             axes.spines[["top", "left", "right"]].set_visible(False)
+    return content.getvalue()
+
+
+@chart
+def draw_sheet(rows: Sequence[Sequence[tuple[Any, str]]], suffix: str) -> bytes:
+    """Draw images side by side in rows, each below its caption.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of (image, str)
+        (H, W) or (H, W, C) arrays with captions. Those of a row that are not of 8 bits are stretched alike from black
+        to white, so that they can be compared.
+    """
+    n_columns = max(map(len, rows))
+    with figure_file(3.2 * n_columns, 3.2 * len(rows), suffix) as (figure, content):
+        grid = figure.subplots(len(rows), n_columns, squeeze=False)
+        for row, line in zip(rows, grid, strict=True):
+            images = [np.reshape(image, (*image.shape[:2], -1)) for image, _ in row]
+            limits = limits_to_show(images)
+            for image, (_, caption), axes in zip(images, row, line, strict=False):
+                axes.imshow(shown(image, limits))
+                axes.set_title(caption, fontsize=8)
+        for axes in grid.flat:
+            axes.set(xticks=[], yticks=[], visible=bool(axes.images))
     return content.getvalue()
 
 
