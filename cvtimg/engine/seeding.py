@@ -96,8 +96,9 @@ def halves(
     """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
     if points.n_dims > _MOST_DIMS:
         is_weighted = points.density > 0
-        pairs = np.array([_halves_of_one(points, np.flatnonzero(is_weighted & (labels == cell))) for cell in chosen])
-        return pairs[:, 0], pairs[:, 1]
+        pairs = [_halves_of_one(points, np.flatnonzero(is_weighted & (labels == cell))) for cell in chosen]
+        lower, upper = np.reshape(pairs, (-1, 2, points.n_dims)).swapaxes(0, 1)  # of no cell, too
+        return lower, upper
     cells = _Cells.empty(n_cells, points.n_dims)
     _gather(points, labels, chosen, cells)
     means = cells.means[chosen]

@@ -85,6 +85,13 @@ def test_the_curve_ends_with_nothing_left_at_the_number_of_distinct_colors() -> 
     assert sorted(curve.generators[-1].tolist()) == np.unique(picture.reshape(-1, 3), axis=0).tolist()
 
 
+@pytest.mark.parametrize("n_dims", [1, 3, 40])
+def test_rows_that_are_all_equal_are_one_cluster(n_dims: int) -> None:
+    curve = energy_curve(np.full((40, n_dims), 0.1), 4)
+    assert curve.energies.tolist() == [0]
+    assert curve.elbow() == 1
+
+
 def test_a_weighted_curve_never_rises() -> None:
     rows = np.random.default_rng(0).lognormal(0, 1, (300, 2))
     for power in (1, 2):
