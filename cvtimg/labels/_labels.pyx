@@ -193,19 +193,15 @@ cdef inline bint comes_first(const double *costs, int32_t a, int32_t b) noexcept
     return costs[a] < costs[b] or (costs[a] == costs[b] and a < b)
 
 
-cdef void rise(int32_t *heap, int32_t *places, const double *costs, Py_ssize_t place) noexcept nogil:
+cdef void settle(int32_t *heap, int32_t *places, const double *costs, Py_ssize_t n, Py_ssize_t place) noexcept nogil:
+    """Move the border at a place of a heap of n up or down to where its cost belongs."""
     cdef int32_t border = heap[place]
+    cdef Py_ssize_t child
     while place > 0 and comes_first(costs, border, heap[(place - 1) // 2]):
         heap[place] = heap[(place - 1) // 2]
         places[heap[place]] = <int32_t>place
         place = (place - 1) // 2
-    heap[place] = border
-    places[border] = <int32_t>place
-
-
-cdef void sink(int32_t *heap, int32_t *places, const double *costs, Py_ssize_t n, Py_ssize_t place) noexcept nogil:
-    cdef int32_t border = heap[place]
-    cdef Py_ssize_t child = 2 * place + 1
+    child = 2 * place + 1
     while child < n:
         if child + 1 < n and comes_first(costs, heap[child + 1], heap[child]):
             child += 1
@@ -226,8 +222,7 @@ cdef void take_out(int32_t *heap, int32_t *places, const double *costs, Py_ssize
         return
     heap[place] = moved
     places[moved] = <int32_t>place
-    rise(heap, places, costs, place)
-    sink(heap, places, costs, n - 1, places[moved])
+    settle(heap, places, costs, n - 1, place)
 
 
 def merge(
@@ -278,8 +273,7 @@ def merge(
             perimeters[ends[b, 1]] += lengths[b]
         for b in range(n_borders):
             costs[b] = difference(&graph, b)
-        for b in range(n_borders // 2 - 1, -1, -1):
-            sink(queue, place, cost, n, b)
+            settle(queue, place, cost, b + 1, b)
         while n > 0:
             border = queue[0]
             kept = ends[border, 0]
@@ -338,7 +332,6 @@ def merge(
                 b = half // 2
                 marks[ends[b, 1 - half % 2]] = -1
                 cost[b] = difference(&graph, b)
-                rise(queue, place, cost, place[b])
-                sink(queue, place, cost, n, place[b])
+                settle(queue, place, cost, n, place[b])
                 half = following[half]
     return merges_[:n_merges], altitudes_[:n_merges]

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import shapely
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation.touching import largest_by_label
 
@@ -119,8 +120,6 @@ def _depth(
 
     N. Kumar et al., Pattern Recognition 39 (2006), doi 10.1016/j.patcog.2005.11.014: concavity points.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
     center = places.mean(axis=0)
     away = places - center
     half = float(np.sqrt(np.square(away).sum(axis=1).max()))
@@ -130,14 +129,8 @@ def _depth(
     window = parts[low[0] : high[0], low[1] : high[1]]
     down, right = (np.arange(first, last) - middle for first, last, middle in zip(low, high, center, strict=True))
     both = ((window == pair[0]) | (window == pair[1])) & (np.hypot(down[:, None], right) <= reach)
-    rows = np.flatnonzero(both.any(axis=1))  # the first and last pixel of each row span the hull
-    leftmost, rightmost = both[rows].argmax(axis=1), both.shape[1] - 1 - both[rows, ::-1].argmax(axis=1)
-    corners = np.column_stack([np.tile(rows, 2), np.append(leftmost, rightmost)]) + low
-    try:
-        hull = ConvexHull(corners).equations
-    except QhullError:  # all on one line
-        return 0.0
-    depths = -(ends @ hull[:, :2].T + hull[:, 2]).max(axis=1)
+    hull = shapely.MultiPoint(np.argwhere(both) + low).convex_hull
+    depths = shapely.distance(hull.boundary if hull.area else hull, shapely.points(ends))
     along = away[np.square(away).sum(axis=1).argmax()]
     ahead = (ends - center) @ along > 0
     return float(min(depths[side].max() for side in (ahead, ~ahead) if side.any()))

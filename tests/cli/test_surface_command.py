@@ -30,21 +30,6 @@ def test_a_surface_is_remeshed_as_by_the_function(row_of: RowOf) -> None:
     assert cvtimg.read_image("a.png").std() > 20
 
 
-def test_without_an_output_points_go_beside_the_surface(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["surface", "ring.stl", "-n", "100", "--effort", "fast"]) == 0
-    assert Path("ring-points.vtu").exists()
-    assert "ring.stl" in capsys.readouterr().out
-
-
-def test_a_bad_surface_stops_no_others(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["surface", "broken.stl", "ring.stl", "-n", "100", "--effort", "fast", "--out-dir", "out"]
-    assert main(words) == 1
-    assert Path("out/ring.vtu").exists()
-    shown = capsys.readouterr().err
-    assert "broken.stl" in shown
-    assert "Traceback" not in shown
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("encoding", [pytest.param("ascii", marks=pytest.mark.slow), "binary"])
 def test_points_gather_by_a_property_of_vertices(capsys: pytest.CaptureFixture[str], encoding: str) -> None:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from skimage import measure
 
 from cvtimg import find_contours
-from cvtimg.labels import Contours, Polygon
+from cvtimg.labels import Contours
 from cvtimg.labels.contours import CLEARANCE
 
 LABELS = arrays(np.int32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(0, 3))
@@ -59,23 +59,6 @@ def test_a_polygon_covers_the_pixels_of_one_piece_and_shares_its_border_with_nei
     assert sorted((label, piece.tobytes()) for label, piece in found) == wanted
     for polygon, (_, piece) in zip(contours.polygons, found, strict=True):
         assert polygon.area == piece.sum()
-
-
-def test_holes_and_islands_in_holes() -> None:
-    labels = np.ones((9, 9), np.uint8)
-    labels[2:7, 2:7] = 2
-    labels[4, 4] = 1
-    outer, island, ring = find_contours(labels).polygons
-    assert [outer.label, island.label, ring.label] == [1, 1, 2]
-    assert [len(polygon.rings) for polygon in (outer, island, ring)] == [2, 1, 2]
-    assert [outer.area, island.area, ring.area] == [56, 1, 24]
-
-
-def test_regions_that_touch_across_a_corner_are_apart_and_close_no_hole() -> None:
-    (first, second) = find_contours([[1, 0], [0, 1]]).polygons
-    assert (first.area, second.area) == (1, 1)
-    (loop,) = (p for p in find_contours([[1, 1, 1], [1, 2, 1], [1, 1, 2]]).polygons if p.label == 1)
-    assert [len(ring) - 1 for ring in loop.rings] == [6, 4]
 
 
 def test_each_border_is_one_line_with_its_labels_to_the_right_and_left() -> None:
@@ -180,19 +163,6 @@ def test_simplified_borders_cross_no_other_nothing_comes_to_lie_beyond_them_and_
     assert_neighbors_share_their_borders(contours)
     assert_rings_are_simple(contours)
     assert sum(polygon.area for polygon in contours.polygons) == pytest.approx(labels.size)
-
-
-def test_a_simplified_border_does_not_pass_over_an_island() -> None:
-    labels = np.ones((12, 20), int)
-    labels[4:, :] = 2
-    labels[3, 8:12] = 2  # without this bump the border would pass over the island in it
-    labels[2:4, 7:13] = 2
-    labels[3, 10] = 3
-    polygons = find_contours(labels, tolerance=3).polygons
-    island = next(polygon for polygon in polygons if polygon.label == 3)
-    around = next(polygon for polygon in polygons if polygon.label == 2)
-    assert shape_of(Polygon(2, around.rings[:1])).contains(shape_of(island))
-    assert len(around.rings) == 2
 
 
 def test_nothing_to_outline() -> None:

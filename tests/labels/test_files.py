@@ -98,22 +98,6 @@ def test_labels_that_a_file_cannot_hold_are_refused_and_nothing_is_written(tmp_p
     assert not list(tmp_path.iterdir())
 
 
-def test_an_existing_file_is_replaced_only_when_asked(tmp_path: Path) -> None:
-    table = region_table(LABELS, IMAGE)
-    for write in (
-        lambda path, **how: write_table(path, table, **how),
-        lambda path, **how: write_contours(path.with_suffix(".svg"), Drawing((), (2, 2), IMAGE[0], {}), **how),
-        lambda path, **how: write_contours(path.with_suffix(".geojson"), Drawing((), (2, 2), IMAGE[0], {}), **how),
-        lambda path, **how: write_labels(path.with_suffix(".npy"), LABELS, **how),
-    ):
-        write(tmp_path / "file")
-        with pytest.raises(FileExistsError):
-            write(tmp_path / "file")
-        write(tmp_path / "file", overwrite=True)
-        for path in tmp_path.iterdir():
-            path.unlink()
-
-
 # Tables
 
 

@@ -73,15 +73,6 @@ def test_specks_do_not_count_unless_they_are_asked_for() -> None:
     assert count_objects(noisy(image, 0.05), min_size=5).n_segments == len(DISCS) + 2
 
 
-def test_counting_says_what_it_measured() -> None:
-    counting = count_objects(noisy(drawn(), 0.05)).counting
-    assert counting is not None
-    assert not counting.dark
-    assert 12 < counting.radius < 16
-    assert 20 < counting.least_size < 100
-    assert count_objects(noisy(1 - drawn(), 0.05)).counting.dark  # type: ignore[union-attr]
-
-
 def test_the_background_can_be_named() -> None:
     image = noisy(1.0 - drawn(), 0.05)
     assert count_objects(image, background="brightest").n_segments == len(DISCS)

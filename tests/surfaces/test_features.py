@@ -138,11 +138,6 @@ def test_the_steps_of_a_scan_are_no_corners() -> None:
     assert (found.points[:, 1] < 0.03).sum() < 15
 
 
-def test_distances_grow_gradually_where_a_density_jumps() -> None:
-    found = surface_points(sheet(), 300, density=lambda p: np.where(p[:, 0] > 1, 1e4, 1), effort="fast")
-    assert found.measures().least_angle > 25
-
-
 def test_components_and_borders_are_counted() -> None:
     points, faces = sheet()
     whole = measure_surface(points, faces)
@@ -166,9 +161,3 @@ def test_cells_end_at_a_boundary() -> None:
         assert masses[k] == pytest.approx(0.6 * values[mine].sum() / len(values), rel=0.02)
         center = np.average(places[mine], axis=0, weights=values[mine])
         assert steps[k] == pytest.approx(center - corners[k], abs=0.01)
-
-
-@pytest.mark.slow
-def test_an_angle_of_180_degrees_keeps_no_features() -> None:
-    found = surface_points(cube(), 100, feature_angle=180, effort="fast")
-    assert area(found) < 23.5

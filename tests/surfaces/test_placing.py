@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from reference import at_threads, cube
-from scipy.spatial import ConvexHull, KDTree
+from scipy.spatial import KDTree
 
 from cvtimg import surface_points
 from cvtimg.halfedges import edges_around, unique_edges
-from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, measure_surface, torus
+from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, torus
 
 Points = NDArray[np.float64]
 
@@ -149,27 +149,6 @@ def test_triangles_are_saved(on_torus: SurfacePoints, tmp_path: Path, suffix: st
     assert np.allclose(places, on_torus.points[on_torus.triangles], atol=1e-6)
 
 
-@pytest.mark.slow
-def test_surfaces_are_read_from_what_is_saved(on_torus: SurfacePoints, tmp_path: Path) -> None:
-    for suffix in (".obj", ".ply", ".stl"):
-        on_torus.save(tmp_path / f"a{suffix}")
-        found = surface_points(tmp_path / f"a{suffix}", 200)
-        assert found.measures().euler_characteristic == 0
-        assert found.measures().is_closed
-
-
-def test_inputs_are_unchanged_and_turned_surfaces_are_turned_back() -> None:
-    corners, faces = cube()
-    expected = surface_points((corners, faces), 100)
-    turned = faces[:, ::-1].copy()
-    before = corners.copy(), turned.copy()
-    found = surface_points((corners, turned), 100)
-    assert (corners == before[0]).all()
-    assert (turned == before[1]).all()
-    for each in (expected, found):
-        assert np.linalg.det(each.points[each.triangles]).sum() / 6 == pytest.approx(8, rel=0.2)  # corners are cut
-
-
 def test_parts_that_touch_in_a_vertex_are_divided() -> None:
     corners, faces = cube()
     both = np.concatenate([corners, corners + 2])
@@ -178,24 +157,6 @@ def test_parts_that_touch_in_a_vertex_are_divided() -> None:
     surface = TriangulatedSurface(both, np.concatenate([faces, second]))
     assert surface.triangulation.euler_characteristic == 4
     assert surface_points(surface, 200).measures().euler_characteristic == 4
-
-
-def test_differences_replace_a_gradient() -> None:
-    places = np.random.default_rng(0).normal(size=(50, 3))
-    without = ImplicitSurface(ball, [-1.5] * 3, [1.5] * 3)
-    given = ImplicitSurface(ball, [-1.5] * 3, [1.5] * 3, gradient=lambda p: p / np.linalg.norm(p, axis=1)[:, None])
-    assert np.allclose(without.on_surface(places), given.on_surface(places), atol=1e-9)
-
-
-def test_measures_agree_with_a_hand_case() -> None:
-    octahedron = np.concatenate([np.eye(3), -np.eye(3)])
-    faces = ConvexHull(octahedron).simplices
-    whole = measure_surface(octahedron, faces)
-    assert (whole.euler_characteristic, whole.is_closed, whole.n_obtuse) == (2, True, 0)
-    assert (whole.least_angle, whole.largest_angle, whole.mean_quality) == pytest.approx((60, 60, 1))
-    part = measure_surface(octahedron * [1, 1, 3], faces[1:])
-    assert (part.euler_characteristic, part.is_closed) == (1, False)
-    assert measure_surface(np.eye(3), [[0, 1, 2]]).least_angle == pytest.approx(60)
 
 
 @pytest.mark.slow
