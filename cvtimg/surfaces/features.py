@@ -83,7 +83,8 @@ def _is_broad(
     centers, areas = mesh.points[mesh.triangles].mean(axis=1), mesh.areas()
     grains = _Grains.of(mesh, _SEEN.grain * sizes[mesh.triangles].mean(axis=1), by_axis=True)
     middles, lengths, apart = mesh.points[ends].mean(axis=1), mesh.edge_lengths()[halves], sizes[ends].mean(axis=1)
-    sides, outward = (halves // 3, mesh.twins.ravel()[halves] // 3), unit(grains.vectors)
+    sides: list[NDArray[np.integer]] = [halves // 3, mesh.twins.ravel()[halves] // 3]
+    outward = unit(grains.vectors)
     # Faces around are on the side of that face at the crease to which the way from its middle leads.
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
     sums = [2 * areas[side, None] * normals[side] for side in sides]
