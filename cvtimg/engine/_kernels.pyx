@@ -217,39 +217,6 @@ def descend_sets(
                     break
 
 
-def cross_sets(
-    const double[:, :, ::1] elders,   # IN (n_elders, K, D): sets of generators
-    const int64_t[:, ::1] pairs,      # IN (n, 2): parents of each child, two of the elders
-    const uint8_t[:, ::1] inherited,  # IN (n, K): whether a generator is of the first parent
-    Py_ssize_t n_locked,              # IN: the first generators of each set stay
-    double[:, :, ::1] children,       # OUT (n, K, D)
-    uint8_t[::1] paired,              # OUT (K,): scratch
-):
-    """Pair the generators of two parents, the nearest that are left, and inherit one of each pair."""
-    cdef Py_ssize_t n_cells = elders.shape[1], s, k, j, d, first, other, best
-    cdef double least, step, square
-    with nogil:
-        for s in range(children.shape[0]):
-            first, other = pairs[s, 0], pairs[s, 1]
-            paired[:] = 0
-            for k in range(n_cells):
-                best = k
-                least = -1
-                for j in range(n_locked if k >= n_locked else n_cells, n_cells):
-                    if paired[j]:
-                        continue
-                    square = 0
-                    for d in range(elders.shape[2]):
-                        step = elders[first, k, d] - elders[other, j, d]
-                        square = square + step * step
-                    if least < 0 or square < least:
-                        least = square
-                        best = j
-                paired[best] = 1
-                for d in range(elders.shape[2]):
-                    children[s, k, d] = elders[first, k, d] if inherited[s, k] else elders[other, best, d]
-
-
 def seed_sets(
     const real[:, :, ::1] tiles,      # IN (n_tiles, D, LANES)
     const double[::1] density,        # IN (n_tiles * LANES,)

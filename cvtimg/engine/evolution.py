@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.progress import tell
-from cvtimg.engine import _kernels
 from cvtimg.engine.methods import Conditions, Ends
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
@@ -113,12 +112,15 @@ def _survivors(ends: Ends, n_kept: int) -> Ends:
 
 def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> NDArray[np.float64]:
     """Cross pairs of elders, and put a generator of each, the one missed least, at a point drawn by its energy."""
-    rng, n_generators = conditions.rng, elders.generators.shape[1]
+    from scipy.optimize import linear_sum_assignment
+    from scipy.spatial.distance import cdist
+
+    rng, n_generators, n_locked = conditions.rng, elders.generators.shape[1], conditions.n_locked
     # Each parent is the better of two elders, which are in order.
     pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
-    inherited = rng.integers(0, 2, (n_children, n_generators), np.uint8)
-    crossed = np.empty((n_children, *elders.generators.shape[1:]))
-    scratch = np.empty(n_generators, np.uint8)
-    _kernels.cross_sets(elders.generators, pairs, inherited, conditions.n_locked, crossed, scratch)
-    n_locked = conditions.n_locked
+    inherited = rng.integers(0, 2, (n_children, n_generators), np.uint8).astype(bool)
+    crossed = elders.generators[pairs[:, 0]]
+    for child, other, kept in zip(crossed, elders.generators[pairs[:, 1]], inherited, strict=True):
+        matches = n_locked + linear_sum_assignment(cdist(child[n_locked:], other[n_locked:], "sqeuclidean"))[1]
+        child[n_locked:] = np.where(kept[n_locked:, None], child[n_locked:], other[matches])
     return seed_sets(points, crossed, n_generators, 1, rng, n_locked=n_locked, n_draws=1, worthwhile=np.inf)
