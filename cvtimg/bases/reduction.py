@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.bases.sketch import Sketch, sketch
-from cvtimg.bases.snapshots import Snapshots, as_snapshots
+from cvtimg.bases.snapshots import as_snapshots
 from cvtimg.elbow.rules import chord_linear
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
@@ -29,6 +29,8 @@ from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 
 _Floats = NDArray[np.float64]
+#: Centers, axes, labels and medoids in the coordinates of a sketch, as `Basis` has them.
+_Subspaces: TypeAlias = tuple[_Floats, _Floats, NDArray[np.int64], NDArray[np.int64]]
 _KIND = "reduced basis"
 
 #: Kinds of bases, by the names of `kind`.
@@ -334,22 +336,26 @@ def reduced_basis(
     for name, is_given in (("centered=False", not centered), ("weights", weights is not None)):
         check_that(name, not is_given or kind == "pod", "be given with kind='pod'")
     heavy = None if weights is None else check_weights("weights", weights, (given.n_snapshots,), "snapshot")
-    reduced_snapshots = sketch(given, rank, passes, generator, centered=centered, weights=heavy)
-    make = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind]
+    sketched = sketch(given, rank, passes, generator, centered=centered, weights=heavy)
+    make, rows, directions = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind], sketched.coordinates, sketched.directions
     if share:
-        asked = _fewest(reduced_snapshots, share, asked)
+        asked = _fewest(sketched, share, asked)
     if n_modes == "auto":
         try:
-            trial = make(reduced_snapshots, asked, cells, generator)
+            trial = make(rows, asked, cells, generator)
         except TooFewSamplesError as error:
-            trial = make(reduced_snapshots, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
-        asked = chord_linear(trial.energies[1:] + reduced_snapshots.missed) if trial.energies[0] > 0 else 1
+            trial = make(rows, min(asked, error.n_distinct), min(cells, error.n_distinct), generator)
+        energies = _energies(rows, *trial[:3])
+        asked = chord_linear(energies[1:] + sketched.missed) if energies[0] > 0 else 1
     try:
-        reduced = make(reduced_snapshots, asked, cells, generator)
+        centers, axes, labels, medoids = make(rows, asked, cells, generator)
     except TooFewSamplesError as error:
         wrong = f"n_modes={n_modes}" if kind == "cvt" else f"n_cells={n_cells}"
         raise ValueError(f"{wrong} must be in 1..{error.n_distinct}, the number of snapshots that differ") from error
-    return _in_space(given, reduced_snapshots, kind, reduced)
+    energies = _energies(rows, centers, axes, labels) + sketched.missed
+    centers, modes = sketched.mean + centers @ directions, (axes @ directions).astype(given.dtype)
+    parts = centers, modes, labels, medoids, energies
+    return Basis(kind, given.shape, sketched.mean, *parts, sketched.variance)
 
 
 def _fewest(snapshots: Sketch, share: float, most: int) -> int:
@@ -362,55 +368,36 @@ def _fewest(snapshots: Sketch, share: float, most: int) -> int:
     return min(n_modes, len(explained))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Reduced:
-    """Subspaces in the coordinates of a sketch, as `Basis` has them; energies of the coordinates alone."""
-
-    centers: _Floats
-    axes: _Floats
-    labels: NDArray[np.int64]
-    medoids: NDArray[np.int64]
-    energies: _Floats
+def _pod(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
+    centers, axes = np.zeros((1, rows.shape[1])), np.eye(n_modes, rows.shape[1])[None]
+    return centers, axes, np.zeros(len(rows), np.int64), np.zeros(0, np.int64)
 
 
-def _pod(snapshots: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = snapshots.coordinates
-    labels, axes = np.zeros(len(rows), np.int64), np.eye(n_modes, rows.shape[1])[None]
-    return _measured(rows, np.zeros((1, rows.shape[1])), axes, labels, np.zeros(0, np.int64))
-
-
-def _cvt(snapshots: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = snapshots.coordinates
+def _cvt(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
     cells = tessellate(_settled(rows), n_modes, init="k-means++", effort="best", rng=rng)
     heaviest = np.argsort(-cells.masses, kind="stable")
     axes = np.zeros((1, n_modes, rows.shape[1]))
     orthonormal = np.linalg.qr(cells.generators[heaviest].T)[0].T
     axes[0, : len(orthonormal)] = orthonormal
     labels = np.argsort(heaviest, kind="stable")[cells.labels]
-    medoids = _nearest_members(rows, labels, cells.generators[heaviest])
-    measured = _measured(rows, np.zeros((1, rows.shape[1])), axes, np.zeros(len(rows), np.int64), medoids)
-    return _Reduced(measured.centers, axes, labels, medoids, measured.energies)
+    return np.zeros((1, rows.shape[1])), axes, labels, _nearest_members(rows, labels, cells.generators[heaviest])
 
 
-def _cvod(sketched: Sketch, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Reduced:
-    rows = sketched.coordinates
+def _cvod(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
     cells = find_subspaces(rows, n_cells, n_modes, rng)
     # Axes are those of the final cells, so that their order is that of the variance in them.
     fitted = [principal_axes(rows[cells == cell], n_modes) for cell in np.unique(cells)]
     centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
     labels = distances(rows, centers, axes).argmin(axis=1)
-    return _measured(rows, centers, axes, labels, _nearest_members(rows, labels, centers))
+    return centers, axes, labels, _nearest_members(rows, labels, centers)
 
 
-def _measured(
-    rows: _Floats, centers: _Floats, axes: _Floats, labels: NDArray[np.int64], medoids: NDArray[np.int64]
-) -> _Reduced:
-    """Add the energies of the first 0, 1, .. n axes."""
-    apart = rows - centers[labels]
+def _energies(rows: _Floats, centers: _Floats, axes: _Floats, labels: NDArray[np.int64]) -> _Floats:
+    """Return the energies of the first 0, 1, .. n axes."""
+    apart = rows - centers[labels if len(centers) > 1 else 0]
     along = np.einsum("nr,nar->na", apart, axes[labels]) if len(axes) > 1 else apart @ axes[0].T
     taken = np.concatenate([[0.0], np.cumsum((along**2).sum(axis=0))])
-    energies = np.maximum((apart**2).sum() - taken, 0.0)
-    return _Reduced(centers, axes, labels, medoids, energies)
+    return np.maximum((apart**2).sum() - taken, 0.0)
 
 
 def _nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats) -> NDArray[np.int64]:
@@ -418,19 +405,3 @@ def _nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats)
     apart = ((rows - centers[labels]) ** 2).sum(axis=1)
     order = np.lexsort((apart, labels))
     return order[np.unique(labels[order], return_index=True)[1]]
-
-
-def _in_space(given: Snapshots, snapshots: Sketch, kind: str, reduced: _Reduced) -> Basis:
-    """Carry subspaces from the coordinates of a sketch to the space of snapshots."""
-    directions = snapshots.directions
-    return Basis(
-        kind,
-        given.shape,
-        snapshots.mean,
-        snapshots.mean + reduced.centers @ directions,
-        (reduced.axes @ directions).astype(given.dtype),
-        reduced.labels,
-        reduced.medoids,
-        reduced.energies + snapshots.missed,
-        snapshots.variance,
-    )
