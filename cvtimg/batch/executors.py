@@ -6,14 +6,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import cache
-from multiprocessing import connection, get_context, parent_process
-from multiprocessing.connection import Connection
-from time import time
+from multiprocessing import active_children, get_context, parent_process
+from time import sleep, time
 from typing import Any, TypeAlias
 
 from cvtimg._shared.extras import needs
@@ -33,20 +33,28 @@ _FOR_SHORT = {
 _PATIENCE = 8
 
 
-#: A place where one task is done at a time: begins it, and returns what its outcome comes from.
-_Seat: TypeAlias = Callable[[Task], Any]
+#: A place where one task is done at a time: begins it.
+_Seat: TypeAlias = Callable[[Task], Future[Outcome]]
 
 
 def in_processes(
     attempt: Attempt, tasks: Sequence[Task], n_workers: int, threads_each: int, late: tuple[str, ...]
 ) -> Generator[tuple[int, Outcome]]:
     """Yield the index and the outcome of each task as it completes; `attempt` never raises."""
-    workers = [_Process(attempt, threads_each, late=late) for _ in range(n_workers)]
+    before = set(active_children())
+    workers = [_Worker(attempt, threads_each, late) for _ in range(n_workers)]
     try:
-        yield from _performed(tasks, [worker.submit for worker in workers], connection.wait)
-    finally:
+        yield from _performed(tasks, [worker.submit for worker in workers])
+    finally:  # at once, leaving neither a partial file nor a zombie
         for worker in workers:
-            worker.end()
+            worker.close()
+        processes = set(active_children()) - before
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.join(_PATIENCE)
+            process.kill()
+            process.join()
 
 
 def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: int) -> Generator[tuple[int, Outcome]]:
@@ -62,7 +70,7 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
 
         suspects = []
         seats = [alone] * len(tasks)
-        for place, outcome in _performed(tasks, seats, lambda some, timeout: wait(some, timeout, FIRST_COMPLETED).done):
+        for place, outcome in _performed(tasks, seats):
             if outcome.result is _LOST:
                 suspects.append(place)
             else:
@@ -73,11 +81,9 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
             yield place, replace(outcome, result=None) if outcome.result is _LOST else outcome
 
 
-def _performed(
-    tasks: Sequence[Task], seats: Sequence[_Seat], done: Callable[[Iterable[Any], float | None], Iterable[Any]]
-) -> Generator[tuple[int, Outcome]]:
+def _performed(tasks: Sequence[Task], seats: Sequence[_Seat]) -> Generator[tuple[int, Outcome]]:
     free, waiting = [*seats], iter(enumerate(tasks))
-    busy: dict[Any, tuple[int, _Seat]] = {}
+    busy: dict[Future[Outcome], tuple[int, _Seat]] = {}
     try:
         while True:
             while free and (task := next(waiting, None)):
@@ -85,12 +91,12 @@ def _performed(
                 busy[seat(task[1])] = task[0], seat
             if not busy:
                 return
-            for job in done(busy, None):
+            for job in wait(busy, return_when=FIRST_COMPLETED).done:
                 place, seat = busy.pop(job)
                 free.append(seat)
                 yield place, _outcome(job, tasks[place])
     except KeyboardInterrupt:  # what is done is told
-        for job in done(busy, 0):
+        for job in wait(busy, 0).done:
             yield busy[job][0], _outcome(job, tasks[busy[job][0]])
         raise
 
@@ -99,11 +105,10 @@ def _performed(
 _LOST = object()
 
 
-def _outcome(job: Future[Outcome] | Connection, task: Task) -> Outcome:
+def _outcome(job: Future[Outcome], task: Task) -> Outcome:
     try:
-        found: Outcome = job.result() if isinstance(job, Future) else job.recv()
-        return found
-    except (EOFError, ConnectionError):
+        return job.result()
+    except BrokenProcessPool:
         why = "its worker process was lost, as the system ends one when memory runs out"
     except CancelledError:
         why = "the Dask cluster was lost"
@@ -115,38 +120,27 @@ def _outcome(job: Future[Outcome] | Connection, task: Task) -> Outcome:
     return Outcome.failed(task, why)
 
 
-class _Process:
-    """A worker process, never a fork of this one, because a forked program with threads can hang."""
+class _Worker:
+    """A process, never a fork of this one, because a forked program with threads can hang; a lost one is replaced."""
 
-    def __init__(self, *work: Any, late: tuple[str, ...]) -> None:
-        self._work, self._late = work, late
-        self._process: Any = None
-        self._pipe: Connection
+    def __init__(self, attempt: Attempt, n_threads: int, late: tuple[str, ...]) -> None:
+        self._attempt, self._n_threads, self._late = attempt, n_threads, late
+        self._pool: ProcessPoolExecutor | None = None
 
-    def submit(self, task: Task) -> Connection:
-        """Begin a task; return the pipe from which its outcome comes."""
-        if self._process is not None and connection.wait([self._pipe], 0):  # the pipe, and so its worker, has ended
-            self.end()
-        if self._process is None:
-            context = _context(self._late)
-            self._pipe, there = context.Pipe()
-            process = context.Process(target=_work, args=(there, *self._work))
+    def submit(self, task: Task) -> Future[Outcome]:
+        """Begin a task."""
+        self._pool = self._pool or ProcessPoolExecutor(1, _context(self._late), _begin, (self._n_threads,))
+        try:
             with _interrupts_held():
-                process.start()
-            self._process = process
-            there.close()
-        with suppress(ConnectionError):  # the worker was lost, as who waits for the outcome learns
-            self._pipe.send(task)
-        return self._pipe
+                return self._pool.submit(self._attempt, task)
+        except BrokenProcessPool:
+            self._pool = None
+            return self.submit(task)
 
-    def end(self) -> None:
-        """Stop at once, leaving neither a partial file nor a zombie."""
-        if self._process is not None:
-            self._process.terminate()
-            self._process.join(_PATIENCE)
-            self._process.kill()
-            self._process.join()
-            self._process = None
+    def close(self) -> None:
+        """Take no more tasks."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 @cache
@@ -171,8 +165,8 @@ def _context(late: tuple[str, ...]) -> Any:
     return context
 
 
-def _work(pipe: Any, attempt: Attempt, n_threads: int) -> None:
-    """Do tasks as they come, in a worker process, until the pipe ends."""
+def _begin(n_threads: int) -> None:
+    """Begin a worker process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # so that partial files are removed
     limit_threads(n_threads)
@@ -181,15 +175,6 @@ def _work(pipe: Any, attempt: Attempt, n_threads: int) -> None:
 
         threadpool_limits(n_threads)  # the server, and so its fork, has one
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with suppress(EOFError, ConnectionError):
-        while True:
-            task = pipe.recv()
-            try:
-                pipe.send(attempt(task))
-            except SystemExit:  # other threads would end what they have begun
-                os._exit(0)
-            except Exception as error:  # results that cannot be pickled
-                pipe.send(Outcome.failed(task, reason(task.name, error)))
 
 
 def _end_with_parent() -> None:
@@ -197,6 +182,8 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
     os.kill(os.getpid(), signal.SIGTERM)
+    sleep(_PATIENCE)
+    os._exit(1)
 
 
 @contextmanager
