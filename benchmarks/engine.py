@@ -1,9 +1,9 @@
-"""The engine beside other clusterings: time against energy, scaling, threads, and the best of ten starts.
+"""The engine beside other clusterings: time against energy, and scaling.
 
-Prints three parts: at which times which clustering has the lowest energy, on photographs, with a plot; seconds and
-energy as samples, generators and dimensions grow; and effort "best" against ten starts of scikit-learn.
+Prints two parts: at which times which clustering has the lowest energy, on photographs, with a plot; and seconds and
+energy as samples, generators and dimensions grow.
 
-    python benchmarks/engine.py [--quick] [--full] [--docs] [--parts curves scaling starts]
+    python benchmarks/engine.py [--quick] [--full] [--docs] [--parts curves scaling]
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from common import (
     pin_threads,
     print_table,
     progress,
-    show,
     spread,
     timed,
     write_results,
@@ -41,7 +40,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from rivals import distinct_colors, to_8_bits
 
-PARTS = ("curves", "scaling", "starts")
+PARTS = ("curves", "scaling")
 EFFORTS = ("fast", "balanced", "best")
 #: Seconds below which a clustering is timed three times, of which the median counts.
 SHORT = 0.3
@@ -422,31 +421,6 @@ def slope(rows: Sequence[Row], axis: str) -> float:
     return float(np.polyfit(xs, ys, 1)[0])
 
 
-# ----------------------------------------------------------------------------------------------- ten starts
-
-
-def starts(pictures: Sequence[Picture], k: int = 64) -> list[Row]:
-    """Measure effort "best" and scikit-learn, from one start and the best of ten."""
-    rows = []
-    for picture in pictures:
-        progress(f"ten starts {picture.name}")
-        colors, counts, _ = distinct_colors(picture.pixels)
-        row: Row = {"picture": picture.name, "k": k}
-        runs: dict[str, Cluster] = {
-            "best": partial(cvtimg_colors, picture.pixels, k, "best"),
-            "one": partial(scikit_colors, picture.pixels, k),
-            "ten": partial(scikit_colors, picture.pixels, k, n_init=10),
-        }
-        for name, run in runs.items():
-            generators, row[f"{name}_seconds"] = timed(run)
-            row[f"{name}_energy"] = energy(colors, generators, counts) / counts.sum()
-        row["energy best/ten"] = row["best_energy"] / row["ten_energy"]
-        row["seconds best/ten"] = row["best_seconds"] / row["ten_seconds"]
-        rows.append(row)
-    progress("")
-    return rows
-
-
 # -------------------------------------------------------------------------------------------------------- the run
 
 
@@ -465,13 +439,6 @@ def main() -> None:
         measured = scaling(scaling_cases(given.full, given.quick), given.full)
         report_scaling(measured)
         write_results("engine_scaling", about, measured)
-    if "starts" in given.parts and has("sklearn"):
-        started = starts(pictures if given.full else spread(pictures, 1 if given.quick else 3))
-        show(
-            f"cvtimg best, and scikit-learn from k-means++, from one start and the best of ten, k={started[0]['k']}",
-            started,
-        )
-        write_results("engine_starts", about, started)
 
 
 def run_curves(pictures: Sequence[Picture], given: argparse.Namespace, about: Row) -> None:
