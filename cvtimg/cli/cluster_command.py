@@ -12,9 +12,9 @@ from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    from cvtimg.blocks import Scaling
     from cvtimg.elbow import EnergyCurve
     from cvtimg.engine import Tessellation
-    from cvtimg.tables import Scaling
 
 EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
@@ -96,8 +96,8 @@ def told_left_out(left_out: Mapping[str, str]) -> dict[str, Any]:
 def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import tessellate
     from cvtimg.batch.executors import on_cluster_of_task
-    from cvtimg.blocks import open_blocks
-    from cvtimg.tables import Spread, blocked, read_table, write_row_labels
+    from cvtimg.blocks import Spread, open_blocks
+    from cvtimg.tables import blocked, read_table, write_row_labels
 
     is_large = blocked.is_large_table(task.source)
     with on_cluster_of_task() if is_large else nullcontext():

@@ -122,8 +122,9 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
 def _read(source: Path, given: Given) -> tuple[Any, NDArray[Any] | None, NDArray[Any] | None, Mapping[str, str]]:
     """Read the samples, the image if the file is one, the weights of rows, and why columns were left out."""
+    from cvtimg.blocks import Spread
     from cvtimg.pictures.stacks import read_whole
-    from cvtimg.tables import Spread, read_table
+    from cvtimg.tables import read_table
     from cvtimg.tables.files import is_table
 
     if not is_table(source):

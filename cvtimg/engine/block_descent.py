@@ -20,6 +20,7 @@ from cvtimg._shared.checks import as_samples, check_count, check_that, raise_uns
 from cvtimg._shared.iteration import iterate
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
+from cvtimg.blocks.spread import Spread
 from cvtimg.engine.methods import Conditions, Iteration
 from cvtimg.engine.points import Frame, RowMoments, assign, assign_rows, pack, scale_within
 from cvtimg.engine.seeding import TooFewSamplesError, refill
@@ -39,41 +40,31 @@ class Survey:
     """What the first pass over the blocks finds, and a sample of rows of positive weight, drawn block by block."""
 
     lengths: NDArray[np.int64]  # (B,) rows of each block
-    mass: float  # sum of the weights
-    mean: NDArray[np.float64]  # (D,)
-    energy: float  # sum of weight times squared distance to the mean
-    low: NDArray[np.float64]  # (D,) limits of the rows
-    high: NDArray[np.float64]
+    spread: Spread  # of all rows
     rows: NDArray[Any]  # (n, D) the sample
     weights: NDArray[np.float64]  # (n,)
 
     @property
     def frame(self) -> Frame:
         """A frame about the mean of all rows, in which every block is packed."""
+        spread = self.spread
         if self.rows.dtype.kind == "f":
-            return Frame(self.mean, scale_within(self.low, self.high, self.mean))
-        return Frame(np.rint(self.mean), 1.0)
+            return Frame(spread.means, scale_within(spread.low, spread.high, spread.means))
+        return Frame(np.rint(spread.means), 1.0)
 
     def fingerprint(self, *options: object) -> str:
         """Name the samples and some options, for `Checkpoint`."""
-        digest = hashlib.sha256(repr((self.mass, self.rows.dtype, *options)).encode())
-        for array in (self.lengths, self.mean, self.rows, self.weights):
+        digest = hashlib.sha256(repr((self.spread.mass, self.rows.dtype, *options)).encode())
+        for array in (self.lengths, self.spread.means, self.rows, self.weights):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
     @staticmethod
     def total(parts: Sequence[Survey]) -> Survey:
         """Join the surveys of consecutive blocks."""
-        masses, means = np.array([part.mass for part in parts]), np.stack([part.mean for part in parts])
-        mean = np.einsum("p,pd->d", masses, means) / (masses.sum() or 1.0)
-        between = np.einsum("p,pd->", masses, (means - mean) ** 2)
         return Survey(
             np.concatenate([part.lengths for part in parts]),
-            float(masses.sum()),
-            mean,
-            float(between) + sum(part.energy for part in parts),
-            np.min([part.low for part in parts], axis=0),
-            np.max([part.high for part in parts], axis=0),
+            Spread.total([part.spread for part in parts]),
             np.concatenate([part.rows for part in parts]),
             np.concatenate([part.weights for part in parts]),
         )
@@ -112,10 +103,10 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
     seed, n_rows = int(rng.integers(1 << 62)), int(sum(lengths))
     found = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)
-    check_that("density", found.mass > 0, "not be 0 for all samples")
+    check_that("density", found.spread.mass > 0, "not be 0 for all samples")
     if n_rows <= most:
         return found
-    rule = seed, np.cumsum([0, *lengths]), most / 2, found.mass, found.mean, found.energy
+    rule = seed, np.cumsum([0, *lengths]), most / 2, found.spread.mass, found.spread.means, found.spread.energy()
     rows, weights = over_blocks(blocks, _draw_from_block, _joined, *rule)
     return replace(found, rows=rows, weights=weights)
 
@@ -203,16 +194,11 @@ def _total(parts: Sequence[RowMoments]) -> RowMoments:
 
 def _survey_block(block: Block, all_rows: bool) -> Survey:
     """Measure a block, and keep all rows of positive weight, or none."""
-    n_dims = block.rows.shape[1]
     none = as_samples("samples", block.rows[:0]), np.zeros(0)
-    limits = np.full(n_dims, np.inf), np.full(n_dims, -np.inf)
-    found = [Survey(np.zeros(0, np.int64), 0.0, np.zeros(n_dims), 0.0, *limits, *none)]
+    found = [Survey(np.zeros(0, np.int64), Spread.of(*none), *none)]
     for rows, weights in block.pieces():
-        mass = float(weights.sum())
-        mean = np.einsum("n,nd->d", weights, rows) / (mass or 1.0)
-        energy = float(np.einsum("n,n->", weights, _squares(rows, mean)))
         kept = (rows[weights > 0], weights[weights > 0]) if all_rows else none
-        found.append(Survey(np.zeros(0, np.int64), mass, mean, energy, rows.min(axis=0), rows.max(axis=0), *kept))
+        found.append(Survey(np.zeros(0, np.int64), Spread.of(rows, weights), *kept))
     return replace(Survey.total(found), lengths=_length(block))
 
 

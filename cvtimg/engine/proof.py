@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import PROVING, Claims, equals, prove
 
-if TYPE_CHECKING:
-    from cvtimg.engine.tessellation import Tessellation
-
+#: A tessellation, whose module imports this one.
+_Result = TypeVar("_Result")
 #: The nearest generator is looked for again of this many rows.
 _ROWS = 1024
 #: Generators are as near as each other, and energies the same, within this share.
 _ROUNDING = 1e-6
 
 
-def proven(result: Tessellation, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> Tessellation:
+def proven(result: _Result, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> _Result:
     """Return a tessellation of (N, D) rows, which is checked if that is asked for; labels if they are the nearest."""
     if PROVING:
         prove("Tessellation", _claims(result, rows, density, nearest))
     return result
 
 
-def _claims(result: Tessellation, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> Claims:
+def _claims(result: Any, rows: NDArray[Any], density: NDArray[np.float64], nearest: bool) -> Claims:
     labels, generators = result.labels, result.generators
     yield "masses are sums of the density", equals(result.masses, np.bincount(labels, density, len(generators)))
     blocks = [slice(start, start + _ROWS) for start in range(0, len(rows), _ROWS)]

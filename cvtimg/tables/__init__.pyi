@@ -6,5 +6,3 @@ from .files import read_table as read_table
 from .files import write_clusters as write_clusters
 from .files import write_generators as write_generators
 from .files import write_row_labels as write_row_labels
-from .spread import Scaling as Scaling
-from .spread import Spread as Spread

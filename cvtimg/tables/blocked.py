@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg.blocks.passes import Block, blocks_of, over_blocks
 from cvtimg.blocks.rows import Blocks
+from cvtimg.blocks.spread import Scaling, Spread
 from cvtimg.engine.block_descent import survey
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.files import write_label_parts
-from cvtimg.tables.spread import Scaling, Spread
 
 #: Arrays of more bytes are opened in blocks.
 _LARGE_BYTES = 1 << 30

@@ -368,4 +368,4 @@ def test_the_same_rows_are_drawn_whatever_the_blocks_and_far_ones_always() -> No
         assert len(found.rows) < 2000
         assert found.weights[found.rows[:, 0] == 1e6] == 1
         np.testing.assert_allclose(found.weights.sum(), 20_000, rtol=0.1)
-        np.testing.assert_allclose(found.energy, ((rows - rows.mean(axis=0)) ** 2).sum(), rtol=1e-9)
+        np.testing.assert_allclose(found.spread.energy(), ((rows - rows.mean(axis=0)) ** 2).sum(), rtol=1e-9)

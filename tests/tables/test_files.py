@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cvtimg.tables import Dialect, Spread, find_tables, read_table, write_generators, write_row_labels
+from cvtimg.blocks import Spread
+from cvtimg.tables import Dialect, find_tables, read_table, write_generators, write_row_labels
 from cvtimg.tables.files import Table
 
 RNG = np.random.default_rng(5)

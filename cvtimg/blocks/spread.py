@@ -1,4 +1,4 @@
-"""The spread of rows of a table, and columns that are scaled by it."""
+"""The spread of rows, and columns that are scaled by it."""
 
 from __future__ import annotations
 
@@ -28,42 +28,41 @@ class Scaling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spread:
-    """Sums over rows: mass, (D,) means and sums of weight times squared distance to them, and (D,) limits."""
+    """Sums over rows: mass, (D,) means, sums of weight times squared distance to them; and limits of all rows."""
 
     mass: float
     means: NDArray[np.float64]
     squares: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: NDArray[Any]
+    high: NDArray[Any]
 
     @classmethod
     def of(cls, rows: NDArray[Any], weights: NDArray[np.float64] | None = None) -> Spread:
-        """Measure (N, D) rows of positive weight, 1 by default."""
+        """Measure (N, D) rows with weights >= 0, 1 by default."""
         weights = np.ones(len(rows)) if weights is None else weights
+        none = np.full(rows.shape[1], np.inf)
+        low, high = (rows.min(axis=0), rows.max(axis=0)) if len(rows) else (none, -none)
         rows, weights = rows[weights > 0].astype(np.float64), weights[weights > 0]
-        n_dims = rows.shape[1]
-        if not len(rows):
-            return cls(0.0, np.zeros(n_dims), np.zeros(n_dims), np.full(n_dims, np.inf), np.full(n_dims, -np.inf))
-        means = np.average(rows, axis=0, weights=weights)
-        squares = np.einsum("n,nd->d", weights, (rows - means) ** 2)
-        return cls(float(weights.sum()), means, squares, rows.min(axis=0), rows.max(axis=0))
+        mass = float(weights.sum())
+        means = np.einsum("n,nd->d", weights, rows) / (mass or 1.0)
+        return cls(mass, means, np.einsum("n,nd->d", weights, (rows - means) ** 2), low, high)
 
     @staticmethod
     def total(parts: Sequence[Spread]) -> Spread:
         """Join the spreads of parts of the rows."""
-        full = [part for part in parts if part.mass] or list(parts[:1])
-        masses = np.array([part.mass for part in full])
-        all_means = np.stack([part.means for part in full])
-        means = np.average(all_means, axis=0, weights=masses) if masses.any() else all_means[0]
-        squares = np.sum([part.squares for part in full], axis=0) + masses @ (all_means - means) ** 2
-        low, high = (np.stack([getattr(part, limit) for part in full]) for limit in ("low", "high"))
-        return Spread(float(masses.sum()), means, squares, low.min(axis=0), high.max(axis=0))
+        masses, means, squares, low, high = (
+            np.stack([getattr(part, name) for part in parts]) for name in ("mass", "means", "squares", "low", "high")
+        )
+        mean = np.einsum("p,pd->d", masses, means) / (masses.sum() or 1.0)
+        between = np.einsum("p,pd->d", masses, (means - mean) ** 2)
+        return Spread(float(masses.sum()), mean, squares.sum(axis=0) + between, low.min(axis=0), high.max(axis=0))
 
     @property
     def scaling(self) -> Scaling:
         """Scales columns to mean 0 and variance 1."""
         deviations = np.sqrt(self.squares / self.mass)
-        return Scaling(self.means, np.where((self.low == self.high) | (deviations == 0), 1.0, deviations))
+        rounding = 8 * np.finfo(np.float64).eps * np.abs(self.means)
+        return Scaling(self.means, np.where(deviations > rounding, deviations, 1.0))
 
     def energy(self, scaling: Scaling | None = None) -> float:
         """Return the sum of weight times squared distance to the mean: the energy of a single generator."""
