@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
-from cvtimg.batch.runner import INTERRUPTED
 from cvtimg.cli.cluster_command import reading, told_left_out
 from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.files.finding import find_images
@@ -40,14 +38,8 @@ def elbow(given: Given) -> Todo:
     given.read = reading(given)
     if given.rule == "psnr" and given.space != "rgb":
         raise WrongUsageError(f"--rule psnr needs --space rgb: distances in {given.space} have no peak")
-    report = _Curves(COLUMNS, as_json=given.as_json, quiet=given.quiet)
     plan = plan_of(given, expand=_inputs_of, joined=("--csv", "--plot"))
-    given.segments = {"averaging": given.averaging} if given.averaging != "none" else {}
-    if given.edge_weight:
-        given.segments["edge_weight"] = given.edge_weight
-    if given.segments and given.effort != "fast":
-        raise WrongUsageError("--effort cannot be used with --averaging or --edge-weight, which search each k anyway")
-    return partial(_run, planned(plan, _measure, report, given), report, given)
+    return planned(plan, _measure, _Curves(given), given)
 
 
 def _inputs_of(path: str) -> list[Path]:
@@ -63,47 +55,38 @@ def _inputs_of(path: str) -> list[Path]:
         raise
 
 
-def _run(run: Todo, report: _Curves, given: Given) -> int:
-    status = run()
-    done = report.plotted
-    if done and status < INTERRUPTED:
-        _write(done, given)
-    if len(done) == 1 and not (given.as_json or given.quiet):
-        report.say(*_curve_lines(done[0].curve, {**done[0].curve.elbows(), given.rule: done[0].k}))
-    return status
-
-
 class _Curves(Report):
-    """Keeps the drawing of each input, which comes with its row."""
+    """Keeps the curve of each input, and writes and draws all of them at the end."""
 
-    def __init__(self, columns: Sequence[str], *, as_json: bool, quiet: bool) -> None:
-        super().__init__(columns, as_json=as_json, quiet=quiet)
-        self.plotted: list[Plotted] = []
+    def __init__(self, given: Given) -> None:
+        super().__init__(COLUMNS, as_json=given.as_json, quiet=given.quiet)
+        self._given, self._plotted = given, list["Plotted"]()
 
     def done(self, row: Row) -> None:
-        self.plotted.append(row["_plotted"])
+        self._plotted.append(row["_plotted"])
         super().done(row)
+
+    def close(self) -> int:
+        status = super().close()
+        if self._plotted:
+            _write(self._plotted, self._given)
+        if len(self._plotted) == 1 and not (self.as_json or self.quiet):
+            curve = self._plotted[0].curve
+            self.say(*_curve_lines(curve, {**curve.elbows(), self._given.rule: self._plotted[0].k}))
+        return status
 
 
 def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import energy_curve
     from cvtimg.plotting.energy_curves import Plotted
-    from cvtimg.segmentation import segment_curve
 
     samples, image, weights, left_out = _read(task.source, given)
     stopwatch.lap("read")
-    curve = given.arguments
-    if not given.segments:
-        result = energy_curve(samples, density=weights, **curve)
-    elif image is None:
-        raise ValueError("--averaging and --edge-weight are for images, not for tables")
-    else:
-        curve.pop("effort")  # each number of segments is searched anyway
-        result = segment_curve(image, **curve, **given.segments)
+    result = energy_curve(samples, density=weights, **given.arguments)
     k = result.elbow(given.rule, given.target)
     stopwatch.lap("cluster")
     psnr = None if result.psnr is None else [value if math.isfinite(value) else None for value in result.psnr.tolist()]
-    shown = image if given.plot and not given.segments else None
+    shown = image if given.plot else None
     return {
         "k": k,
         "rule": given.rule,

@@ -84,8 +84,6 @@ ELBOW = (
     ),
     common.SPACE,
     common.VOLUME_POWER,
-    Option("averaging", Choice(common.AVERAGING_NAMES), "Measure segments made with this --averaging.", default="none"),
-    Option("edge_weight", Real(0), "Measure segments made with this --edge-weight.", metavar="L"),
     common.EFFORT._replace(
         help="fast: all numbers in one pass; balanced, best: also search each by itself.", default="fast"
     ),

@@ -10,7 +10,6 @@ from commands import SAMPLES, RowOf, Run
 from PIL import Image
 
 from cvtimg import energy_curve, read_image
-from cvtimg.segmentation import segment_curve
 
 
 @pytest.fixture(autouse=True)
@@ -90,12 +89,6 @@ def test_other_commands_take_the_elbow_and_say_why(run: Run, row_of: RowOf) -> N
     assert (row["k"], row["elbow"]["chord"]) == (6, 6)
     np.testing.assert_array_equal(read_image("few.png"), read_image("drawing.png"))
     assert "chord 3" in run("cluster", "table.npy", "-k", "auto").out
-
-
-def test_edges_count_as_in_segment(row_of: RowOf) -> None:
-    row = row_of("elbow", "drawing.png", "--edge-weight", 30, "--k-max", 8)
-    assert row["energies"] == segment_curve(read_image("drawing.png"), 8, edge_weight=30).energies.tolist()
-    assert row["energies"] != energy_curve(read_image("drawing.png"), 8).energies.tolist()
 
 
 def test_a_folder_of_tables_gives_a_line_for_each(run: Run) -> None:

@@ -82,7 +82,6 @@ cluster trees.csv -k 3 --generators g.npy | 'g.npy' must end in one of .csv
 cluster trees.csv -k 3 -o x.csv --generators x.csv | two outputs of trees.csv would both become x.csv
 cluster trees.csv -k 3 -o trees.csv --overwrite | trees.csv is an input, which is never replaced
 elbow a.png --rule psnr --space lab | --rule psnr needs --space rgb
-elbow a.png --effort best --edge-weight 3 | --effort cannot be used with --averaging or --edge-weight
 elbow a.png --csv x.csv --report x.csv | --csv and --report would both become x.csv
 design -n 3 | give one of -d, --bounds and --axis
 design -n 3 -d 2 --bounds box.csv | give one of -d, --bounds and --axis
@@ -160,7 +159,6 @@ restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
 restore pages.tif -k 3 --merge T -o r.tif | without T to --merge
 palette six.tif | has 6 bands, which are not colors
 elbow a.png --columns a | --columns must not be given for images
-elbow numbers.csv --edge-weight 3 | for images, not for tables
 elbow a.png --max-pixels 99 | has over 99 pixels
 cluster trees.csv -k 3 --columns site | trees.csv: line 2, column 'site': 'S0' is not a number
 cluster trees.csv -k 41 --columns height | n_generators=41 must be in 1..4, the number of samples
