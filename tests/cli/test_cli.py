@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 import reference
-import typer
 from commands import Run
 from numpy.typing import NDArray
 from PIL import Image
 
 import cvtimg
 from cvtimg import read_image, write_image
-from cvtimg.cli import commands
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
@@ -221,15 +219,6 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
     }
     assert (rows["deep"]["bits"], rows["deep"]["bands"]) == (16, ["I"])
     assert rows["few"]["distinct_colors"] == 7
-
-
-def test_info_as_a_table(run: Run, here: Path) -> None:
-    outcome = run("info", "pictures/grey.png", "pictures/rgba.png")
-    head, grey, rgba = (line.split() for line in outcome.out.splitlines())
-    names = ["input", "width", "height", "frames", "axes", "mode", "bands", "bits", "alpha", "colors"]
-    assert head == [*names, "channels", "pixel_size", "icc"]
-    assert grey == f"pictures/grey.png 32 24 1 YX L L 8 no {n_distinct(GREY)} - - -".split()
-    assert rgba[5:9] == ["RGBA", "R,G,B,A", "8", "yes"]
 
 
 # Bad files
@@ -556,14 +545,6 @@ def test_no_garbage_is_sought_in_what_was_imported(here: Path) -> None:
     script = "import gc; from cvtimg.cli.app import main; main(); print(gc.isenabled(), gc.get_freeze_count() > 10_000)"
     command = [sys.executable, "-P", "-c", script, "quantize", PICTURE, "-k", "4", "--quiet"]
     assert subprocess.run(command, cwd=here, capture_output=True, text=True, check=True).stdout == "True True\n"
-
-
-def test_every_command_in_the_help_is_there() -> None:
-    group = typer.main.get_command(commands.app)
-    context = typer.Context(group)
-    for name in COMMANDS:
-        assert group.get_command(context, name).name == name
-    assert group.get_command(context, "none") is None
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")

@@ -47,21 +47,6 @@ def table() -> bytes:
 # Pipes
 
 
-@pytest.mark.parametrize(
-    ("command", "opens_as"),
-    [(["quantize", "-", "-k", "5"], "PNG"), (["segment", "a.png", "-k", "2", "-o", "tif:-"], "TIFF")],
-    ids=" ".join,
-)
-def test_images_come_from_standard_input_and_go_to_standard_output(
-    here: Path, command: list[str], opens_as: str
-) -> None:
-    done = piped(command, Path("a.png").read_bytes())
-    assert (done.returncode, done.stderr) == (0, b"")
-    with Image.open(io.BytesIO(done.stdout)) as image:
-        assert (image.format, image.size) == (opens_as, (32, 24))
-    assert [path.name for path in here.iterdir()] == ["a.png"]
-
-
 @pytest.mark.slow
 @posix
 def test_dev_stdin_is_standard_input(here: Path) -> None:
