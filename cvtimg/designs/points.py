@@ -21,9 +21,9 @@ from cvtimg._shared.checks import (
     refuse,
 )
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.svg import draw_dots
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
 from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
@@ -81,9 +81,9 @@ class Design(ReadOnly):
     def _claims(self) -> Claims:
         yield "points are within the unit cube", (self.unit_points >= 0) & (self.unit_points <= 1)
 
-    def _repr_html_(self) -> str:
+    def _repr_png_(self) -> bytes | None:
         """Draw all points, old and new, in each pair of the first axes."""
-        return draw_dots(repr(self), self._all_points())
+        return drawn(repr(self), self._all_points())
 
     def __repr__(self) -> str:
         n_points, n_dims = self.points.shape

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.svg import MOST_SHAPES, draw_lines
 from cvtimg.files.whole import StrPath
-from cvtimg.halfedges import edges_around, measure_triangles, unique_edges
+from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
 from cvtimg.meshes.measures import MeshMeasures, measure_mesh
 from cvtimg.meshes.projection import LocalProjection
@@ -158,11 +158,9 @@ class Mesh(ReadOnly):
         content = MeshContent(points, cells, self.tags, sides, self.qualities, self.edge_tags, self.names)
         write_mesh(path, content, overwrite, suffixes(content.kind))
 
-    def _repr_html_(self) -> str:
-        """Draw the triangles, or only the borders of many, with y down as in images."""
-        edges = unique_edges(edges_around(self.triangles))[0]
-        lines = self.points[edges if len(edges) <= MOST_SHAPES else self.edges]
-        return draw_lines(repr(self), lines, y_down=True)
+    def _repr_png_(self) -> bytes | None:
+        """Draw the triangles, with y down as in images."""
+        return drawn(repr(self), self.points, self.triangles, y_down=True)
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"

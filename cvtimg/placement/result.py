@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.svg import draw_dots
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import CellMeasures, measure_cells, oriented_pieces, voronoi_cells
 from cvtimg.placement.descent import Descent
@@ -55,9 +55,9 @@ class Placement(ReadOnly):
         inward = self.points + 1e-6 * (self.centroids - self.points)  # those on the boundary are there but for rounding
         yield "generators are in the region", self.region.contains(self.points) | self.region.contains(inward)
 
-    def _repr_html_(self) -> str:
+    def _repr_png_(self) -> bytes | None:
         """Draw the generators, with y down in images and in each pair of axes if there are more than two."""
-        return draw_dots(repr(self), self.points, y_down=isinstance(self.region, PictureRegion))
+        return drawn(repr(self), self.points, y_down=isinstance(self.region, PictureRegion))
 
     def __repr__(self) -> str:
         n, n_dims = self.points.shape

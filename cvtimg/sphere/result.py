@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_positive
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
@@ -201,9 +201,9 @@ class SphereGrid(SavedGrid):
         """Return flags of cells that files have."""
         return {}
 
-    def _repr_html_(self) -> str:
-        """Draw the triangles of the half that is centered at longitude 0 and latitude 20."""
-        return draw_solid(repr(self), self.points, self.triangles, (0.94, 0.0, 0.34))
+    def _repr_png_(self) -> bytes | None:
+        """Draw the triangles."""
+        return drawn(repr(self), self.points, self.triangles)
 
     def __repr__(self) -> str:
         return f"SphereGrid({len(self.points)} points, {len(self.triangles)} triangles)"

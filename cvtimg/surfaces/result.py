@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_triangles
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.svg import draw_solid
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -136,9 +136,9 @@ class SurfacePoints(ReadOnly):
         no_edges = np.empty((0, 2), np.int32)
         write_mesh(path, MeshContent(self.points, self.triangles, tags, no_edges, self.qualities), overwrite)
 
-    def _repr_html_(self) -> str:
-        """Draw the triangles that face a viewer in front of the surface, to its right and above."""
-        return draw_solid(repr(self), self.points, self.triangles, (0.5, -1.0, 0.6))
+    def _repr_png_(self) -> bytes | None:
+        """Draw the triangles, as seen from in front of the surface, to its right and above."""
+        return drawn(repr(self), self.points, self.triangles)
 
     def __repr__(self) -> str:
         return f"SurfacePoints({len(self.points)} points, {len(self.triangles)} triangles)"
