@@ -78,8 +78,9 @@ class _Aiming(NamedTuple):
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
     near: float = 2.0  # to the quality with few matches is near enough to go on with all
-    far: float = 3.0  # below the quality are the same colors enough, at less than the highest price
-    below: float = 0.5  # the quality are other numbers of colors tried, that prices then raise
+    far: float = 3.0  # from the quality are the same colors enough, at another price or diffusion
+    aside: float = 0.5  # of the quality are other numbers of colors tried: above a given one, that prices then lower
+    dearer: float = 2.0  # times the highest price, by which the quality of a number of colors is lowered
     n_trials: int = 5  # with one of few matches
     n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
@@ -401,7 +402,7 @@ class _Search:
         self._prices = _AIMING.prices_of_phrases if how.rate.coder == "lzw" else _AIMING.prices
         free, strength = self._prices[0], self._strengths[usual]
         self._rungs = [(number, free, strength) for number in numbers if how.palette is None]
-        self._rungs += self._finely(palettes.most)[usual:]
+        self._rungs += [one for one in self._finely(palettes.most) if one[1] <= free and one[2] >= strength]
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
@@ -426,13 +427,12 @@ class _Search:
 
     def _after(self, rung: _Rung, quality: float, wanted: float) -> _Rung | None:
         """Return the rung to try next, if one is left."""
-        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors, and more
-        # easily from below, by lower prices.
-        after = []
-        if wanted - _AIMING.far <= quality <= wanted + _AIMING.near:
+        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
+        after, aside = [], _AIMING.aside if self._given else -_AIMING.aside
+        if wanted - _AIMING.far <= quality <= wanted + (_AIMING.far if self._given else _AIMING.near):
             after.append(self._toward(self._finely(rung[0]), wanted))
         other = self._toward(self._rungs, wanted)
-        after.append(other if other[0] == self._palettes.most else self._toward(self._rungs, wanted - _AIMING.below))
+        after.append(other if other[0] == self._palettes.most else self._toward(self._rungs, wanted + aside))
         return next((one for one in after if one not in self._found), None)
 
     def _begun(self) -> _Rung:
@@ -459,10 +459,14 @@ class _Search:
         return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
 
     def _finely(self, n_colors: int) -> list[_Rung]:
-        """Return the rungs of a number of colors: strengths of diffusion, and then prices."""
+        """Return the rungs of a number of colors: high prices, strengths of diffusion, and lower prices."""
         free, *prices = self._prices
+        dear = np.geomspace(_AIMING.dearer * free, free, 50)[:-1].tolist() if self._given else []
         rungs = [(n_colors, free, strength) for strength in self._strengths]
-        return rungs + [(n_colors, price, rungs[-1][2]) for price in prices]
+        return [
+            *((n_colors, price, rungs[0][2]) for price in dear), *rungs,
+            *((n_colors, price, rungs[-1][2]) for price in prices),
+        ]  # fmt: skip
 
     def _at(self, rungs: list[_Rung], place: float) -> _Rung:
         """Return the first rung of at least this expected quality, or the last one."""
