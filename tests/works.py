@@ -26,14 +26,6 @@ def copy_or_die(task: Task, stopwatch: Stopwatch) -> Row:
     return copy(task, stopwatch)
 
 
-def copy_unless_slow(task: Task, stopwatch: Stopwatch) -> Row:
-    """Copy, but never end with an input that says so, or go on after it is copied."""
-    row = copy(task, stopwatch) if task.source.read_bytes() != b"slow" else {}
-    while task.source.read_bytes() in (b"slow", b"then slow"):
-        time.sleep(0.01)
-    return row
-
-
 def copied_then_interrupted(task: Task, stopwatch: Stopwatch) -> Row:
     """Copy, and be interrupted before anyone hears of it."""
     copy(task, stopwatch)

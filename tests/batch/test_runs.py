@@ -7,9 +7,7 @@ import io
 import json
 import multiprocessing
 import os
-import re
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -158,61 +156,7 @@ def test_an_output_finished_before_an_interrupt_is_told(here: Path, capsys: pyte
     assert Path("rows.csv").read_text().splitlines()[1].startswith("done,in/0,out/0")
 
 
-@posix
-def test_what_is_done_is_told_though_an_earlier_task_is_not(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tasks = inputs(4)
-    for number, content in enumerate((b"slow", b"quick", b"quick", b"then slow")):
-        Path(f"in/{number}").write_bytes(content)
-
-    def interrupt_at_last() -> None:
-        while not Path("out/3").exists():
-            time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    watcher = threading.Thread(target=interrupt_at_last)
-    watcher.start()
-    plan = Plan(tasks, out_dir=Path("out"))
-    assert run(plan, works.copy_unless_slow, report(), Running(2, report_file=Path("rows.jsonl"))) == 130
-    watcher.join()
-    assert "interrupted: 3 done, 0 skipped, 0 failed, 1 of 4 inputs left" in capsys.readouterr().err
-    told = [json.loads(line)["input"] for line in Path("rows.jsonl").read_text().splitlines()]
-    assert told == ["in/1", "in/2", "in/3"]
-
-
-@pytest.mark.slow
-@posix
-def test_ctrl_c_in_a_terminal_ends_with_130_and_one_line(here: Path) -> None:
-    for number in range(40):
-        picture(f"in/{number}.png", 150)
-    command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "in", "-k", "64", "--effort", "best", "--jobs", "2"]
-    process = subprocess.Popen(
-        [*command, "--out-dir", "out"], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    while not list(Path("out").glob("*.png")) and process.poll() is None:
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: all processes hear it
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    told = re.fullmatch(r"cvtimg: interrupted: (\d+) done, 0 skipped, 0 failed, (\d+) of 40 inputs left\n", err)
-    assert told
-    assert int(told[1]) + int(told[2]) == 40
-    assert not list(Path("out").glob(".*"))
-    assert 0 < len(list(Path("out").iterdir())) == int(told[1]) < 40
-
-
 # Going on, and telling
-
-
-def test_skip_existing_goes_on_where_a_run_was_stopped(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    tasks = inputs(5)
-    running = Running(skip_existing=True)
-    assert run(Plan(tasks[:2], out_dir=Path("out")), works.copy, report(), running) == 0
-    Path("out/1").write_text("mine")
-    capsys.readouterr()
-    assert run(Plan(tasks, out_dir=Path("out")), works.copy, report(), running) == 0
-    assert [row["input"] for row in rows(capsys) if row.get("skipped")] == ["in/0", "in/1"]
-    assert Path("out/1").read_text() == "mine"
-    assert len(list(Path("out").iterdir())) == 5
 
 
 def test_an_input_with_some_of_its_outputs_is_done_again(here: Path) -> None:

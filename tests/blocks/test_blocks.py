@@ -270,11 +270,6 @@ def test_a_block_that_is_wrong_is_named(samples: Callable[[], Any], message: str
     assert str(pickle.loads(pickle.dumps(raised.value))) == str(raised.value)
 
 
-def test_weights_that_are_all_0_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"density must not be 0 for all samples"):
-        tessellate(blocks(weights=0 * WEIGHTS), 3)
-
-
 def test_a_block_that_ends_its_workers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     tasks: list[str] = []
@@ -295,6 +290,7 @@ def test_a_block_that_ends_its_workers_is_named(monkeypatch: pytest.MonkeyPatch)
         (lambda: tessellate(blocks(), 3, method="macqueen"), r"method='macqueen' does not support samples in blocks;"),
         (lambda: tessellate(blocks(), 3, volume_power=1), r"volume_power=1.0 does not support samples in blocks; 0"),
         (lambda: tessellate(blocks(), 3, density=WEIGHTS), "density must not be given with Blocks, which carry their"),
+        (lambda: tessellate(blocks(weights=0 * WEIGHTS), 3), r"density must not be 0 for all samples"),
         (lambda: tessellate(blocks(), 2001), r"n_generators=2001 must be in 1..2000, the number of samples"),
         (lambda: tessellate(da.ones(4), 1), r"samples of shape \(4,\) must be \(N, D\)"),
         (lambda: tessellate(da.ones((4, 2)), 1, density=np.ones(3)), r"density of shape \(3,\) must be \(4,\), one we"),

@@ -41,11 +41,6 @@ def test_as_many_generators_as_samples_are_the_samples(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["k-means++", "random"])
-def test_another_seed_gives_other_generators(name: str, points: Points) -> None:
-    assert (seeds(name, points, 9, seed=5) != seeds(name, points, 9, seed=6)).any()
-
-
-@pytest.mark.parametrize("name", ["k-means++", "random"])
 def test_samples_of_no_density_are_never_taken(name: str) -> None:
     rows = np.arange(100, dtype=np.float64)[:, None]
     density = (np.arange(100) % 10 == 0).astype(float)

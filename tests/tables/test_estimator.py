@@ -196,14 +196,6 @@ def test_blocks_are_labelled_measured_and_scored_one_by_one() -> None:
         cvt.predict(in_blocks(SAMPLES[:, :3]))
 
 
-def test_a_wrong_block_is_named_when_its_labels_are_computed() -> None:
-    holed = SAMPLES.copy()
-    holed[100] = np.nan
-    labels = CVT(3).fit(SAMPLES).predict(in_blocks(holed))
-    with pytest.raises(ValueError, match=r"block 1: samples must be finite"):
-        labels.compute()
-
-
 def test_a_long_fit_keeps_its_state(tmp_path: Path) -> None:
     cvt = CVT(6, checkpoint=tmp_path / "state.npz").fit(in_blocks(SAMPLES))
     assert (tmp_path / "state.npz").exists()
