@@ -6,9 +6,7 @@ the energy, the sum of density times squared distance to the nearest generator, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -224,7 +222,7 @@ def _tessellate_line(line: Line, weights: NDArray[np.float64], asked: _Asked) ->
 def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
     """Tessellate colors, whose range float32 always suffices for."""
     points = pack(samples.rows, samples.density, in_order=samples.in_order)
-    _, end = _searched(points, asked._replace(effort=replace(asked.effort, evolution=None)))
+    end, _, _ = _descended(points, asked._replace(effort=replace(asked.effort, evolution=None)))
     labels = end.labels_of(points)
     masses, sums = cell_moments(points, labels, asked.n_generators)
     parts = cell_energies(points, end.generators, labels)
@@ -242,43 +240,46 @@ def _tessellate_rows(
     while True:
         points, order = pack_in_order(rows, weights, asked.n_generators, in_order=in_order, exact=exact)
         try:
-            descent, end = _searched(points, asked)
+            result = _measured(rows, weights, points, order, asked)
         except TooFewSamplesError:  # that differ in float32
             if exact:
                 raise
-            exact = True
-            continue
-        found = _measured(rows, weights, points, order, descent, end)
-        if (
-            exact
-            or asked.watch.stopped
-            or float32_suffices(points, found.energy * points.frame.scale * points.frame.scale)
-        ):
-            return proven(found, rows, weights, asked.to_nearest)
+        else:
+            energy = result.energy * points.frame.scale * points.frame.scale
+            if exact or asked.watch.stopped or float32_suffices(points, energy):
+                return proven(result, rows, weights, asked.to_nearest)
         exact = True
 
 
-def _searched(points: Points, asked: _Asked) -> tuple[_Descent, Iteration]:
-    descent = _Descent(points, asked)
-    with part(0, SEARCHED):
-        start = descent.search(asked.effort)
+def _descended(points: Points, asked: _Asked) -> tuple[Iteration, NDArray[np.float64], bool]:
+    """Move generators from the end of a search, or from given ones; return those locked and if labels are kept too."""
+    locked = check_locked(asked.locked, asked.n_generators, points.n_dims)
+    fixed, n, power = points.frame.inward(locked), asked.n_generators, asked.volume_power
+    told: dict[str, Any] = {"volume_power": power, "n_locked": len(fixed), "has_start": not isinstance(asked.init, str)}
+    method = choose_method(asked.method, n_dims=points.n_dims, **told)
+    asked.watch.outward = points.frame.energy
+    conditions = Conditions(asked.effort.stopping, asked.rng, len(fixed), power, asked.watch)
+    if not isinstance(asked.init, str):
+        free = check_generators("init", asked.init, n - len(fixed), points.n_dims)
+        start = np.concatenate([fixed, points.frame.inward(free)])
+    else:
+        init, start = check_choice("init", asked.init, SEEDINGS), np.zeros((n, points.n_dims))
+        if not method.exact_in_one_dimension:  # of which only the number matters
+            with part(0, SEARCHED):
+                start = search(points, fixed, n, init, method, conditions, asked.effort)
     with part(SEARCHED, 1):
-        return descent, descent.method.iterate(points, start, descent.conditions)
+        return method.iterate(points, start, conditions), locked, bool(power) or method.exact_in_one_dimension
 
 
 def _measured(
-    rows: NDArray[Any],
-    weights: NDArray[np.float64],
-    points: Points,
-    order: NDArray[np.intp] | None,
-    descent: _Descent,
-    end: Iteration,
+    rows: NDArray[Any], weights: NDArray[np.float64], points: Points, order: NDArray[np.intp] | None, asked: _Asked
 ) -> Tessellation:
-    """Measure the end of a descent of packed rows on the rows themselves, in float64."""
-    frame, power, n_locked = points.frame, descent.conditions.volume_power, len(descent.locked)
+    """Descend with packed rows, and measure the end on the rows themselves, in float64."""
+    end, locked, is_labeled = _descended(points, asked)
+    frame, n_locked = points.frame, len(locked)
     places = frame.outward(end.generators)
-    places[:n_locked] = descent.locked
-    if power or descent.method.exact_in_one_dimension:
+    places[:n_locked] = locked
+    if is_labeled:
         labels = np.empty(points.n_points, np.int32)
         labels[slice(None) if order is None else order] = end.labels_of(points)[: points.n_points]
     else:
@@ -288,7 +289,7 @@ def _measured(
     moves = moments.to_means(places, frame, exact=points.exact)
     moves[:n_locked] = 0
     places += moves
-    return _result(end, places, labels, moments.about(places, moves), power, frame)
+    return _result(end, places, labels, moments.about(places, moves), asked.volume_power, frame)
 
 
 class _Asked(NamedTuple):
@@ -313,35 +314,6 @@ class _Asked(NamedTuple):
         """Whether nothing but the number of generators was asked for."""
         locked = self.locked is not None and np.size(self.locked)
         return self.method is None and isinstance(self.init, str) and not (locked or self.volume_power)
-
-
-class _Descent:
-    """How the generators of some points start and move."""
-
-    def __init__(self, points: Points, asked: _Asked) -> None:
-        self.has_start = not isinstance(asked.init, str)
-        self.locked = check_locked(asked.locked, asked.n_generators, points.n_dims)
-        self.fixed = points.frame.inward(self.locked)
-        self.method = choose_method(
-            asked.method,
-            n_dims=points.n_dims,
-            volume_power=asked.volume_power,
-            n_locked=len(self.fixed),
-            has_start=self.has_start,
-        )
-        asked.watch.outward = points.frame.energy
-        self.conditions = Conditions(asked.effort.stopping, asked.rng, len(self.fixed), asked.volume_power, asked.watch)
-        #: Returns where the generators start: the end of a search, unless a start is given.
-        self.search: Callable[[SearchEffort], NDArray[np.float64]]
-        if not isinstance(asked.init, str):
-            free = check_generators("init", asked.init, asked.n_generators - len(self.fixed), points.n_dims)
-            start = np.concatenate([self.fixed, points.frame.inward(free)])
-            self.search = lambda effort: start
-            return
-        init, n_generators = check_choice("init", asked.init, SEEDINGS), asked.n_generators
-        self.search = partial(search, points, self.fixed, n_generators, init, self.method, self.conditions)
-        if self.method.exact_in_one_dimension:  # only their number matters
-            self.search = lambda effort: np.zeros((n_generators, points.n_dims))
 
 
 def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkpoint: StrPath | None) -> Tessellation:
