@@ -50,7 +50,7 @@ def plan_each(
     # The output of a pipe, such as standard input, goes to standard output unless it is named. Joint outputs are
     # written once for all inputs; `beside` allows outputs of several inputs without `out_dir`, beside them.
     wanted = {option: path for option, path in (outputs or {}).items() if path is not None}
-    sources, missing, names = _found(inputs, expand, out_dir)
+    sources, missing, names = find(inputs, expand, out_dir)
     _check_outputs(len(sources) + len(missing), out_dir, wanted, beside)
     stems = Counter((source.parent, stem_of(source)) for source in sources)
     tasks = []
@@ -69,7 +69,7 @@ def plan_one(
     inputs: Iterable[str], outputs: Mapping[str, Path | None], *, also_read: Iterable[Path | None] = ()
 ) -> Plan:
     """Plan a single task for all inputs, of which there may be none; the parameters are those of `plan_each`."""
-    sources, missing = find(inputs)
+    sources, missing, _ = find(inputs)
     named = {option: path for option, path in outputs.items() if path}
     return Plan([] if missing else [Task(tuple(sources), named)], missing, None, [path for path in also_read if path])
 
@@ -85,18 +85,12 @@ def _output(path: Path | Pattern, source: Path, folder: Path, alone: bool) -> Pa
 
 def find(
     inputs: Iterable[str], expand: Callable[[str], list[Path]] = find_images, out_dir: Path | None = None
-) -> tuple[dict[Path, Path], Missing]:
+) -> tuple[dict[Path, Path], Missing, list[str]]:
     """Find the files that arguments name, each with the folder for its outputs, and the arguments that name none.
 
-    WrongUsageError refuses empty arguments, as a shell makes them of variables that are not set.
+    Also return the names that were given, themselves or in lists. WrongUsageError refuses empty arguments, as a shell
+    makes them of variables that are not set.
     """
-    return _found(inputs, expand, out_dir)[:2]
-
-
-def _found(
-    inputs: Iterable[str], expand: Callable[[str], list[Path]], out_dir: Path | None
-) -> tuple[dict[Path, Path], Missing, list[str]]:
-    """Return what `find` does, and the names that were given, themselves or in lists."""
     # Arguments are files, folders and patterns; "-" is standard input, "@FILE" a file that lists names, one per line or
     # separated by zero bytes, and "@-" such a list on standard input. Outputs go to the folder of the file, or to the
     # one in `out_dir` that mirrors its place below what named it. Files in an `out_dir` inside an input folder come

@@ -234,26 +234,12 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         check_shape("X", blocks.rows.shape, fits, f"(N, {self.n_features_in_}), as the samples of fit")
         return blocks
 
-    def _tessellate(
-        self,
-        rows: NDArray[Any] | Blocks,
-        weights: NDArray[np.float64] | None,
-        n_generators: int,
-        checkpoint: StrPath | None = None,
-    ) -> Tessellation:
+    def _tessellate(self, rows: Any, weights: Any, n_generators: int, **options: Any) -> Tessellation:
         seed = self.random_state
         if not isinstance(seed, (int, np.integer)):
             seed = check_random_state(seed).randint(np.iinfo(np.int32).max)
-        return tessellate(
-            rows,
-            n_generators,
-            density=weights,
-            method=self.method,
-            init=self.init,
-            effort=self.effort,
-            checkpoint=checkpoint,
-            rng=int(seed),
-        )
+        how: dict[str, Any] = {"method": self.method, "init": self.init, "effort": self.effort, **options}
+        return tessellate(rows, n_generators, density=weights, rng=int(seed), **how)
 
 
 def _measure(

@@ -65,7 +65,7 @@ def picture(path: str, size: int = 12) -> Path:
 def test_folders_and_patterns_keep_their_tree_below_the_output_folder(here: Path) -> None:
     for name in ("a/1.png", "a/b/1.png", "a/b/c/1.png", "d/x/2.png", "e.png"):
         picture(name)
-    sources, missing = find(["a", "d/*/2.png", "e.png", "a/b/1.png"], find_images, Path("out"))
+    sources, missing, _ = find(["a", "d/*/2.png", "e.png", "a/b/1.png"], find_images, Path("out"))
     assert not missing
     assert {str(path): str(folder) for path, folder in sources.items()} == {
         "a/1.png": "out",
@@ -84,7 +84,7 @@ def test_a_list_on_standard_input_keeps_its_folders(here: Path, monkeypatch: pyt
         picture(str(name))
     listed = end.join([*names, str(here / "c.png"), "no.png", ""]).encode()
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(listed)))
-    sources, missing = find(["@-"], find_images, Path("out"))
+    sources, missing, _ = find(["@-"], find_images, Path("out"))
     assert [str(folder) for folder in sources.values()] == ["out/a", "out/a/b", "out", "out"]
     assert [text for text, _ in missing] == ["no.png"]
 
