@@ -13,6 +13,7 @@ from typing import Any, NoReturn, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 
 _Name = TypeVar("_Name", bound=str)
@@ -201,7 +202,16 @@ def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
     refuse_path(name, rows)
     array = array_of(rows)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(N, D) with N, D >= 1")
+    warn_if_rounded(name, array)
     return as_samples(name, array)
+
+
+def warn_if_rounded(name: str, array: Any) -> None:
+    """Warn of integers that float64 does not hold: those of near values become the same."""
+    if getattr(array, "dtype", None) in (np.int64, np.uint64) and array.size:
+        largest = max(abs(int(array.min())), abs(int(array.max())))
+        if largest > 1 << np.finfo(np.float64).nmant + 1:
+            warn(f"{name} has integers up to {largest}, which are rounded beyond 2**53: subtract the least one first")
 
 
 def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:

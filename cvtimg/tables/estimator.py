@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that
+from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that, warn_if_rounded
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
@@ -225,6 +225,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return len(self.cluster_centers_)
 
     def _rows(self, samples: ArrayLike, *, reset: bool = False) -> NDArray[Any]:
+        warn_if_rounded("X", samples)
         return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
 
     def _blocks(self, samples: Any, sample_weight: Any = None) -> Blocks:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from contextlib import suppress
 from typing import Any
 
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from cvtimg import tessellate
+from cvtimg import CVT, tessellate
 from cvtimg.colors import color_samples
 from cvtimg.engine import EFFORTS, SEEDINGS
 from cvtimg.engine.methods import Stopping
@@ -361,3 +362,13 @@ def test_rows_of_which_one_is_beside_the_line_are_on_none() -> None:
 def test_a_callable_is_no_start() -> None:
     with pytest.raises(ValueError, match=r"init must be one of split, k-means\+\+, random or \(K, D\) generators"):
         tessellate(np.eye(3), 2, init=lambda rows, k, rng: rows[:k])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("cluster", [lambda rows: tessellate(rows, 1), lambda rows: CVT(1).fit(rows)])
+def test_integers_that_float64_does_not_hold_are_told(cluster: Any) -> None:
+    rows = np.arange(50, dtype=np.uint64)[:, None] + np.uint64(2**63)
+    with pytest.warns(UserWarning, match=r"integers up to \d+, which are rounded beyond 2\*\*53"):
+        cluster(rows)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cluster(rows - rows.min())
