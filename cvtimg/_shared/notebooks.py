@@ -15,9 +15,17 @@ _MOST_TRIANGLES = 20_000
 
 
 def drawn(
-    caption: str, points: NDArray[Any], triangles: NDArray[Any] | None = None, *, y_down: bool = False
+    caption: str,
+    points: NDArray[Any],
+    triangles: NDArray[Any] | None = None,
+    *,
+    y_down: bool = False,
+    is_place: bool = True,
 ) -> bytes | None:
-    """Draw points (N, D) in each pair of their first four axes, or triangles of them, as PNG; None if it cannot be."""
+    """Draw points (N, D) in each pair of their first four axes, or triangles of them, as PNG; None if it cannot be.
+
+    `y_down` is for images, and `is_place` tells whether axes have the same unit.
+    """
     if find_spec("matplotlib") is None:
         return None
     from matplotlib.figure import Figure
@@ -41,7 +49,7 @@ def drawn(
                 axes.plot(shown[:, across], shown[:, down], ".", markersize=3)
             else:
                 axes.triplot(*shown.T, triangles, linewidth=0.4, color="C0")
-            axes.set_aspect("equal" if n_axes == 2 else "auto")
+            axes.set_aspect("equal" if is_place else "auto")
             axes.tick_params(labelsize=6)
             if y_down:
                 axes.invert_yaxis()

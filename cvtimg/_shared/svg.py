@@ -58,11 +58,6 @@ def layer(number: int, name: str, attributes: str, body: Iterable[str]) -> Itera
     yield "</g>\n"
 
 
-def captioned(caption: str, width: float, height: float, body: str) -> str:
-    """Give a drawing with a caption as a part of a page, for notebooks."""
-    return f"<p>{html.escape(caption)}</p><svg width='{width:.0f}' height='{height:.0f}' fill='none'>{body}</svg>"
-
-
 def seen_from(direction: ArrayLike) -> _Floats:
     """Return the axes of a view, as rows: right, up, and toward the viewer."""
     toward = np.asarray(direction, float) / np.linalg.norm(direction)

@@ -83,7 +83,7 @@ class Design(ReadOnly):
 
     def _repr_png_(self) -> bytes | None:
         """Draw all points, old and new, in each pair of the first axes."""
-        return drawn(repr(self), self._all_points())
+        return drawn(repr(self), self._all_points(), is_place=False)
 
     def __repr__(self) -> str:
         n_points, n_dims = self.points.shape

@@ -24,6 +24,7 @@ from cvtimg._shared.checks import (
     raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg.colors.places import to_places
@@ -72,20 +73,10 @@ class EnergyCurve(ReadOnly):
         first, last = self.energies[0], self.energies[-1]
         return f"EnergyCurve(k=1..{self.n_max}, energy {first:.6g}..{last:.6g}, {self.verdict})"
 
-    def _repr_html_(self) -> str:
-        """Draw the curve on logarithmic axes, with the elbow marked, for notebooks."""
-        from cvtimg._shared.svg import captioned
-
-        floor = self.scale.floor(self.energies) or 1.0
-        heights = np.log(self.energies + floor)
-        across = np.log(np.arange(1, self.n_max + 1)) / max(np.log(self.n_max), 1e-9) * 380 + 10
-        fall = max(heights[0] - heights.min(), 1e-9)
-        down = 10 + (heights[0] - heights) / fall * 180
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
-        k = self.elbow()
-        line = f"<polyline points='{points}' stroke='currentColor' stroke-width='1.5'/>"
-        dot = f"<circle cx='{across[k - 1]:.1f}' cy='{down[k - 1]:.1f}' r='5' fill='#e4002b'/>"
-        return captioned(repr(self), 400, 200, line + dot)
+    def _repr_png_(self) -> bytes | None:
+        """Draw the energy for each number of generators."""
+        points = np.stack([np.arange(1, self.n_max + 1), self.energies], axis=1)
+        return drawn(repr(self), points, is_place=False)
 
     @property
     def n_max(self) -> int:

@@ -17,15 +17,11 @@ PALETTE_NAMES = ".gpl, .json, .hex, .act, .ase, .css, .scss, .svg, .pal, .txt or
 
 def color(text: str) -> str:
     """Check a color in the notation of CSS, and return its eight hexadecimal digits, alpha included."""
-    digits = text.removeprefix("#")
-    if len(digits) in (3, 4):
-        digits = "".join(2 * digit for digit in digits)
-    if len(digits) in (6, 8) and set(digits) <= set("0123456789abcdefABCDEF"):
-        return f"{digits:f<8}"
     from PIL import ImageColor
 
-    if (name := text.lower()) in ImageColor.colormap:
-        return f"{bytes(ImageColor.getrgb(name)).hex()}ff"
+    for notation in (text, f"#{text}"):
+        with suppress(ValueError):
+            return bytes((*ImageColor.getrgb(notation), 255)[:4]).hex()
     raise ValueError(f"{text!r} must be a color such as '#rgb', '#rrggbb' or '#rrggbbaa', or a name such as 'white'")
 
 

@@ -159,8 +159,7 @@ def test_a_curve_is_shown_in_one_line_and_drawn_in_a_notebook() -> None:
     curve = curve_of([100.0, 50.0, 10.0, 9.0], 255.0)
     assert len(repr(curve).splitlines()) == 1
     assert "k=1..4" in repr(curve)
-    assert curve._repr_html_().count("<circle") == 1
-    assert "nan" not in curve_of([0.0])._repr_html_()
+    assert all((each._repr_png_() or b"").startswith(b"\x89PNG") for each in (curve, curve_of([0.0])))
 
 
 def test_what_rules_do_not_know_is_refused() -> None:
