@@ -1,8 +1,6 @@
 """Voronoi cells of points in the unit cube or on the unit torus: exactly in one to three dimensions, else by samples.
 
-A Delaunay simplex is cut into orthoschemes: simplices whose corners are a vertex, the middle of an edge from it, in
-three dimensions the circumcenter of a face, and the circumcenter of the simplex. Summed with their signs, those of a
-vertex are its Voronoi cell. Walls are made by mirror images, and the torus by copies.
+Walls are made by mirror images, and the torus by copies.
 """
 
 from __future__ import annotations
@@ -30,8 +28,6 @@ _Floats = NDArray[np.float64]
 MOST_EXACT_DIMS = 3
 #: Images nearer to a wall than this times the mean spacing are enough for most points.
 _HALO = 2.6
-#: Simplices flatter than this are left out: points on a grid have some of volume 0.
-_FLAT = 1e-9
 
 
 def exact_cells(points: _Floats, periodic: bool) -> CellSums:
@@ -61,24 +57,31 @@ def _intervals(points: _Floats, periodic: bool) -> CellSums:
 
 
 def _cells(points: _Floats, periodic: bool, width: float) -> CellSums:
-    from scipy.spatial import Delaunay
+    from scipy.spatial import Voronoi
 
-    n_points = len(points)
-    places = np.concatenate([points, *_images(points, periodic, width)])
-    simplices = Delaunay(places, qhull_options="Qbb Qc Qz Q12").simplices
-    simplices = simplices[(simplices < n_points).any(axis=1)]
-    corners = places[simplices]
-    edges = corners[:, 1:] - corners[:, :1]
-    lengths = np.linalg.norm(edges, axis=2)
-    solid = np.abs(np.linalg.det(edges)) > _FLAT * lengths.prod(axis=1)
-    simplices, corners, edges, lengths = simplices[solid], corners[solid], edges[solid], lengths[solid]
-    to_center = np.linalg.solve(2 * edges, (lengths**2)[..., None])[..., 0]
-    centers = corners[:, 0] + to_center
-    reaches = np.zeros(n_points)
-    for corner in simplices.T:
-        is_point = corner < n_points
-        np.maximum.at(reaches, corner[is_point], np.linalg.norm(to_center[is_point], axis=1))
-    volumes, firsts, seconds = _sum_orthoschemes(simplices, corners, centers, n_points)
+    n_points, n_dims = points.shape
+    diagram = Voronoi(np.concatenate([points, *_images(points, periodic, width)]))
+    # Faces are divided into triangles, which with the point are the simplices of its cell.
+    faces = [
+        (pair, first, *corners)
+        for pair, (first, *others) in zip(diagram.ridge_points.tolist(), diagram.ridge_vertices, strict=True)
+        if min(pair) < n_points and min(first, *others) >= 0
+        for corners in (itertools.pairwise(others) if n_dims == 3 else [others])
+    ]
+    pairs = np.array([face[0] for face in faces])
+    corners = diagram.vertices[np.array([face[1:] for face in faces])]
+    volumes, firsts, reaches = np.zeros(n_points), np.zeros((n_points, n_dims)), np.zeros(n_points)
+    seconds = np.zeros((n_points, n_dims, n_dims))
+    for cells in pairs.T:
+        own = cells[cells < n_points]
+        legs = corners[cells < n_points] - points[own][:, None]
+        parts, sums = np.abs(np.linalg.det(legs)) / math.factorial(n_dims), legs.sum(axis=1)
+        outer = np.einsum("tvi,tvj->tij", legs, legs) + sums[:, :, None] * sums[:, None]
+        volumes += sum_by_label(own, parts, n_points)
+        firsts += sum_by_label(own, sums, n_points, parts) / (n_dims + 1)
+        shares = sum_by_label(own, outer.reshape(-1, n_dims**2), n_points, parts)
+        seconds += shares.reshape(seconds.shape) / ((n_dims + 1) * (n_dims + 2))
+        np.maximum.at(reaches, own, np.linalg.norm(legs, axis=2).max(axis=1))
     return CellSums(volumes, firsts, seconds, reaches)
 
 
@@ -98,39 +101,6 @@ def _images(points: _Floats, periodic: bool, width: float) -> list[_Floats]:
             mirrored[:, dim] = 2 * wall - mirrored[:, dim]
             images.append(mirrored)
     return images
-
-
-def _sum_orthoschemes(
-    simplices: NDArray[np.int32], corners: _Floats, centers: _Floats, n_points: int
-) -> tuple[_Floats, _Floats, _Floats]:
-    n_dims = corners.shape[2]
-    volumes, firsts = np.zeros(n_points), np.zeros((n_points, n_dims))
-    seconds = np.zeros((n_points, n_dims, n_dims))
-    for flag in itertools.permutations(range(n_dims + 1)):
-        is_point = simplices[:, flag[0]] < n_points
-        vertices = simplices[is_point, flag[0]]
-        steps = corners[is_point][:, list(flag[1:])] - corners[is_point, flag[0]][:, None]
-        legs = [steps[:, 0] / 2]
-        if n_dims == 3:
-            legs.append(_face_center(steps[:, 0], steps[:, 1]))
-        scheme = np.stack([*legs, centers[is_point] - corners[is_point, flag[0]]], axis=1)
-        parts = np.sign(np.linalg.det(steps)) * np.linalg.det(scheme) / math.factorial(n_dims)
-        sums = scheme.sum(axis=1)
-        outer = np.einsum("tvi,tvj->tij", scheme, scheme) + sums[:, :, None] * sums[:, None]
-        volumes += sum_by_label(vertices, parts, n_points)
-        firsts += sum_by_label(vertices, sums, n_points, parts) / (n_dims + 1)
-        shares = sum_by_label(vertices, outer.reshape(-1, n_dims**2), n_points, parts)
-        seconds += shares.reshape(seconds.shape) / ((n_dims + 1) * (n_dims + 2))
-    return volumes, firsts, seconds
-
-
-def _face_center(first: _Floats, second: _Floats) -> _Floats:
-    """Circumcenters of triangles with a corner at the origin and two others given."""
-    normals = np.cross(first, second)
-    ones, others = (first**2).sum(axis=1, keepdims=True), (second**2).sum(axis=1, keepdims=True)
-    centers = np.cross(normals, first) * others + np.cross(second, normals) * ones
-    centers /= 2 * (normals**2).sum(axis=1, keepdims=True)
-    return centers
 
 
 def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -> NDArray[np.float32]:
