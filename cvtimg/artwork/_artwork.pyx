@@ -78,8 +78,8 @@ cdef inline void reverse(int32_t[::1] tour, int32_t[::1] places, int32_t low, in
 
 
 cdef bint turn_part(
-    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
-    uint8_t[::1] settled, int32_t reach, int32_t a, int32_t step
+    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[::1] starts, int32_t[::1] tour,
+    int32_t[::1] places, uint8_t[::1] settled, int32_t reach, int32_t a, int32_t step
 ) noexcept nogil:
     """Try 2-opt at a point and the next of its path, after it (step 1) or before it (-1)."""
     cdef int32_t n = <int32_t>tour.shape[0], i = places[a], b, c, d, j, low, high
@@ -89,8 +89,8 @@ cdef bint turn_part(
         return False
     b = tour[i + step]
     gap = distance(points, a, b)
-    for k in range(near.shape[1]):
-        c = near[a, k]
+    for k in range(starts[a], starts[a + 1]):
+        c = near[k]
         gain = gap - distance(points, a, c)
         if gain <= 1e-12:
             return False
@@ -113,8 +113,8 @@ cdef bint turn_part(
 
 
 cdef bint move_chain(
-    const double[:, ::1] points, const int32_t[:, ::1] near, int32_t[::1] tour, int32_t[::1] places,
-    uint8_t[::1] settled, int32_t reach, int32_t s
+    const double[:, ::1] points, const int32_t[::1] near, const Py_ssize_t[::1] starts, int32_t[::1] tour,
+    int32_t[::1] places, uint8_t[::1] settled, int32_t reach, int32_t s
 ) noexcept nogil:
     """Try Or-opt: move the chain that starts at a point to between two others, turned or not."""
     cdef int32_t n = <int32_t>tour.shape[0], i = places[s], e, p, q, c, f, j, length, side
@@ -129,8 +129,8 @@ cdef bint move_chain(
         saved = distance(points, p, s) + distance(points, e, q) - distance(points, p, q)
         if saved <= 1e-12:
             continue
-        for k in range(near.shape[1]):
-            c = near[s, k]
+        for k in range(starts[s], starts[s + 1]):
+            c = near[k]
             to_c = distance(points, s, c)
             if to_c >= saved:
                 break
@@ -166,7 +166,8 @@ cdef inline void shift(
 
 def improve(
     const double[:, ::1] points,  # IN (N, 2)
-    const int32_t[:, ::1] near,   # IN (N, M): other points near each, the nearest first
+    const int32_t[::1] near,      # IN (M,): other points near each, the nearest first
+    const Py_ssize_t[::1] starts, # IN (N + 1,): where those of each begin
     int32_t[::1] tour,            # INOUT (N,): points in order
     int32_t[::1] places,          # INOUT (N,): where in the tour each point is
     uint8_t[::1] settled,         # INOUT (N,): whether there was nothing to gain at a point
@@ -180,9 +181,9 @@ def improve(
             while not settled[point]:
                 settled[point] = 1
                 if (
-                    turn_part(points, near, tour, places, settled, reach, point, 1)
-                    or turn_part(points, near, tour, places, settled, reach, point, -1)
-                    or move_chain(points, near, tour, places, settled, reach, point)
+                    turn_part(points, near, starts, tour, places, settled, reach, point, 1)
+                    or turn_part(points, near, starts, tour, places, settled, reach, point, -1)
+                    or move_chain(points, near, starts, tour, places, settled, reach, point)
                 ):
                     settled[point] = 0
                     n_moves += 1

@@ -16,7 +16,6 @@ from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, num
 from cvtimg._shared.threads import in_stripes
 from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
-from cvtimg.artwork.tours import uncrossed
 from cvtimg.colors.spaces import from_space, to_space
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, write_text
@@ -336,7 +335,6 @@ class Stipples(ReadOnly):
             yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'
         for pen, name in enumerate(self.names):
             own = order[self.layers[order] == pen]
-            own = uncrossed(self.points, own) if marks == "line" else own
             radii, ink = self.radii[own] * sheet.scale, hexadecimal(self.colors[pen])
             # By default points cover what the dots do.
             suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(own) else _LINE

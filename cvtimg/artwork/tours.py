@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,10 +15,6 @@ from cvtimg.artwork._artwork import improve, join, walk
 _N_NEAR = 8
 #: Points of the longest part that a move may turn. Longer ones gain next to nothing and take most of the time.
 _REACH = 25_000
-#: Steps of a path that are longer than this, in their median, are few.
-_SHORT = 3.0
-#: Steps that cross are longer by more than this part than those in their place, but for rounding.
-_ROUNDING = 1e-9
 
 
 def find_tour(points: ArrayLike) -> NDArray[np.intp]:
@@ -27,7 +25,8 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     Notes
     -----
     The shortest connections first, as long as they leave paths (greedy), then 2-opt and Or-opt among the 8 nearest
-    neighbors of each point, until nothing is gained.
+    neighbors of each point, and then among all that are nearer than its steps are long, until nothing is gained. So no
+    steps of the path cross.
 
     References
     ----------
@@ -39,28 +38,62 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     >>> find_tour([[0, 0], [9, 0], [3, 0], [5, 0]]).tolist()
     [0, 2, 3, 1]
     """
+    from scipy.spatial import cKDTree
+
     places = check_rows("points", points).astype(np.float64)
     check_shape("points", places.shape, places.shape[1] == 2, "(N, 2)")
     tour, near = _greedy_path(places)
-    where = np.empty_like(tour)
-    where[tour] = np.arange(len(tour), dtype=np.int32)
-    settled = np.zeros(len(tour), np.uint8)
-    while improve(places, near, tour, where, settled, _REACH):
-        pass
+    _shorten(places, near.ravel(), np.arange(len(tour) + 1) * near.shape[1], tour, _REACH)
+    tree, everyone = cKDTree(places), np.arange(len(tour))
+    changed = everyone
+    while len(changed):
+        before = _beside(tour)
+        n_moves = _shorten(places, *_within_steps(tree, tour, changed), tour, len(tour))
+        # Where steps have changed, more may be gained; at last none must be anywhere.
+        is_last = len(changed) == len(tour) and not n_moves
+        moved = np.flatnonzero((_beside(tour) != before).any(axis=1))
+        changed = moved if n_moves or is_last else everyone
     first, last = (np.hypot(*places[end]) for end in tour[[0, -1]])
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 
-def uncrossed(points: NDArray[np.float64], tour: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return a tour through (N, 2) points, its ends the same, that is shorter where it crossed itself, and does not."""
-    tour = tour.copy()
-    while len(crossed := _crossings(points[tour])):
-        has_moved = np.zeros(len(tour), np.bool_)
-        for first, last in crossed:  # turning what lies between takes a crossing out
-            if not (has_moved[first] or has_moved[last]):
-                tour[first + 1 : last + 1] = tour[first + 1 : last + 1][::-1]
-                has_moved[first : last + 1] = True
-    return tour
+def _shorten(
+    points: NDArray[np.float64], near: NDArray[np.int32], starts: NDArray[np.intp], tour: NDArray[np.int32], reach: int
+) -> int:
+    """Shorten a tour in place until nothing is gained; return in how many moves."""
+    where, settled, n_moves = np.empty_like(tour), np.zeros(len(tour), np.uint8), 0
+    where[tour] = np.arange(len(tour), dtype=np.int32)
+    while more := improve(points, near, starts, tour, where, settled, reach):
+        n_moves += more
+    return n_moves
+
+
+def _beside(tour: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(N, 2) points before and after each in a tour, the lesser first; -1 beyond its ends."""
+    beside = np.empty((len(tour), 2), np.int32)
+    beside[tour] = np.stack([np.append(-1, tour[:-1]), np.append(tour[1:], -1)], axis=1)
+    return np.sort(beside, axis=1)
+
+
+def _within_steps(
+    tree: Any, tour: NDArray[np.int32], among: NDArray[np.intp]
+) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+    """Find the points nearer to some than those before and after them in a tour, and where those of each begin.
+
+    Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among these
+    points, no steps cross.
+    """
+    points, longest = np.asarray(tree.data), np.zeros(len(tour))
+    steps = np.hypot(*np.diff(points[tour], axis=0).T)
+    longest[tour] = np.maximum(np.append(steps, 0), np.append(0, steps))
+    moving = among[longest[among] > 0]
+    found = tree.query_ball_point(points[moving], longest[moving], workers=n_threads())
+    own = np.repeat(moving, [len(others) for others in found])
+    others = np.concatenate([*found, []]).astype(np.int32)
+    distances = np.hypot(*(points[others] - points[own]).T)
+    order = np.lexsort((distances, own))
+    order = order[(distances < longest[own])[order] & (others != own)[order]]
+    return others[order], np.searchsorted(own[order], np.arange(len(tour) + 1))
 
 
 def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -84,37 +117,6 @@ def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArra
     tour = np.empty(n_points, np.int32)
     walk(links, int(np.flatnonzero(links[:, 1] < 0)[0]), tour)
     return tour, near
-
-
-def _crossings(path: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Find the pairs of steps (C, 2) of a path (N, 2) that cross, by the first step, the shorter gaps first."""
-    from scipy.spatial import cKDTree
-
-    if len(path) < 4:
-        return np.empty((0, 2), np.intp)
-    starts, steps = path[:-1], np.diff(path, axis=0)
-    lengths, middles = np.hypot(*steps.T), starts + steps / 2
-    usual = _SHORT * float(np.median(lengths))
-    tree, long = cKDTree(middles), np.flatnonzero(lengths > usual)
-    near = tree.query_ball_point(middles[long], (lengths[long] + usual) / 2)
-    of_long = np.repeat(long, [len(others) for others in near])
-    beside = np.concatenate([*near, []]).astype(np.intp)
-    both_long = np.stack(np.meshgrid(long, long), axis=-1).reshape(-1, 2)
-    short = tree.query_pairs(usual, output_type="ndarray")
-    pairs = np.sort(np.concatenate([short, np.column_stack([of_long, beside]), both_long]), axis=1)
-    first, last = pairs[pairs[:, 1] > pairs[:, 0] + 1].T
-
-    def side(of: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        away = points - starts[of]
-        return np.sign(steps[of, 0] * away[:, 1] - steps[of, 1] * away[:, 0])
-
-    apart = side(first, path[last]) * side(first, path[last + 1]) < 0
-    apart &= side(last, path[first]) * side(last, path[first + 1]) < 0
-    first, last = first[apart], last[apart]
-    turned = np.hypot(*(path[last] - path[first]).T) + np.hypot(*(path[last + 1] - path[first + 1]).T)
-    shorter = turned < (1 - _ROUNDING) * (lengths[first] + lengths[last])  # else steps lie on each other
-    order = np.argsort((last - first)[shorter], kind="stable")
-    return np.column_stack([first, last])[shorter][order]
 
 
 def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cvtimg.artwork import find_tour
-from cvtimg.artwork.tours import uncrossed
 
 
 def tour_length(points: np.ndarray, order: np.ndarray) -> float:
@@ -25,10 +24,10 @@ def test_a_tour_of_many_points_is_within_a_tenth_of_the_shortest() -> None:
     assert tour_length(points, find_tour(points)) < 1.1 * 0.7124 * np.sqrt(n_points)
 
 
-def test_a_tour_for_one_line_does_not_cross_itself() -> None:
+def test_a_tour_does_not_cross_itself() -> None:
     points = np.random.default_rng(4).random((1500, 2)) ** [1, 3]
     points[:40] *= 20  # long steps
-    path = points[uncrossed(points, find_tour(points))]
+    path = points[find_tour(points)]
     steps = np.diff(path, axis=0)
     away = path[np.newaxis] - path[:-1, np.newaxis]
     side = np.sign(steps[:, :1] * away[..., 1] - steps[:, 1:] * away[..., 0])  # of each point to each step
