@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import takewhile
@@ -34,6 +34,8 @@ class Plan:
     also_read: Sequence[Path] = ()  # Other files that are read, such as masks. No output may replace them.
     joint: Mapping[str, Path] = field(default_factory=dict)  # Files written once for all inputs together, by option
     names: Sequence[str] = ()  # The arguments, and in place of lists what they list
+    # Names of tasks that a joint file knows from an earlier run; None where no such file decides what is done.
+    known: Collection[str] | None = None
 
 
 def plan_each(

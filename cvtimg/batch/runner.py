@@ -61,7 +61,10 @@ def run(plan: Plan, work: Work, report: Report, running: Running) -> int:
     check_plan(plan, running)
     report.writes_files = bool(plan.joint or running.report_file or any(task.outputs for task in plan.tasks))
     skips = [
-        running.skip_existing and bool(task.outputs) and all(map(exists, task.outputs.values())) for task in plan.tasks
+        running.skip_existing
+        and (bool(task.outputs) if plan.known is None else task.name in plan.known)
+        and all(map(exists, task.outputs.values()))
+        for task in plan.tasks
     ]
     if running.dry_run:
         return _rehearse(plan, skips, report, running)

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
+from cvtimg.cli.joint_table import JointTable
 from cvtimg.cli.running import Todo, only, plan_of, planned
 from cvtimg.cli.segment_outputs import OF_LINES, check_room, kind_of, outputs_of, write_outputs
 from cvtimg.options.common import MAX_COLORS
@@ -100,10 +101,12 @@ def segment(given: Given) -> Todo:
     contours = [str(path) for option, path in outputs.items() if kind_of(option) == "contours"]
     if (of_lines := given.chosen(*OF_LINES)) and not (contours and all(not path.endswith(".zip") for path in contours)):
         raise WrongUsageError(f"{of_lines[0]} needs --contours as .svg or .geojson")
-    plan = plan_of(given, more=outputs)
+    plan = plan_of(given, more=outputs, joined=("--table",))
     more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
     columns = COUNTED if counts else COLUMNS
-    return planned(plan, _segment, (*columns[:2], *more, *columns[2:]), given, late=_LATE)
+    columns = (*columns[:2], *more, *columns[2:])
+    report = JointTable(given.table, plan, columns, given) if given.table else columns
+    return planned(plan, _segment, report, given, late=_LATE)
 
 
 def _averaging(given: Given) -> Averaging | None:
@@ -121,7 +124,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.pictures import open_stack
     from cvtimg.segmentation.files import divide_stack
 
-    if _needs_tiles(task):
+    if not given.table and _needs_tiles(task):
         return _segment_in_tiles(task, stopwatch, given)
     stack = open_stack(task.source, given.mask, given.nodata, frames=False)
     check_room(task.outputs, len(stack.known))
@@ -130,7 +133,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     ways = {"together": given.volume, "volumes": in_volume, "track": given.track, "apart": given.edge_radius}
     divided = divide_stack(stack, partial(_way(given), **_detail(task, given)), **ways, edits=given.edit)
     stopwatch.lap("cluster")
-    write_outputs(task, divided, given, in_volume=in_volume)
+    table = write_outputs(task, divided, given, in_volume=in_volume)
     stopwatch.lap("write")
     image, pages = divided.images[0], divided.pages
     by_planes = given.objects and not in_volume and pages is not None and "Z" in pages.axes
@@ -140,6 +143,8 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "channels": image.shape[2] if image.ndim == 3 else 1,
         **({} if pages is None else {"pages": len(pages.images)}),
         **divided.summary(),
+        **({"_table": table} if given.table else {}),
+        **({} if task.outputs else {"output": str(given.table)}),
         **({"tracks": int(divided.labels.max())} if given.track else {}),
         **({"warning": _OF_PLANES} if by_planes else {}),
         **({"warning": _UNEVEN} if _is_lit_unevenly(given, image, stack.known[0]) else {}),

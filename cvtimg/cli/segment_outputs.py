@@ -156,9 +156,11 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume: bool) -> None:
-    """Write what was asked for; of several pages, all into one file."""
-    from cvtimg.labels import write_contours
+def write_outputs(
+    task: Task, divided: DividedStack, given: Given, *, in_volume: bool
+) -> dict[str, NDArray[Any]] | None:
+    """Write what was asked for; of several pages, all into one file. Return the table for that of all inputs."""
+    from cvtimg.labels import write_contours, write_table
 
     places = [{}] if divided.pages is None else divided.pages.places
     tree = divided.results[0].hierarchy if divided.pages is None else None
@@ -175,11 +177,13 @@ def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume:
         elif kind == "contours":
             write_contours(path, [subject.drawing for subject in subjects], overwrite=given.overwrite)
         elif kind == "table":
-            _write_table(subjects, path, given.overwrite)
+            name = os.fsencode(task.source.name).decode(errors="replace")  # it need not be valid text
+            write_table(path, _table_of(subjects), image=name, overwrite=given.overwrite)
         elif divided.pages is None:
             _write_image(kind, subjects[0], path, given.overwrite)
         else:
             _write_pages(kind, subjects, path, divided.pages, given.overwrite)
+    return _table_of(subjects) if given.table else None
 
 
 def _other_channels(source: Path, given: Given) -> tuple[Sequence[NDArray[Any] | None], Sequence[str]]:
@@ -260,16 +264,12 @@ def _drawn(kind: str, subject: Subject, path: Path) -> NDArray[Any]:
     return draw_edges(image, labels, color=color, thickness=given.line_width, ignore=subject.ignore)
 
 
-def _write_table(subjects: Sequence[Subject], path: Path, overwrite: bool) -> None:
+def _table_of(subjects: Sequence[Subject]) -> dict[str, NDArray[Any]]:
     import numpy as np
-
-    from cvtimg.labels.files import write_table
 
     in_volume = subjects[0].in_volume
     tables = _tables_of_volumes(subjects) if in_volume else [subject.table for subject in subjects]
-    rows = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    name = os.fsencode(subjects[0].source.name).decode(errors="replace")  # it need not be valid text
-    write_table(path, rows, image=name, overwrite=overwrite)
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def _touch_edges(labels: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:

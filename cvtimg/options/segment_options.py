@@ -55,7 +55,9 @@ SEGMENT = (
         "Write the borders as polygons, .svg or .geojson, or as .zip for the ROI Manager of ImageJ and Fiji.",
         KINDS["contours"],
     ),
-    file("table", "Write the area, place and mean color of each segment, .csv or .parquet.", KINDS["table"]),
+    file(
+        "table", "Write the area, place and mean color of each segment of all inputs, .csv or .parquet.", KINDS["table"]
+    ),
     file("masks", "Write labels as gray levels of 16 bits, as Cellpose does, .png or .tif.", KINDS["masks"]),
     Option(
         "edge_mode",

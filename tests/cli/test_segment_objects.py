@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
-from commands import RowOf
+from commands import RowOf, Run
 from images import discs
 
 from cvtimg import read_image, segment, write_image
@@ -86,3 +87,27 @@ def test_one_channel_is_segmented_and_others_are_measured(
     means = sorted(float(row[header.index("mean_GFP")]) for row in rows)
     assert means == pytest.approx([25, 65], abs=0.5)
     assert cli.main(["segment", "a.tif", *how[:4], "RFP", "--table", "u.csv", "--quiet"]) == 1
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_one_table_has_the_objects_of_all_images_and_a_run_that_goes_on_keeps_its_rows(
+    cells: np.ndarray[Any, Any], run: Run, suffix: str
+) -> None:
+    for place, image in {"a/one.png": cells, "a/two.png": 255 - cells, "b/one.png": cells[:30]}.items():
+        Path(place).parent.mkdir(exist_ok=True)
+        write_image(place, image)
+    table, how = Path(f"all.{suffix}"), ["segment", "a", "b", "--objects", "--table", f"all.{suffix}"]
+    assert run(*how).status == 0
+    assert run(*how).status != 0  # the file is there
+    whole, last = table.read_bytes(), Path("b/one.png").read_bytes()
+    table.unlink()
+    Path("b/one.png").write_bytes(b"")
+    assert run(*how).status == 1
+    Path("b/one.png").write_bytes(last)
+    resumed = run(*how, "--skip-existing", "--json")
+    assert [row.get("skipped", False) for row in resumed.rows] == [True, True, False]
+    if suffix == "csv":
+        assert table.read_bytes() == whole
+        with table.open() as file:
+            images = Counter(row["image"] for row in csv.DictReader(file))
+        assert images == {"a/one.png": 3, "two.png": 3, "b/one.png": 2}
