@@ -15,7 +15,7 @@ Index = NDArray[np.intp]
 class Newton:
     """How equations for areas are solved."""
 
-    near: float = 1e-6  # areas are right when none misses by more than this part of it
+    near: float = 1e-6  # areas are right when none misses by more than this part of it, after one round at least
     rounds: int = 20
     longest: float = 0.25  # in each, no vertex moves by more than this part of its shorter edge
     ends: float = 0.03  # of lines, which are corners and junctions, move by this part of what other vertices do
@@ -27,7 +27,7 @@ _NEWTON = Newton()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Areas:
-    """The areas that the connected pieces of segments should have."""
+    """The areas that polygons and their holes, or the connected pieces of segments, should have."""
 
     pieces: Index  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
     wanted: NDArray[np.float64]  # (P,): their areas; the first is not used
@@ -63,9 +63,9 @@ class Areas:
         signs = np.tile(np.repeat([0.5, -0.5], len(edges)), 4)
         inside = rows > 0
         points = points.copy()
-        for _ in range(_NEWTON.rounds):
+        for round_ in range(_NEWTON.rounds):
             missing = self.wanted - _enclosed(points, edges, both, n_pieces)
-            if (np.abs(missing) <= _NEWTON.near * self.wanted)[1:].all():
+            if round_ and (np.abs(missing) <= _NEWTON.near * self.wanted)[1:].all():
                 break
             a, b = points[edges[:, 0]], points[edges[:, 1]]
             lengths = np.linalg.norm(b - a, axis=1)
@@ -89,7 +89,7 @@ class Areas:
 
 def _enclosed(points: Points, edges: NDArray[np.integer], both: Index, n_pieces: int) -> NDArray[np.float64]:
     """Areas (P,) that edges enclose, with the pieces (E, 2) on both of their sides."""
-    a, b = points[edges[:, 0]], points[edges[:, 1]]
+    a, b = (points[ends] - points.mean(axis=0) for ends in edges.T)  # far from 0, products would lose digits
     swept = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
     areas = np.bincount(both[:, 0], swept, n_pieces) - np.bincount(both[:, 1], swept, n_pieces)
     return areas.astype(np.float64, copy=False)

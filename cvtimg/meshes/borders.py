@@ -144,7 +144,7 @@ class _Chains:
         first = self.first_of_edges()
         edges, of_line = self.vertices[first[:, None] + [0, 1]], self.of_line[first]
         sides = outline.sides[of_line]
-        if outline.areas is not None:
+        if outline.mask is not None and outline.areas is not None:
             rim = edges[(sides == OUTSIDE).any(axis=1)].ravel()
             ends = np.unique(outline.ends[~outline.is_closed])
             points = outline.areas.kept(points, edges, of_line, ends, np.append(rim, outline.still).astype(np.intp))

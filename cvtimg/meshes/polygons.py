@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +11,13 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg.halfedges import unique_edges
+from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, split_line, turns_of
 from cvtimg.meshes.welding import Cleaning, clean
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
 
 Points = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 #: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; the second angle is enough
 #: between two sides longer than a part of the diameter, for these are no samples of a curve.
@@ -39,43 +40,44 @@ def outline_of_parts(regions: Sequence[Region], how: Cleaning) -> Outline:
     parts, changes = clean(np.array([PolygonRegion(region.outline()).geometry for region in regions]), how)
     whole = parts[0] if len(parts) == 1 else shapely.union_all(parts)
     check_that("min_size and snap", whole.area > 0, "be less: nothing of the region is left")
-    rings, labels = _rings(parts)
-    lines, sides = _lines(rings, labels, how.keep_points)
-    bounds = np.array(whole.bounds).reshape(2, 2)
-    return Outline.of(lines, sides, bounds, None, PolygonRegion(whole).contains, polygons=whole, changes=changes)
-
-
-def _rings(parts: Any) -> tuple[list[Points], list[int]]:
-    """Return the rings around parts, which are on their left, and the label of each."""
     polygons, part = shapely.get_parts(parts, return_index=True)
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons), return_index=True)
-    return [shapely.get_coordinates(ring) for ring in rings], (part[polygon] + 1).tolist()
+    lines, faces = _lines([shapely.get_coordinates(ring) for ring in rings], polygon, how.keep_points)
+    labels = np.concatenate([[0], part + 1, np.zeros(len(rings), np.intp)]).astype(np.int32)
+    bounds, areas = np.array(whole.bounds).reshape(2, 2), Areas.of(lines, faces)
+    about = labels[faces], bounds, None, PolygonRegion(whole).contains, areas
+    return Outline.of(lines, *about, polygons=whole, changes=changes)
 
 
-def _lines(rings: list[Points], labels: list[int], keep_points: bool) -> tuple[list[Points], NDArray[np.int32]]:
-    """Cut rings at corners, and where others leave or join them; return each line once, and the labels beside it."""
+def _lines(rings: list[Points], polygon: Index, keep_points: bool) -> tuple[list[Points], Index]:
+    """Cut rings, with their polygon (R,) on the left, at corners, and where others leave or join them.
+
+    Returns each line once, and the faces (M, 2) on both of its sides: polygons from 1, and then holes; 0 outside.
+    """
     places, number = np.unique(np.concatenate([ring[:-1] for ring in rings]), axis=0, return_inverse=True)
-    numbers = np.split(number.ravel(), np.cumsum([len(ring) - 1 for ring in rings])[:-1])
+    of_ring = np.repeat(np.arange(len(rings)), [len(ring) - 1 for ring in rings])
+    numbers = np.split(number.ravel(), np.flatnonzero(np.diff(of_ring)) + 1)
     steps = np.concatenate([np.stack([ring, np.roll(ring, -1)], axis=1) for ring in numbers])
     edges, which, _ = unique_edges(steps)
-    beside = np.zeros((len(edges), 2), np.int32)
-    forth = steps[:, 0] < steps[:, 1]
-    beside[which, np.where(forth, 0, 1)] = np.repeat(labels, [len(ring) for ring in numbers])
+    beside = np.zeros((len(edges), 2), np.intp)
+    back = (steps[:, 0] > steps[:, 1]).astype(np.intp)
+    is_hole = np.append(False, np.diff(polygon) == 0)[of_ring]
+    beside[which, 1 - back] = np.where(is_hole, polygon.max() + 2 + of_ring, 0)
+    beside[which, back] = polygon[of_ring] + 1
     is_end = (np.bincount(edges.ravel(), minlength=len(places)) != 2) | keep_points
     for ring, own in zip(rings, numbers, strict=True):
         is_end[own[_turns(ring)]] = True
-    lines, sides, known = [], [], np.zeros(len(edges), bool)
+    lines, faces, known = [], [], np.zeros(len(edges), bool)
     first = 0
     for ring, own in zip(rings, numbers, strict=True):
-        of_ring = which[first : first + len(own)]
         for line in split_line(np.append(np.arange(len(own)), 0), np.flatnonzero(is_end[own])):
-            edge = of_ring[line[0]]
-            if not known[of_ring[line[:-1]]].any():
-                known[of_ring[line[:-1]]] = True
+            along = which[first + line[:-1]]
+            if not known[along].any():
+                known[along] = True
                 lines.append(ring[line])
-                sides.append(beside[edge] if forth[first + line[0]] else beside[edge, ::-1])
+                faces.append(beside[along[0], :: -1 if back[first + line[0]] else 1])
         first += len(own)
-    return lines, np.array(sides, np.int32)
+    return lines, np.array(faces)
 
 
 def _turns(ring: Points) -> NDArray[np.bool_]:

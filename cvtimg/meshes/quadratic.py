@@ -82,7 +82,7 @@ def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outli
     places = _snapped(points, triangles, edges, ways)
     bends = np.where(ways.found[:, None], ways.middles - places[edges].mean(axis=1), 0)
     straight = ~ways.found | bent.straighten(places, bends)
-    for _ in range(_BENDING.rounds if outline.areas is not None else 0):
+    for _ in range(_BENDING.rounds if outline.mask is not None and outline.areas is not None else 0):
         there, bends_there = _with_areas(places, bends, edges, outline, ways, straight)
         folded = bent.straighten(there, bends_there)
         if (_jacobians(bent.nodes(there, bends_there), all_six) <= 0).any():  # so narrow are triangles there
