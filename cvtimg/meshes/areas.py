@@ -72,8 +72,9 @@ class Areas:
             slopes = np.concatenate([np.tile(slope, 2) for slope in (b[:, 1], -b[:, 0], -a[:, 1], a[:, 0])]) * signs
             of_moves = coo_array((slopes[inside], (rows[inside] - 1, columns[inside])), shape=(n_pieces - 1, 2 * n))
             of_moves = of_moves.tocsr()
-            # A move along the normal sweeps over half of both edges: so all vertices of a line move as far.
-            weights = np.repeat(freedom / np.maximum(np.bincount(edges.ravel(), np.repeat(lengths, 2), n), 1e-300), 2)
+            # A move along the normal sweeps over half of both edges, and what an edge cuts off a curve grows with the
+            # cube of its length: so vertices move as far as the square says.
+            weights = np.repeat(freedom * np.bincount(edges.ravel(), np.repeat(lengths, 2), n), 2)
             weighted = of_moves.multiply(weights).tocsr()
             normal = (weighted @ of_moves.T).tocsc()
             scale = _NEWTON.regular * float(normal.diagonal().max(initial=1e-300))
