@@ -201,7 +201,10 @@ def mesh_region(
         fixed = None if fixed is None else local.to_km(check_places("fixed", fixed, 2))
     outline = outline_of_parts(regions, how) if parts else outline_of(regions[0], how)
     if n and size is None and metric is None and outline.polygons is not None:  # which asks for edges of this length
-        least = min(least, (2 / 3**0.5 * outline.polygons.area / n) ** 0.5)
+        edge = (2 / 3**0.5 * outline.polygons.area / n) ** 0.5
+        if edge < least:
+            warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than min_size={least:g}; leave n out to keep it")
+        least = min(least, edge)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)
     if local is not None:
@@ -300,11 +303,12 @@ def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, r
 
 def _trials(varies: bool, n: int, effort: MeshEffort) -> list[MeshEffort]:
     """Return the efforts of meshes of which the best is kept: of one size, their edges differ in how even they are."""
-    if varies:  # where more moves are not always better
-        return [effort, EFFORTS["balanced"]] if effort is EFFORTS["best"] else [effort]
-    n_trials = min(effort.trials, effort.small // n)
+    n_trials = 1 if varies else min(effort.trials, effort.small // n)
     tried = [replace(effort, most_sweeps=effort.most_sweeps if k % 3 else k % 2, sweeps=0) for k in range(n_trials)]
-    return [one.of(n) for one in (tried if n_trials > 1 else [effort])]
+    trials = tried if n_trials > 1 else [effort]
+    # More moves are not always better: what less effort makes is among the meshes of the best.
+    less = _trials(varies, n, EFFORTS["balanced"]) if effort is EFFORTS["best"] else []
+    return [*less, *(trials if varies else [each.of(n) for each in trials])]
 
 
 def _irregularity(mesh: Mesh) -> float:

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density, check_that
+from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
+from cvtimg._shared.messages import warn
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -80,7 +81,7 @@ def coastal_grid(
         Number of points.
     land : (H, 2 H) array
         Mask of the globe, as `cvtimg.sphere_grid` takes images: True, or the largest value, for land, 0 for sea.
-        Coasts are smoothed to what cells can follow.
+        Coasts are smoothed to what cells can follow; where there is none, points are placed as without it.
     density, effort, rng, callback
         As in `cvtimg.sphere_grid`.
 
@@ -105,6 +106,10 @@ def coastal_grid(
     coast = Coast.of(land, float(np.sqrt(start.areas.min())))
     watch = Watch(callback)
     on_coast = np.zeros(n, bool)
+    if not len(coast.starts):
+        warn("land has no coast that cells of this size can follow: points are placed as without it")
+        even = sphere_grid(n, density=density, effort=effort, rng=rng, callback=callback)
+        return _coastal(even, on_coast, coast)
     for move in range(settings.moves):
         cells = sums(mesh)
         if watch(cells.energy):
@@ -122,9 +127,15 @@ def coastal_grid(
             on_coast &= ~aside
         mesh.replace(there)
     on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh).areas))
-    grid = as_grid(mesh, sums, ~on_coast)
-    values = {field.name: getattr(grid, field.name) for field in fields(grid)} | {"fixed": np.zeros(n, bool)}
-    return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(mesh.points) & ~on_coast)
+    return _coastal(as_grid(mesh, sums, ~on_coast), on_coast, coast)
+
+
+def _coastal(grid: SphereGrid, on_coast: NDArray[np.bool_], coast: Coast) -> CoastalGrid:
+    """Say which points of a grid are on the coast, and which on land."""
+    values = {field.name: getattr(grid, field.name) for field in fields(grid)} | {
+        "fixed": np.zeros(len(on_coast), bool)
+    }
+    return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(grid.points) & ~on_coast)
 
 
 def _settled(
@@ -170,15 +181,15 @@ class Coast:
         n_rows, n_columns = height.picture.shape
         find_contours: Any = measure.find_contours
         lines = find_contours(np.concatenate([height.picture, height.picture[:, :1]], axis=1), 0.5)
-        check_that("land", len(lines) > 0, "have a coast that cells can follow")
-        places = [
+        places = [np.empty((0, 3))] + [
             from_degrees((line[:, 1] + 0.5) * 360 / n_columns - 180, 90 - (line[:, 0] + 0.5) * 180 / n_rows)
             for line in lines
         ]
         starts, ends = (np.concatenate([line[part] for line in places]) for part in (slice(-1), slice(1, None)))
-        tree = cKDTree(starts)
+        if not len(starts):
+            return cls(height, starts, ends, np.empty(0, np.intp), None)
         gaps, before = cKDTree(ends).query(starts)  # of closed lines the first arc follows the last one
-        return cls(height, starts, ends, np.where(gaps < 1e-12, before, np.arange(len(starts))), tree)
+        return cls(height, starts, ends, np.where(gaps < 1e-12, before, np.arange(len(starts))), cKDTree(starts))
 
     def is_land(self, points: Points) -> NDArray[np.bool_]:
         """Tell which of (N, 3) points are on land."""

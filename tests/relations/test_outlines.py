@@ -13,6 +13,7 @@ from reference import ring
 from relations.relation import Relation, close, quick_and_wide
 
 from cvtimg import mesh_region
+from cvtimg.meshes import measure_triangles
 
 Points = NDArray[np.float64]
 
@@ -106,3 +107,13 @@ def test_simpler_outlines_keep_their_areas_and_straight_sides() -> None:
 def test_a_mask_is_one_in_any_numbers(form: Callable[[NDArray[np.bool_]], NDArray[Any]]) -> None:
     disk = np.hypot(*(np.mgrid[:30, :40] - 14.6)) < 12
     assert (mesh_region(form(disk), n=80).points == mesh_region(disk, n=80).points).all()
+
+
+def test_clean_outlines_have_no_smaller_angle_than_triangle_gives_them() -> None:
+    triangle = pytest.importorskip("triangle")
+    for seed in range(4):
+        points = smooth(np.random.default_rng(seed))
+        at = np.arange(len(points))
+        made = triangle.triangulate({"vertices": points, "segments": np.stack([at, np.roll(at, -1)], axis=1)}, "pq30")
+        angles = measure_triangles(made["vertices"], made["triangles"]).least_angles
+        assert mesh_region(points, effort="fast").measures().least_angle >= angles.min()

@@ -108,3 +108,12 @@ def test_a_grid_that_mirrors_itself_at_its_coast_is_made() -> None:
     grid = coastal_grid(642, np.broadcast_to(np.arange(60)[:, None] < 30, (60, 120)))
     assert grid.on_coast.any()
     assert straddling(grid) == 0
+
+
+def test_land_smaller_than_cells_leaves_the_grid_as_it_is() -> None:
+    island = np.zeros((60, 120))
+    island[30, 60] = 1
+    with pytest.warns(UserWarning, match="no coast that cells of this size can follow"):
+        grid = coastal_grid(200, island)
+    assert (grid.points == sphere_grid(200).points).all()
+    assert not (grid.on_coast | grid.on_land).any()
