@@ -203,7 +203,7 @@ def mesh_region(
     if n and size is None and metric is None and outline.polygons is not None:  # which asks for edges of this length
         edge = (2 / 3**0.5 * outline.polygons.area / n) ** 0.5
         if edge < least:
-            warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than min_size={least:g}; leave n out to keep it")
+            warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than min_size={least:g}: leave n out")
         least = min(least, edge)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from cvtimg import sphere_grid
-from cvtimg.sphere import Box, Cap, PartialGrid, coastal_grid, cull_land, earth_coasts, earth_land, limit_area
+from cvtimg.sphere import Box, Cap, PartialGrid, cull_land, earth_coasts, earth_land, limit_area
 from cvtimg.sphere.densities import from_degrees
 
 GRID = sphere_grid(642)
@@ -174,17 +174,6 @@ def test_every_format_holds_a_part(tmp_path: Path) -> None:
     assert lines[0] == f"{n} {sum(len(line.split()) for line in lines[1:]) // 2}"
     table = np.genfromtxt(tmp_path / "part.csv", delimiter=",", names=True)
     assert (table["boundary_layer"] == part.layers).all()
-
-
-def test_flags_of_coasts_are_in_files(tmp_path: Path) -> None:
-    lat = np.linspace(89, -89, 90)[:, None]
-    grid = coastal_grid(300, np.broadcast_to(lat > 20, (90, 180)), effort="fast")
-    grid.save(tmp_path / "coast.nc")
-    grid.save(tmp_path / "coast.csv")
-    mesh, table = read(tmp_path / "coast.nc"), np.genfromtxt(tmp_path / "coast.csv", delimiter=",", names=True)
-    assert (mesh["cullCell"] == grid.on_land).all()
-    assert (mesh["coastCell"] == grid.on_coast).all()
-    assert (table["land"] == grid.on_land).all()
 
 
 def test_the_land_of_the_earth_is_known() -> None:

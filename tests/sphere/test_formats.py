@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 import shapely
@@ -126,11 +125,6 @@ def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, 
     assert (same == (np.arange(1, lon.shape[1]) >= n_corners[:, None])).all()
 
 
-def test_the_greatest_mesh_density_is_1(mpas: dict[str, NDArray[Any]]) -> None:
-    assert mpas["meshDensity"].max() == 1
-    assert np.allclose(mpas["meshDensity"], np.linspace(0.5, 1, N))
-
-
 def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> None:
     for cell in range(N):
         degree = mpas["nEdgesOnCell"][cell]
@@ -239,13 +233,6 @@ def test_cells_in_geojson_tile_the_map(tmp_path: Path, points: NDArray[np.float6
     longitudes, latitudes = np.degrees(np.arctan2(points[:, 1], points[:, 0])), np.degrees(np.arcsin(points[:, 2]))
     places = shapely.points(longitudes, latitudes)
     assert all(shape.contains(place) for shape, place in zip(shapes, places, strict=True))
-
-
-def test_vtu_files_hold_the_cells(folder: Path) -> None:
-    mesh = meshio.read(folder / "grid.vtu")
-    assert sum(len(block.data) for block in mesh.cells) == N
-    assert np.allclose(np.linalg.norm(mesh.points, axis=1), 1)
-    assert np.concatenate(mesh.cell_data["area"]).sum() == pytest.approx(4 * np.pi)
 
 
 def test_tables_hold_the_generators(folder: Path) -> None:

@@ -11,11 +11,10 @@ from reference import at_threads, sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
-from cvtimg.halfedges import unique_edges
 from cvtimg.sphere import Refinement, SphereGrid
 from cvtimg.sphere.densities import fibonacci, from_degrees
 from cvtimg.sphere.geodesic import Lattice, nearest_twelve
-from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order
+from cvtimg.sphere.starts import drawn
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 Points = NDArray[np.float64]
@@ -81,12 +80,6 @@ def test_cells_are_smaller_by_the_ratio_of_a_refinement() -> None:
     assert grid.measures().n_obtuse == 0
 
 
-def test_of_several_refinements_the_finest_counts() -> None:
-    caps = [Refinement(0, 0, 20, 2), Refinement(10, 10, 10, 3)]
-    grid = sphere_grid(1000, density=caps, effort="fast")
-    assert grid.density == pytest.approx(np.maximum(caps[0](grid.points), caps[1](grid.points)))
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_points_gather_where_a_picture_is_bright(dtype: Any) -> None:
     picture = np.ones((30, 60), dtype)
@@ -132,15 +125,6 @@ def test_the_callback_sees_falling_energies_and_stops() -> None:
     sphere_grid(500, start=fibonacci(500), callback=callback)
     assert len(energies) == 5
     assert energies[-1] < energies[0]
-
-
-def test_bisection_adds_the_midpoints_of_all_edges() -> None:
-    mesh = bisected(icosahedron())
-    assert len(mesh.points) == 42
-    assert (mesh.points[:12] == icosahedron().points).all()
-    twice = in_order(bisected(mesh))
-    assert len(np.unique(twice.points.round(9), axis=0)) == 162
-    assert len(unique_edges(twice.edges)[0]) == 480
 
 
 def test_draws_follow_the_root_of_the_density() -> None:
