@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from common import SAMPLES, timed
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csgraph
 
 Row = dict[str, Any]
 Labels = NDArray[np.int32]
@@ -39,6 +38,7 @@ def pictures(data: Path) -> Iterator[tuple[str, Labels, int]]:
 def of_labels(data: Path, quick: bool) -> list[Row]:
     """Mesh images of labels; measure how far the area of the worst piece is off, and the whole."""
     import cvtimg
+    from cvtimg.halfedges import connected_parts, find_twins
     from cvtimg.labels.components import connected_pieces
     from cvtimg.meshes import measure_triangles
 
@@ -47,6 +47,9 @@ def of_labels(data: Path, quick: bool) -> list[Row]:
         pieces = connected_pieces(labels)
         mesh, seconds = timed(partial(cvtimg.mesh_labels, pieces, n=n), time.process_time)
         each = measure_triangles(mesh.points, mesh.triangles)
+        twins = find_twins(mesh.triangles, len(mesh.points)).ravel()
+        halves = np.flatnonzero(twins >= 0)
+        halves = halves[mesh.tags[halves // 3] == mesh.tags[twins[halves] // 3]]
         pixels = np.bincount(pieces.ravel())[1:]
         areas = np.bincount(mesh.tags, each.areas, len(pixels) + 1)[1:]
         rows.append({
@@ -54,7 +57,7 @@ def of_labels(data: Path, quick: bool) -> list[Row]:
             "vertices": len(mesh.points),
             "seconds": round(seconds, 2),
             "pieces": len(pixels),
-            "components": n_components(mesh.triangles, mesh.tags),
+            "components": connected_parts((halves // 3, twins[halves] // 3), len(mesh.tags))[0],
             "smallest piece": int(pixels.min()),
             "worst area %": f"{100 * np.abs(areas / pixels - 1).max():.1e}",
             "total area %": f"{100 * abs(areas.sum() / pixels.sum() - 1):.1e}",
@@ -62,15 +65,3 @@ def of_labels(data: Path, quick: bool) -> list[Row]:
             "mean q": round(float(each.qualities.mean()), 4),
         })  # fmt: skip
     return rows
-
-
-def n_components(triangles: NDArray[np.int32], tags: NDArray[np.int32]) -> int:
-    """Count the components of triangles that share edges and tags."""
-    ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    own = np.repeat(np.arange(len(triangles)), 3)
-    order = np.lexsort(ends.T)
-    same = np.flatnonzero((ends[order[1:]] == ends[order[:-1]]).all(axis=1))
-    a, b = own[order[same]], own[order[same + 1]]
-    a, b = a[tags[a] == tags[b]], b[tags[a] == tags[b]]
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(triangles), len(triangles)))
-    return int(csgraph.connected_components(graph, directed=False)[0])

@@ -134,6 +134,8 @@ def meshed(gmsh: Any) -> tuple[Points, Triangles]:
 
 def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
     """Mesh the inside of the borders of a mesh, with sizes on a grid of pixels."""
+    from cvtimg.halfedges import connected_parts
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "sizes.txt")
         head = f"0.5 0.5 -1\n1 1 2\n{grid.shape[1]} {grid.shape[0]} 2\n"
@@ -145,9 +147,11 @@ def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
             for line in lines:
                 geometry.mesh.setTransfiniteCurve(line, 2)
             loops = geometry.addCurveLoops(lines)
-            areas = [shapely.Polygon(mesh.points[ring]).area for ring in rings_of(mesh.edges)]
-            # Gmsh lists loops by their first line, as `rings_of` does.
-            geometry.addPlaneSurface([loops[i] for i in np.argsort(areas)[::-1]])
+            # Gmsh lists loops by their first line; the one around all others comes first.
+            ring = connected_parts(tuple(mesh.edges.T), len(mesh.points))[1]
+            first = np.sort(np.unique(ring[mesh.edges[:, 0]], return_index=True)[1])
+            is_inner = ring[mesh.edges[first, 0]] != ring[mesh.points[:, 0].argmin()]
+            geometry.addPlaneSurface([loops[i] for i in np.argsort(is_inner, kind="stable")])
             field = gmsh.model.mesh.field.add("Structured")
             gmsh.model.mesh.field.setString(field, "FileName", str(path))
             gmsh.model.mesh.field.setNumber(field, "TextFormat", 1)
@@ -155,28 +159,6 @@ def by_gmsh(mesh: Any, grid: NDArray[np.float64]) -> tuple[Points, Triangles]:
             for name in ("ExtendFromBoundary", "FromPoints", "FromCurvature"):
                 gmsh.option.setNumber(f"Mesh.MeshSize{name}", 0)
             return meshed(gmsh)
-
-
-def rings_of(edges: Triangles) -> list[NDArray[np.intp]]:
-    """Return the rings that edges form, by their first edge."""
-    links: dict[int, list[int]] = {}
-    for number, ends in enumerate(edges.tolist()):
-        for end in ends:
-            links.setdefault(end, []).append(number)
-    left, rings = dict.fromkeys(range(len(edges))), []
-    while left:
-        edge = next(iter(left))
-        first, at = edges[edge].tolist()
-        ring = [first]
-        del left[edge]
-        while at != first:
-            ring.append(at)
-            edge = next(number for number in links[at] if number in left)
-            del left[edge]
-            a, b = edges[edge].tolist()
-            at = b if a == at else a
-        rings.append(np.array(ring))
-    return rings
 
 
 def with_domains(starts: int) -> tuple[list[Row], list[Row]]:
