@@ -16,30 +16,25 @@ from numpy.typing import ArrayLike, NDArray
 _ROUNDING = 1e-6
 
 
-def limit_growth(sizes: NDArray[Any], across: float, along: ArrayLike, *, around: bool = False) -> None:
+def limit_growth(sizes: NDArray[Any], across: float, along: ArrayLike) -> None:
     """Lower sizes (H, W), in place, until they grow by no more than that from each pixel to the eight around it.
 
-    They may grow by `across` to the next row and by `along`, (H,) or alike in all rows, to the next column; the first
-    column follows the last one if the picture goes `around`.
+    They may grow by `across` to the next row and by `along`, (H,) or alike in all rows, to the next column.
     """
     height, width = sizes.shape
     steps = np.broadcast_to(along, height)
-    pad = width if around else 1
-    number = np.arange(width + 2 * pad)
-    mode: Any = "wrap" if around else "edge"
-    changed = True
-    while changed:
-        changed = False
+    number = np.arange(width)
+    while True:
+        before = sizes.copy()
         for rows in (range(height), range(height - 1, -1, -1)):
-            least = np.full(len(number), np.inf)
+            least = np.full(width, np.inf)
             for row in rows:
-                beside = np.minimum(least[:-2], least[2:]) + np.hypot(across, steps[row])
-                wide = np.pad(sizes[row].astype(np.float64), pad, mode=mode)
-                wide = np.minimum(wide, least + across)
-                wide[1:-1] = np.minimum(wide[1:-1], beside)
-                ramp = steps[row] * number
-                after = np.minimum.accumulate(wide - ramp) + ramp
-                before = np.minimum.accumulate((wide + ramp)[::-1])[::-1] - ramp
-                least = np.pad(np.minimum(after, before)[pad:-pad], pad, mode=mode)
-                changed |= bool((least[pad:-pad] < (1 - _ROUNDING) * sizes[row]).any())
-                sizes[row] = least[pad:-pad]
+                aslant, ramp = np.hypot(across, steps[row]), steps[row] * number
+                wide = np.minimum(sizes[row], least + across)
+                wide[1:] = np.minimum(wide[1:], least[:-1] + aslant)
+                wide[:-1] = np.minimum(wide[:-1], least[1:] + aslant)
+                after = np.minimum.accumulate(wide - ramp) + 2 * ramp
+                least = np.minimum.accumulate(after[::-1])[::-1] - ramp
+                sizes[row] = least
+        if np.ndim(along) == 0 or np.allclose(sizes, before, _ROUNDING, 0):
+            return

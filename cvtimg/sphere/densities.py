@@ -226,8 +226,11 @@ class Scaled:
 
 def limit_on_globe(sizes: NDArray[np.float64], growth: float) -> None:
     """Lower sizes in an image of the globe until they grow by no more than `growth` for each radian."""
-    latitudes = np.pi * (0.5 - (np.arange(len(sizes)) + 0.5) / len(sizes))
-    limit_growth(sizes, growth * np.pi / len(sizes), growth * np.pi / len(sizes) * np.cos(latitudes), around=True)
+    height, width = sizes.shape
+    across = growth * np.pi / height
+    around = np.tile(sizes, 3)  # so that what is beyond the date line counts
+    limit_growth(around, across, across * np.cos(np.pi * (0.5 - (np.arange(height) + 0.5) / height)))
+    sizes[:] = around[:, width : 2 * width]
 
 
 def _row_weights(height: int) -> NDArray[np.float64]:
