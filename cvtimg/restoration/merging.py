@@ -20,6 +20,7 @@ from cvtimg.elbow.curves import auto_count
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
+from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Restoration
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
@@ -46,9 +47,10 @@ def merge_versions(
     unit, cost = versions.level(space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit
-    if n_generators is None:
-        n_generators, _ = auto_count(_fused_rows(versions, evidence, 1.5), 32)
-        sharp = _fused_rows(versions, evidence, 0.0)  # a drawing of two colors has more once it is blurred
+    if is_auto := n_generators is None:
+        seen = versions.coverage.ravel() > 0  # what is filled in does not tell
+        n_generators, _ = auto_count(_fused_rows(versions, evidence, 1.5)[seen], 32)
+        sharp = _fused_rows(versions, evidence, 0.0)[seen]  # a drawing of two colors has more once it is blurred
         told = np.einsum("ij,j->i", sharp, np.pi ** np.arange(sharp.shape[1]))
         n_generators = min(n_generators, len(np.unique(told)))
     weights = np.where(versions.known, trust.astype(np.float32), np.float32(0))[:, :, versions.version_of]
@@ -63,7 +65,8 @@ def merge_versions(
 
     def started(blur: float) -> _Labels:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
-        cells = tessellate(_fused_rows(versions, evidence, blur), n_generators, effort=effort)
+        rows = _fused_rows(versions, evidence, blur)
+        cells = (cells_of if is_auto else tessellate)(rows, n_generators, effort=effort)
         return (cells.labels + 1).reshape(versions.known.shape[:2])
 
     ends = (settled(started(blur), versions.version_of >= 0) for blur in each(_BLURS[effort]))

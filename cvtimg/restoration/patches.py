@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
-from cvtimg.engine.tessellation import tessellate
+from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Doubles, Floats
@@ -89,6 +90,14 @@ class Axes:
         return product(image, _OPPONENT) if image.shape[2] == 3 else image[:, :, self.slices[0]]
 
 
+def cells_of(rows: NDArray[Any], most: int, **how: Any) -> Tessellation:
+    """Tessellate rows, which may have fewer different values than cells: then each has its own."""
+    try:
+        return tessellate(rows, most, **how)
+    except TooFewSamplesError as error:  # to count them first would take time, and rounding makes some that are none
+        return tessellate(rows, error.n_distinct, **how)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Kinds:
     """Cells of the patches of an image."""
@@ -109,11 +118,7 @@ class Kinds:
         _, axes = np.linalg.eigh(product(sample.T, sample).astype(np.float64))
         basis = axes[:, -n_components:].astype(np.float32)
         points = product(sample, basis)
-        try:
-            found = tessellate(points, n_generators, effort="fast", rng=rng)
-        except TooFewSamplesError as error:  # of flat colors; to count them first would take time
-            found = tessellate(points, error.n_distinct, effort="fast", rng=rng)
-        return cls(mean, basis, found.generators)
+        return cls(mean, basis, cells_of(points, n_generators, effort="fast", rng=rng).generators)
 
     def features(self, bordered: Floats, chunk: int = 1 << 15) -> Floats:
         """(N, D) features of the patches of an image with a border of `REACH` pixels, about `chunk` at a time."""

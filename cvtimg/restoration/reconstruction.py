@@ -14,11 +14,11 @@ from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseN
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
 from cvtimg.engine.search import EFFORTS
-from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, that_tell
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
+from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Denoised, Restoration
 from cvtimg.restoration.versions import Floats, fuse, stack_versions, trust_in
 
@@ -301,7 +301,7 @@ def is_drawing(
     slope = np.square(slopes).sum(axis=0).ravel()
     rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, _AWAY)]
     rows = rows[:: -(-len(rows) // _SAMPLED)].astype(np.float64)
-    cells = tessellate(rows, min(_COLORS, len(np.unique(rows, axis=0))), effort="fast")
+    cells = cells_of(rows, _COLORS, effort="fast")
     left = np.square(rows - cells.generators[cells.labels]).mean()
     noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
     noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * _BLUR**2
