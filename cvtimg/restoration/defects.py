@@ -7,10 +7,8 @@ around them, as others do not; rows differ by the same amount from those above a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
 
@@ -22,6 +20,9 @@ _QUIET = 0.1
 _BETWEEN = 3
 #: Part of what is at an end that stands out, at least; and how many times as much of it as elsewhere is near.
 _ALONE, _NEAR = 0.25, 2.0
+#: Ranges of what is around by which lone pixels stand out, and by which many of them must: of what stands out by one in
+#: 24 photographs, and in lights of a width of .5 pixels, no more than this part does so by as many, and none in wider.
+_LONE, _FAR, _RARELY = 2.0, 3.0, 0.05
 #: Correlation of the offsets of rows in the left and in the right half, from which on they are those of the rows.
 _ALIKE = 0.6
 #: Pixels above and below with which rows are compared, and columns of which each tells their offset.
@@ -49,9 +50,12 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
     defects = Defects.none(versions.n_versions)
     for number, given in enumerate(versions.stack):
         inside = versions.known[:, :, number]
-        if (hit := _impulses(given, inside)) is not None:
-            defects.impulses[number] = np.count_nonzero(hit & inside) / np.count_nonzero(inside)
-            known[:, :, number] &= ~hit
+        bands = np.where(inside[:, :, None], given, np.float32(np.nan)).astype(np.float32)
+        around = _around(bands)
+        hits = [hit for hit in (_impulses(bands, around, inside), _lone(bands, around)) if hit is not None]
+        if hits:
+            known[:, :, number] &= ~np.any(hits, axis=0)
+            defects.impulses[number] = 1 - np.count_nonzero(known[:, :, number]) / np.count_nonzero(inside)
         seen = known[:, :, number]
         filled = fill(np.where(seen[:, :, None], given, 0).astype(np.float32), seen.astype(np.float32))
         for axis, rows in enumerate((filled, filled.swapaxes(0, 1))):
@@ -66,16 +70,14 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
 # --- impulses
 
 
-def _impulses(values: NDArray[Any], known: Bools) -> Bools | None:
+def _impulses(bands: Floats, around: Floats, known: Bools) -> Bools | None:
     """(H, W) impulses at the ends of the levels of each band of a version, (H, W, C); None without evidence."""
     from scipy.stats import binom
 
-    black, white = (pick(values[known], axis=0) for pick in (np.min, np.max)) if known.any() else (0, 0)
+    black, white = (pick(bands[known], axis=0) for pick in (np.min, np.max)) if known.any() else (0, 0)
     if np.all(black == white):
         return None
-    bands = np.where(known[:, :, None], values, np.float32(np.nan)).astype(np.float32)
     ends, hits = (bands == black, bands == white), np.zeros(known.shape, np.bool_)
-    around = _around(bands)
     is_between = np.isfinite(around) & (around != black) & (around != white)
     low, high = (
         np.min(around, axis=0, initial=np.inf, where=is_between),
@@ -88,11 +90,8 @@ def _impulses(values: NDArray[Any], known: Bools) -> Bools | None:
     alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
     counts = [np.count_nonzero(one) for one in alone]
     # Dithering stands out by a step of its levels, as a rule.
-    span, tails = (
-        np.max(white - black),
-        [(apart[one], *np.quantile(apart[one], (0.1, 0.9))) for one in alone if one.any()],
-    )
-    if not any(np.count_nonzero(own > span / 2) > _ALONE * len(own) or most > 2 * some for own, some, most in tails):
+    heights, half = [apart[one] for one in alone if one.any()], np.max(white - black) / 2
+    if not any(np.count_nonzero(own > half) > _ALONE * len(own) or _vary(own) for own in heights):
         return None
     n_below = np.count_nonzero(others & (bands < low))
     n_others = n_below, np.count_nonzero(others) - n_below
@@ -119,6 +118,29 @@ def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
     places, ends = alone.any(axis=2), np.asarray(end.any(axis=2), np.float32)
     near = np.median(uniform_filter(ends, 5, mode="constant")[places]) * 25 - 1
     return bool(near <= _NEAR * 24 * ends.mean())
+
+
+def _lone(bands: Floats, around: Floats) -> Bools | None:
+    """(H, W) hot and dead pixels of any level: they stand out from all around them as no light does through a lens."""
+    from scipy.stats import binom
+
+    low, high = np.min(around, axis=0), np.max(around, axis=0)  # NaN at the border and beside what is unknown
+    spread, hits = high - low, np.zeros(bands.shape[:2], np.bool_)
+    if not np.isfinite(spread).any() or (usual := np.nanquantile(spread, _QUIET)) == 0:
+        return None  # drawn: any dot is true
+    unit = spread + usual + np.float32(np.nanmax(bands) - np.nanmin(bands)) / 64
+    for apart in (bands - high, low - bands):
+        out, lone, most = ((apart > times * unit).any(axis=2) for times in (1, _LONE, _FAR))
+        n = np.count_nonzero(most)
+        if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > unit]):
+            hits |= lone
+    return hits if hits.any() else None
+
+
+def _vary(heights: Floats) -> bool:
+    """Tell whether values stand out by this and that, as steps of dithering do not."""
+    some, most = np.quantile(heights, (0.1, 0.9))
+    return bool(most > 2 * some)
 
 
 def _around(bands: Floats) -> Floats:

@@ -73,6 +73,20 @@ def error_of_mean(case: Case) -> float:
     return error_of(np.mean(case[1], axis=0), case)
 
 
+def with_passers_by(case: Case) -> Case:
+    """Add something to each version, at another place."""
+    boxes = [(slice(9 * number + 4, 9 * number + 12), slice(30, 44)) for number in range(len(case[1]))]
+    painted = [version.copy() for version in case[1]]
+    for version, box in zip(painted, boxes, strict=True):
+        version[box] = 255 - version[box].mean(axis=(0, 1)) // 1
+    return case[0], painted
+
+
+def error_of_median(case: Case) -> float:
+    """Mean squared error of the median of versions, in squared levels."""
+    return error_of(np.median(case[1], axis=0), case)
+
+
 def first_band(case: Case) -> NDArray[Any]:
     """(H, W) first band of what is restored; the only one of a gray picture."""
     return restored(case).reshape(SIDE, SIDE, -1)[:, :, 0]
@@ -120,6 +134,16 @@ RELATIONS = [
     Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
     Relation("denoise", "one version: itself", ONE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
+    Relation(
+        "denoise",
+        "outliers: their median",
+        lambda rng: with_passers_by(spoiled(5)(rng)),
+        error,
+        as_it_is,
+        not_above(),
+        "2026-11-28",
+        rival=error_of_median,
+    ),
     Relation("denoise", "three versions: their mean", THREE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, equal, LATER),

@@ -91,3 +91,15 @@ def test_offsets_of_rows_and_of_columns_are_taken_away(axis: int) -> None:
     assert 4 < result.stripes[0, axis] < 10
     assert result.stripes[0, 1 - axis] == 0
     assert psnr(result.image / 255, clean / 255) > psnr(spoiled / 255, clean / 255) + 5
+
+
+@pytest.mark.parametrize("sigma", [0, 6])
+def test_hot_pixels_of_any_level_are_filled(sigma: float) -> None:
+    clean, rng = part(), np.random.default_rng(4)
+    hit = rng.random(clean.shape[:2]) < 0.01
+    hot = np.where(hit[:, :, None], rng.uniform(30, 150, (128, 128, 1)), 0)
+    spoiled = as_bytes(clean + hot + rng.normal(0, sigma, clean.shape))
+    found, left = (
+        psnr(denoise([spoiled], effort="fast", hidden=how).image / 255, clean / 255) for how in ("outliers", "none")
+    )
+    assert found > left + 3

@@ -331,3 +331,17 @@ def test_little_noise_is_taken_away(part: NDArray[Any], sigma: float, gain: floa
     image = noisy(part, sigma)
     done = denoise([image], effort="fast").image
     assert psnr(done / 255, part / 255) > psnr(image / 255, part / 255) + gain
+
+
+def test_noise_of_lightness_and_of_colors_is_taken_away_in_parts(part: NDArray[Any]) -> None:
+    image, fast = noisy(part / 2 + 60, 12), {"effort": "fast"}  # far from the ends
+    whole, none, half = (
+        denoise([image], luma=luma, chroma=chroma, **fast).image.astype(float)
+        for luma, chroma in ((1, 1), (0, 0), (0.5, 1))
+    )
+    np.testing.assert_allclose(none, image, atol=0.5)
+    light = np.array([0.299, 0.587, 0.114])
+    np.testing.assert_allclose((half - whole) @ light, 0.5 * (image - whole) @ light, atol=1)
+    np.testing.assert_allclose(np.diff(half - whole, axis=2), 0, atol=1)  # colors are as clean
+    with pytest.raises(ValueError, match=r"chroma=2 must be from 0 to 1"):
+        denoise([image], chroma=2)

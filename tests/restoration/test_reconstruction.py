@@ -227,3 +227,12 @@ def test_a_drawing_of_two_colors_comes_back_as_it_is() -> None:
     y, x = np.mgrid[:60, :80]
     mask = np.uint8(255) * ((x - 40) ** 2 + (y - 30) ** 2 < 400) * (x % 9 > 2)
     np.testing.assert_array_equal(restore([mask]).image, mask)
+
+
+def test_what_is_transparent_does_not_tell_the_number_of_colors() -> None:
+    y, x = np.mgrid[:55, :97]
+    cut = np.full((55, 97, 4), (224, 20, 14, 0), np.uint8)
+    cut[(x - 20) ** 2 + (y - 20) ** 2 < 25, 3] = 255
+    cut[:, 20:, :3] = 81, 61, 202
+    result = restore([cut])
+    np.testing.assert_array_equal(result.with_alpha()[cut[:, :, 3] > 0], cut[cut[:, :, 3] > 0])
