@@ -56,8 +56,10 @@ def _marks(
             yield f'<path d="M{" ".join(numbers(places.ravel(), 3))}"/>\n'
         return
     if marks == "disks" and fill == "spiral":
-        for place, radius in zip(places, radii.tolist(), strict=True):
-            turns = place + _spiral(max(radius - line / 2, half), line)
+        # Each ends towards the next, so that the pen travels from there only.
+        ways = np.diff(places, axis=0, append=places[-1:])
+        for place, radius, way in zip(places, radii.tolist(), np.arctan2(*ways.T[::-1]).tolist(), strict=True):
+            turns = place + _spiral(max(radius - line / 2, half), line, way)
             yield f'<path d="M{" ".join(numbers(turns.ravel(), 3))}"/>\n'
         return
     if marks == "points":
@@ -72,12 +74,13 @@ def _marks(
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
 
 
-def _spiral(radius: float, line: float) -> NDArray[np.float64]:
-    """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius."""
+def _spiral(radius: float, line: float, end: float) -> NDArray[np.float64]:
+    """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius, up to an angle."""
     turns = radius / line
     step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by so much
     angles = np.arange(0, 2 * np.pi * (turns + 1) + step, step)
     reach = np.minimum(angles / (2 * np.pi) * line, radius)
+    angles += end - angles[-1]
     return reach[:, np.newaxis] * np.column_stack([np.cos(angles), np.sin(angles)])
 
 

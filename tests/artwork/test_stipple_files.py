@@ -72,13 +72,17 @@ def test_a_drawing_lies_in_the_middle_of_its_sheet(
 def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     STIPPLES.save(path, width=800, fill="spiral", pen_width=0.5, tour=False)
-    for node, point, radius in zip(
-        ElementTree.parse(path).getroot()[0], 10 * STIPPLES.points, 10 * STIPPLES.radii, strict=True
+    points, radii = 10 * STIPPLES.points, 10 * STIPPLES.radii
+    gaps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
+    for node, point, radius, gap, after in zip(
+        ElementTree.parse(path).getroot()[0], points, radii, gaps, [*points[1:], points[-1]], strict=True
     ):
         turns = np.array(node.get("d", "")[1:].split(), float).reshape(-1, 2) - point
         reach = np.hypot(*turns.T)
         assert reach.max() == pytest.approx(radius - 0.25, abs=2e-3)
         assert np.hypot(*np.diff(turns, axis=0).T).sum() * 0.5 == pytest.approx(np.pi * radius**2, rel=0.25)
+        to_next = np.hypot(*(point + turns[-1] - after))  # it ends on the side of the next
+        assert to_next == pytest.approx(abs(gap - reach[-1]), abs=5e-3)
 
 
 def test_disks_have_the_radii_of_dots_and_points_the_width_of_the_pen(tmp_path: Path) -> None:
