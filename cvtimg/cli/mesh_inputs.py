@@ -77,14 +77,18 @@ def read_segments(path: Path, label: int | None) -> tuple[NDArray[Any], bool]:
 
     from cvtimg.labels.files import read_labels
 
-    labels = _voxels(path) if _has_voxels(path) else read_labels(path)
+    no_labels = f"is no mask and no labels; divide it first: cvtimg segment {path} -o labels.png"
+    try:
+        labels = _voxels(path) if _has_voxels(path) else read_labels(path)
+    except TypeError as error:  # floating point
+        raise ValueError(no_labels) from error
     if label is not None:
         if not (labels == label).any():
             raise ValueError(f"holds no label {label}")
         return labels == label, True
     # Labels in pieces of three pixels across differ as often; a photograph with noise does so more often.
     if np.count_nonzero(labels[..., 1:] != labels[..., :-1]) > labels.size / 3:
-        raise ValueError(f"is no mask and no labels; divide it first: cvtimg segment {path} -o labels.png")
+        raise ValueError(no_labels)
     values = np.unique(labels)
     return labels, len(values) <= 2 and values[0] == 0
 

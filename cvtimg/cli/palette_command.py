@@ -51,6 +51,8 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("read")
     if image.ndim == 3 and image.shape[2] not in (3, 4):
         raise ValueError(f"has {image.shape[2]} bands, which are not colors")
+    if image.dtype.kind in "iu" and image.dtype.itemsize > 2:
+        raise ValueError(f"has {image.dtype} samples, of which nothing tells which is white: save 8 or 16 bits")
     image = to_depth(image, np.dtype(np.uint8))
     n_distinct = color_samples(image).n_colors
     locked = given.arguments.get("locked")

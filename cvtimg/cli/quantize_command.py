@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from functools import partial
 from importlib.util import find_spec
@@ -64,7 +65,8 @@ def quantize(given: Given) -> Todo:
     take the colors of --palette, or with -k the best of them. With --quality or --goal eyes, and if nothing is given,
     images get up to 256 colors, and files are made smaller in ways that the eye does not notice.
 
-    Without -o and --out-dir, the output of one input is NAME-quantized.png beside it. Images of up to 256 colors
+    Without -o and --out-dir, the output of one input is NAME-quantized.png beside it, or .gif or .tif where the input
+    may move or has samples that .png cannot hold. Images of up to 256 colors
     become indexed PNG files of the fewest bits. Images with at most N colors are reproduced exactly. The name after
     -o can also end in .tif, .webp, .gif, .bmp, .ppm, .pgm or .npy. The same seed gives the same file.
 
@@ -167,11 +169,23 @@ def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mappin
 
 
 def _name(source: Path, *, given: Given) -> str:
-    """Return the name pattern of the output; GIF stays GIF, because it may be an animation."""
+    """Return the name pattern of the output."""
     if given.in_place:
         return f"{{}}{source.suffix}"
-    suffix = ".gif" if source.suffix.lower() == ".gif" else ".png"
-    return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + suffix}"
+    return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + _suffix_for(source)}"
+
+
+def _suffix_for(source: Path) -> str:
+    """Return the suffix of .png, or of an input that may be an animation or that .png cannot hold."""
+    suffix = source.suffix.lower()
+    if suffix in (".tif", ".tiff", ".npy"):
+        from cvtimg.pictures import image_info
+
+        with suppress(OSError):  # which is told when the file is read
+            info = image_info(source)
+            n_bands = len(info.bands) - info.has_alpha
+            return suffix if info.bits > 16 or n_bands not in (1, 3) else ".png"
+    return suffix if suffix == ".gif" else ".png"
 
 
 def _share(

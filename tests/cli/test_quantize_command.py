@@ -158,3 +158,23 @@ def test_a_file_that_grew_is_told_and_what_would_make_it_smaller(run: RowOf, pic
     assert "larger than the input; --skip-if-larger" in many["warning"]
     assert "-k 256 has an index" in many["warning"]
     assert "warning" not in few
+
+
+@pytest.mark.parametrize(
+    ("image", "name"),
+    [
+        (np.linspace(0, 1, 60, dtype=np.float32).reshape(6, 10), "a-quantized.tif"),
+        (np.arange(60, dtype=np.int32).reshape(6, 10) * 10**6, "a-quantized.tif"),
+        (np.zeros((6, 10, 5), np.uint8), "a-quantized.tif"),
+        (np.arange(60, dtype=np.uint16).reshape(6, 10) * 1000, "a-quantized.png"),
+    ],
+)
+def test_samples_that_png_cannot_hold_stay_in_a_tiff(
+    image: NDArray[Any], name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_image(tmp_path / "a.tif", image)
+    assert cli.main(["quantize", str(tmp_path / "a.tif"), "-k", "4"]) == 0
+    assert (tmp_path / name).exists()
+    if image.dtype.itemsize == 4 and image.dtype.kind == "i":
+        assert cli.main(["palette", str(tmp_path / "a.tif")]) == 1  # and not one black
+        assert "has int32 samples, of which nothing tells which is white" in capsys.readouterr().err

@@ -194,3 +194,9 @@ def test_faint_text_is_no_drawing(run: Run) -> None:
     noisy = np.asarray(page) + np.random.default_rng(0).normal(0, 30, (120, 160))
     write_image("page.png", np.clip(noisy, 0, 255).astype(np.uint8))
     assert "no flat drawing" in run("page.png", "-o", "out.png", "--effort", "fast")[2]
+
+
+def test_a_gif_of_one_frame_is_restored_into_a_png(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.gif", np.eye(24, dtype=np.uint8), palette=np.uint8([[9, 9, 200], [250, 240, 0]]))
+    assert cli.main(["restore", str(tmp_path / "a.gif"), "-k", "2"]) == 0
+    assert (tmp_path / "a-restored.png").exists()
