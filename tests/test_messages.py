@@ -51,7 +51,7 @@ def test_what_has_a_mode_of_another_kind_is_an_array() -> None:
         (lambda **wrong: cvtimg.mosaic(IMAGE, 9, **wrong, zoom=3), r"'zoom'; options are n_cells, .*shape"),
         (lambda **_: cvtimg.restore(IMAGE, 3), r"shape \(8, 9, 3\) must be a list of versions: .*list\(images\)"),  # type: ignore[arg-type]
         (lambda **_: cvtimg.quantize(IMAGE, 4, dither="fs"), r"dither='fs' must be one of floyd-steinberg"),
-        (lambda **_: cvtimg.segment(IMAGE, 4, averaging=True), r"averaging=True must be one of before, after"),  # type: ignore[arg-type]
+        (lambda **_: cvtimg.segment(IMAGE, 4, averaging=-1), r"averaging=-1 must be"),
     ],
 )
 def test_wrong_arguments_are_named_as_they_were_given(call: Callable[..., Any], message: str) -> None:

@@ -47,7 +47,7 @@ def dark(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 def test_a_new_color_space_works_in_every_verb(image: NDArray[np.uint8]) -> None:
     for given in (image, image[..., 0]):
         assert len(cvtimg.quantize(given, 4, space="dark", dither="floyd-steinberg").palette) == 4
-    for options in ({}, {"edge_weight": "auto"}, {"averaging": "before"}, {"components": True}):
+    for options in ({}, {"edge_weight": "auto"}, {"averaging": 2}, {"components": True}):
         labels = cvtimg.segment(image, 4, space="dark", **options).labels
         assert len(set(labels[6::12, 6::12].ravel().tolist())) == 4
     assert cvtimg.superpixels(image, 9, space="dark").labels.max() > 1

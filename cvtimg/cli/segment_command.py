@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from cvtimg.segmentation.averaging import Averaging
     from cvtimg.segmentation.result import Segmentation
 
 EXAMPLES = """\
@@ -28,7 +27,7 @@ EXAMPLES = """\
   cvtimg segment stack.tif --objects --volume -o labels.tif --table cells.csv
   cvtimg segment cells.tif -k 2 --smallest-detail 2 --objects --min-size 30 --table cells.csv
   cvtimg segment scene.tif -k 5 --nodata 0 --contours scene.geojson
-  cvtimg segment photo.jpg -k 6 --averaging before --subpixel --contours poster.svg
+  cvtimg segment photo.jpg -k 6 --averaging 2 --subpixel --contours poster.svg
   cvtimg segment photo.jpg -k 400 --superpixels --overlay cells.png
   cvtimg segment photo.jpg --hierarchy --overlay regions.png --strengths edges.png --tree photo.npz
   cvtimg segment photo.jpg --hierarchy --strongest 60 --simplify 1 --contours lines.svg
@@ -96,7 +95,6 @@ def segment(given: Given) -> Todo:
         raise WrongUsageError("--threshold and -k N exclude each other")
     if given.number != "auto" and (given.number or 0) > MAX_COLORS and not given.superpixels:
         raise WrongUsageError(f"-k: '{given.number}' must be auto or a whole number in 1..{MAX_COLORS}")
-    given.averaging = _averaging(given)
     outputs = outputs_of(given)
     contours = [str(path) for option, path in outputs.items() if kind_of(option) == "contours"]
     if (of_lines := given.chosen(*OF_LINES)) and not (contours and all(not path.endswith(".zip") for path in contours)):
@@ -107,17 +105,6 @@ def segment(given: Given) -> Todo:
     columns = (*columns[:2], *more, *columns[2:])
     report = JointTable(given.table, plan, columns, given) if given.table else columns
     return planned(plan, _segment, report, given, late=_LATE)
-
-
-def _averaging(given: Given) -> Averaging | None:
-    if given.averaging == "none":
-        return None
-    from cvtimg.segmentation.averaging import Averaging
-
-    try:
-        return Averaging(given.averaging, given.kernel, given.radius)
-    except ValueError as error:
-        raise WrongUsageError(f"--radius: {error}") from error
 
 
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
@@ -184,7 +171,7 @@ def _way(given: Given) -> Callable[..., Segmentation]:
         )
     neck_depth = math.inf if given.no_split else given.neck_depth
     objects = Objects(given.background, neck_depth, given.object_border) if given.objects else False
-    return partial(cvtimg.segment, n_segments=given.number, averaging=given.averaging, objects=objects, **options)
+    return partial(cvtimg.segment, n_segments=given.number, objects=objects, **options)
 
 
 def _detail(task: Task, given: Given) -> dict[str, float]:

@@ -34,7 +34,7 @@ _MODULES = {
 #: Panels of ``--help`` in their order, each with the names of its options; the first has all others.
 PANELS = {
     "What to get": "",
-    "Details": "shading averaging kernel radius smallest_detail edge_weight edge_radius components min_size "
+    "Details": "shading averaging smallest_detail edge_weight edge_radius components min_size "
     "chance strongest no_split diameter min_contrast exclude_edges measure background neck_depth object_border "
     "threshold compactness edit merge weights motion channels "
     "noise_like hidden renormalize label grade keep_points periodic name name_by coast parent within strait all_seas "

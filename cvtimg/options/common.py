@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_args
 
-from cvtimg._shared.choices import AveragingName, EffortName, InitName, MethodName, SpaceName
+from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
 from cvtimg.options.record import Choice, File, Option, Real, Switch, Text, Whole, late, passed
 
 MAX_COLORS = 1 << 16  # as in remapping.py, which would import NumPy for --help
@@ -183,13 +183,13 @@ VOLUME_POWER = passed(
     metavar="P",
     default=0,
 )
-AVERAGING_NAMES = ("none", *get_args(AveragingName))
-AVERAGING = Option(
+AVERAGING = passed(
     "averaging",
-    Choice(AVERAGING_NAMES, {"before": "of the image, before", "after": "of the segments, after"}),
-    "Smooth noise, before or after pixels are assigned to segments.",
-    default="none",
-).on_page("Averaging", about="Against noise.")
+    Real(0, 1000),
+    "Average the image first by a Gaussian of this standard deviation, against noise and fine texture.",
+    metavar="PIXELS",
+    default=0,
+).on_page("Averaging", slider=(0, 20), unit="px")
 #: How generators are found: options of `cvtimg.tessellate`.
 ENGINE = (
     EFFORT,

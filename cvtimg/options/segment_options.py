@@ -85,16 +85,6 @@ SEGMENT = (
         keyword="shading",
     ).on_page("even light"),
     common.AVERAGING._replace(excludes=_BY_COLOR),
-    Option(
-        "kernel",
-        Choice(("gaussian", "box"), {"gaussian": "Gaussian"}),
-        "Kernel of --averaging.",
-        default="gaussian",
-        needs=("averaging",),
-    ).on_page("Kernel"),
-    Option("radius", Real(0), "Radius of --averaging.", metavar="PIXELS", default=2, needs=("averaging",)).on_page(
-        "Radius", slider=(1, 20), unit="px", high=1000
-    ),
     passed(
         "smallest_detail",
         Real(0, sized=True, auto=True),

@@ -1,4 +1,3 @@
-from .averaging import Averaging as Averaging
 from .counting import count_objects as count_objects
 from .editing import Edit as Edit
 from .editing import brush as brush

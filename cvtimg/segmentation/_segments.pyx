@@ -327,39 +327,6 @@ def count_pairs(
     return -1 if 2 * used > keys.shape[0] else used
 
 
-def open_arcs(
-    const int32_t[::1] first,        # IN (N + 1,), as in `cut_least`
-    const int32_t[::1] heads,        # IN (A,)
-    const int64_t[::1] borders,      # IN (A,): what it costs if the two ends have different labels
-    const int64_t[::1] labels,       # IN (N,)
-    Py_ssize_t label,                # IN: the one that nodes may join
-    int64_t[::1] capacities,         # OUT (A,)
-    int64_t[::1] supplies,           # INOUT (N,): what joining costs each node more than staying; with borders, of the flow
-):
-    """Write the energy of each set of nodes that joins a label as that of a cut."""
-    cdef Py_ssize_t n = supplies.shape[0], p, a
-    cdef int32_t q
-    cdef int64_t border, now
-    with nogil:
-        for p in range(n):
-            for a in range(first[p], first[p + 1]):
-                capacities[a] = 0
-                q = heads[a]
-                border = borders[a]
-                if labels[p] == label or q < p and labels[q] != label:
-                    continue
-                if labels[q] == label:
-                    supplies[p] -= border
-                else:  # each pair once
-                    now = border if labels[p] != labels[q] else 0
-                    supplies[p] += border - now
-                    supplies[q] -= border
-                    capacities[a] = 2 * border - now
-        for p in range(n):
-            if labels[p] == label:
-                supplies[p] = 0
-
-
 def cut_least(
     const int32_t[::1] first,        # IN (N + 1,): arcs of a node are those from first[i] to first[i + 1]
     const int32_t[::1] heads,        # IN (A,): node to which each arc leads

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight
-from cvtimg._shared.choices import AveragingName, EffortName
+from cvtimg._shared.checks import check_count, check_edge_weight, check_in_range, check_non_negative
+from cvtimg._shared.choices import EffortName
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
-from cvtimg.segmentation.averaging import WHEN, Averaging, average_segments, averaged
+from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.edge_weight import EdgeWeighted, Planes, descend, length_cost
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues
@@ -35,7 +35,7 @@ _DETAIL_AT_MOST = 1.0
 #: The descent starts from segments of the image averaged until the noise is this part of the remaining variance.
 _NOISE_AT_START = 0.25
 _LARGEST_START = 5.0
-_LARGEST_RADIUS = 30
+_LARGEST_RADIUS, _LARGEST_AVERAGING = 30, 1000
 #: Curves start from an image blurred as for this many segments.
 _SEGMENTS_AT_START = 4
 
@@ -46,7 +46,7 @@ Floats = NDArray[np.float32]
 class Smoothness:
     """The options against noise, checked: averaging and the weight of edges."""
 
-    averaging: Averaging | None
+    averaging: float  # deviation of a Gaussian, in pixels
     edge_weight: float | None  # in squared values; none if it is to follow the smallest detail and the noise
     edge_radius: int  # pixels are near each other up to this distance
     smallest_detail: float  # radius of the discs that are just worth their edge
@@ -58,7 +58,7 @@ class Smoothness:
     @classmethod
     def checked(
         cls,
-        averaging: AveragingName | Averaging | None,
+        averaging: float,
         edge_weight: float | str,
         edge_radius: int,
         smallest_detail: float | str,
@@ -70,14 +70,10 @@ class Smoothness:
         radius = check_count("edge_radius", edge_radius, _LARGEST_RADIUS, "the largest disc")
         given = check_edge_weight(smallest_detail, "smallest_detail")
         detail, described = (_DETAIL_AT_MOST, not volume_power) if given is None else (given, False)
-        if averaging is not None and not isinstance(averaging, Averaging):
-            averaging = Averaging(check_choice("averaging", averaging, WHEN))
+        check_non_negative("averaging", averaging)
+        check_in_range("averaging", averaging, averaging <= _LARGEST_AVERAGING, f"<= {_LARGEST_AVERAGING} pixels")
         weight = check_edge_weight(edge_weight)
         return cls(averaging, weight, radius, detail, described, volume_power, planes, effort)
-
-    def averages(self, when: str) -> Averaging | None:
-        """Return how to average at this time, if so."""
-        return self.averaging if self.averaging and self.averaging.when == when else None
 
     def weight_under(self, noise: NDArray[np.float64], gain: float = 1.0) -> tuple[float, float]:
         """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
@@ -94,12 +90,12 @@ class Smoothness:
 
     def prepare(self, values: PictureValues, shaded: int = 0) -> Prepared:
         """Average the image and measure its noise as far as asked for; with `shaded` segments in uneven light."""
-        before, field = self.averages("before"), values.field()
+        field, deviation = values.field(), self.averaging
         data = values.in_even_light(field, shaded) if shaded else field
         noise = np.zeros((1, 1)) if self.edge_weight == 0 else noise_covariance(data, values.inside)
-        weight, detail = self.weight_under(noise, before.noise_gain if before else 1.0)
-        if before:
-            data = averaged(data, before, values.inside)
+        weight, detail = self.weight_under(noise, noise_gain(deviation) if deviation else 1.0)
+        if deviation:
+            data = averaged(data, deviation, values.inside)
         return Prepared(self, values, field, data, noise, weight, detail)
 
 
@@ -121,18 +117,14 @@ class Prepared:
         # segments.
         if self.data is not self.field:
             return self.data
-        if self.how.averages("after"):
-            return None
         blur = blur_at_start(self.values.variance, self.noise, n_segments)
-        return averaged(self.field, Averaging("before", "gaussian", blur), self.values.inside) if blur else None
+        return averaged(self.field, blur, self.values.inside) if blur else None
 
     def settle(
         self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True
     ) -> tuple[NDArray[np.int32], EdgeWeighted | None]:
-        """Average segments, then lower their edge-weighted energy, each if asked for."""
+        """Lower the edge-weighted energy of segments, if edges cost."""
         how, detail = self.how, self.smallest_detail if by_detail else 0.0
-        if after := how.averages("after"):
-            labels = average_segments(self.data, labels, n_segments, after)
         if not (self.edge_weight or detail):
             return labels, None
         moves: dict[str, Any] = {"radius": how.edge_radius, "volume_power": how.volume_power, "planes": how.planes}
@@ -169,8 +161,7 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     rows = (prepared.field if start is None else start)[inside]
     cells = energy_curve(rows, n_max, volume_power=volume_power, rng=rng)
     # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
-    averages = prepared.how.averages("after")
-    if start is None and not averages and (prepared.smallest_detail or not prepared.edge_weight):
+    if start is None and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
     points = pack(rows, np.ones(len(rows)))
     energies: list[float] = []

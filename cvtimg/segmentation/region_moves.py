@@ -160,23 +160,28 @@ class _Flow:
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
-        n_parts, n_arcs = len(parts.masses), len(parts.heads)
+        n_parts = len(parts.masses)
         most = float((parts.rates[:, 0].max() * parts.squares).sum() + parts.borders.sum())
-        self._scale = 2.0**52 / max(most, 1e-100)  # sums of all costs stay well below 2^63
-        self._borders = np.rint(parts.borders * self._scale).astype(np.int64)
-        self._capacities, self._distances = np.empty(n_arcs, np.int64), np.empty(n_parts, np.int32)
-        self._scratch = np.empty(3 * n_parts, np.int32)
+        self._scale = 2.0**50 / max(most, 1e-100)  # sums of all costs are whole in float64 and int64
+        self._borders = np.rint(parts.borders * self._scale)
+        self._distances, self._scratch = np.empty(n_parts, np.int32), np.empty(3 * n_parts, np.int32)
 
     def expanded(self, labels: _Labels, label: int, costs: _Floats) -> _Labels | None:
         """Return labels where the best set of parts has joined a segment, by (K, N) costs; None if that is none."""
-        parts = self._parts
-        supplies = np.rint((costs[label] - costs[labels, np.arange(len(labels))]) * self._scale).astype(np.int64)
-        arcs = parts.first, parts.heads
-        _segments.open_arcs(*arcs, self._borders, labels, label, self._capacities, supplies)
-        if supplies.min() >= 0:
+        parts, free, border = self._parts, labels != label, self._borders
+        tails, heads = parts.tails, parts.heads
+        now = np.where(labels[tails] != labels[heads], border, 0)
+        # The energy of a pair of which one, the other or both join is that of a cut; each pair has two arcs.
+        both = free[tails] & free[heads] & (tails < heads)
+        joining = np.where(both, border - now, np.where(free[tails] & ~free[heads], -border, 0))
+        supplies = np.rint((costs[label] - costs[labels, np.arange(len(labels))]) * self._scale)
+        supplies += np.bincount(tails, joining, len(labels)) - np.bincount(heads, both * border, len(labels))
+        left = np.where(free, supplies, 0).astype(np.int64)
+        if left.min() >= 0:
             return None
-        _segments.cut_least(*arcs, parts.backs, self._capacities, supplies, self._distances, self._scratch)
-        joins = (self._distances >= 0) & (labels != label)
+        capacities = (both * (2 * border - now)).astype(np.int64)
+        _segments.cut_least(parts.first, heads, parts.backs, capacities, left, self._distances, self._scratch)
+        joins = (self._distances >= 0) & free
         return np.where(joins, label, labels) if joins.any() else None
 
 

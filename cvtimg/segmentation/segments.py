@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
-from cvtimg._shared.choices import AveragingName, EffortName, SpaceName
+from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces
-from cvtimg.segmentation.averaging import Averaging
 from cvtimg.segmentation.counting import checked_bands
 from cvtimg.segmentation.edge_weight import Planes, length_cost
 from cvtimg.segmentation.frames import frame_of, whole_frame
@@ -38,7 +37,7 @@ def segment(
     *,
     space: SpaceName = "rgb",
     shading: bool = False,
-    averaging: AveragingName | Averaging | None = None,
+    averaging: float = 0,
     smallest_detail: float | str = "auto",
     edge_weight: float | str = "auto",
     edge_radius: int = 3,
@@ -69,8 +68,9 @@ def segment(
         Color space in which distances are measured. All but "rgb" need 1 or 3 bands.
     shading : bool
         Take uneven light out first: a factor that varies slowly across the image, found together with the segments.
-    averaging : {"before", "after"} or Averaging, optional
-        For noisy or irregular images: average the image before it is segmented, or the segments after.
+    averaging : float
+        For noisy images and fine texture: average the image by a Gaussian of this standard deviation first, in pixels,
+        at most 1000.
     smallest_detail : float or "auto"
         Radius in pixels (>= 0) of the smallest detail that counts: edges cost enough that smaller discs are not worth
         theirs, even where the contrast is greatest, and larger ones are. With 0, only noise is taken away. "auto" keeps
@@ -176,7 +176,7 @@ def segment_curve(
     n_max: int = CHORD_ENDS,
     *,
     space: SpaceName = "rgb",
-    averaging: AveragingName | Averaging | None = None,
+    averaging: float = 0,
     edge_weight: float | str = 0,
     edge_radius: int = 3,
     volume_power: float = 0,

@@ -25,7 +25,7 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath, scratch_folder
 from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
-from cvtimg.segmentation.averaging import TRUNCATE, Averaging, averaged
+from cvtimg.segmentation.averaging import TRUNCATE, averaged
 from cvtimg.segmentation.edge_weight import Layers, Moves, State
 from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.noise import noise_of_rows
@@ -111,7 +111,7 @@ def segment_file(
     check_choice(f"{target}: suffix", Path(target).suffix.lower(), TILED_SUFFIXES)
     check_count("n_segments", n_segments, _MOST_SEGMENTS, "the most labels of 16 bits")
     check_choice("space", space, SPACES)
-    smoothness = Smoothness.checked(None, edge_weight, edge_radius, smallest_detail, effort=effort)
+    smoothness = Smoothness.checked(0, edge_weight, edge_radius, smallest_detail, effort=effort)
     stack = open_stack(source, mask, nodata, tiles=True, max_pixels=max_pixels)
     with scratch_folder(target) as folder:
         picture = PixelsOnDisk(stack, folder, space)
@@ -220,13 +220,12 @@ class PixelsOnDisk:
 
     def blurred(self, blur: float) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
         """Yield strips of values, averaged by a Gaussian unless the blur is 0, and the mask of each."""
-        average = Averaging("before", "gaussian", blur) if blur else None
         halo = int(TRUNCATE * blur + 0.5)
         for first, last in self.strips:
             above = max(first - halo, 0)
             values, inside = self.read(above, min(last + halo, self.shape[0]))
             own = slice(first - above, last - above)
-            yield (averaged(values, average, inside) if average else values)[own], inside[own]
+            yield (averaged(values, blur, inside) if blur else values)[own], inside[own]
 
     def averages(self, blur: float) -> NDArray[np.float32]:
         """(N, D) averages: of a large image, those of pixels at even steps."""

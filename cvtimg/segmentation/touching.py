@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.averaging import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
 BORDERS = ("segment", "own")
 #: Blur of the distance, in pixels, that keeps ragged borders from making maxima of their own.
 _BLUR = 1.0
-#: Averages in which contrast is measured, for the split and for borders, where it may blur less.
-_FOR_SPLIT, _FOR_BORDERS = Averaging("before", radius=2.0), Averaging("before", radius=1.0)
+#: Deviations, in pixels, of averages in which contrast is measured: for the split, and for borders, which blur less.
+_FOR_SPLIT, _FOR_BORDERS = 2.0, 1.0
 #: Rounds of means and borders; most objects settle in five.
 _MAX_ROUNDS = 20
 

@@ -40,7 +40,7 @@ def panel(caption: str, **options: Any) -> Panel:
 row = [
     Panel(noisy, ("the noisy image", f"truth: {truth.mean():.1%} bone")),
     panel("segment(noisy, 2, edge_weight=0)", edge_weight=0),
-    panel('averaging="before"', averaging="before"),
+    panel("averaging=2", averaging=2),
     panel("segment(noisy, 2, min_size=40)", min_size=40),
 ]
 

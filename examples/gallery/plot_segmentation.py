@@ -46,7 +46,7 @@ first_row += [in_colors(night, n_segments) for n_segments in (2, 3, 4)]
 def in_edges(image: NDArray[np.uint8], n_segments: int, **options: Any) -> Panel:
     """Show the edges of segments over the image."""
     labels = cvtimg.segment(image, n_segments, edge_weight=0, **options).labels
-    caption = f"{n_segments} segments" + "".join(f', {name}="{value}"' for name, value in options.items())
+    caption = f"{n_segments} segments" + "".join(f", {name}={value}" for name, value in options.items())
     return Panel(draw_edges(image, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
 
 
@@ -54,8 +54,8 @@ bone = cvtimg.read_image(SAMPLES / "bone_texture.png")
 second_row = [
     Panel(bone, ("a drawn texture like bone",)),
     in_edges(bone, 2),
-    in_edges(bone, 2, averaging="before"),
-    in_edges(bone, 3, averaging="before"),
+    in_edges(bone, 2, averaging=2),
+    in_edges(bone, 3, averaging=2),
 ]
 
 # %%

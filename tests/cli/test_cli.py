@@ -34,7 +34,6 @@ from cvtimg.pictures import image_info
 from cvtimg.quantization import remapping
 from cvtimg.quantization.dithering import DITHERS
 from cvtimg.restoration import RENORMALIZATIONS
-from cvtimg.segmentation.averaging import KERNELS, WHEN
 from cvtimg.tables.files import MISSING, read_table
 
 pytestmark = pytest.mark.timeout(120)
@@ -413,8 +412,6 @@ def test_help_fits_the_terminal(run: Run, monkeypatch: pytest.MonkeyPatch, argum
         ("quantize init", cvtimg.engine.SEEDINGS),
         ("quantize space", SPACES),
         ("quantize dither", ["none", *DITHERS, "compact"]),
-        ("segment averaging", ["none", *WHEN]),
-        ("segment kernel", KERNELS),
         ("segment edge_mode", EDGE_MODES),
         ("elbow rule", RULES),
         ("restore renormalize", RENORMALIZATIONS),

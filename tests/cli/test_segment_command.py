@@ -219,8 +219,7 @@ def test_options_reach_the_segmentation(run: Run) -> None:
     plain = n_pieces("--edge-weight", "0")
     for calmer in (
         [],
-        ["--edge-weight", "0", "--averaging", "before"],
-        ["--edge-weight", "0", "--averaging", "after", "--kernel", "box", "--radius", "2"],
+        ["--edge-weight", "0", "--averaging", "2"],
         ["--edge-weight", "1000", "--edge-radius", "2"],
         ["--edge-weight", "0", "--min-size", "10"],
     ):

@@ -54,9 +54,9 @@ def test_objects_are_split_and_the_background_is_in_no_table(
 def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], row_of: RowOf) -> None:
     known = np.broadcast_to(np.arange(90) < 60, cells.shape)
     write_image("mask.png", known)
-    how = ["--averaging", "before", "--edge-weight", "auto", "--mask", "mask.png"]
+    how = ["--averaging", "2", "--edge-weight", "auto", "--mask", "mask.png"]
     row = row_of("segment", "cells.png", "-k", "auto", *how)
-    expected = segment(cells, "auto", averaging="before", edge_weight="auto", mask=known)
+    expected = segment(cells, "auto", averaging=2, edge_weight="auto", mask=known)
     assert expected.n_segments != segment(cells, "auto").n_segments
     assert expected.curve is not None
     assert row["k"] == expected.n_segments

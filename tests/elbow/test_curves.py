@@ -202,12 +202,6 @@ def test_edge_weight_finds_the_number_that_noise_hides() -> None:
     assert result.n_segments == result.curve.elbow() == 4
 
 
-def test_the_energy_of_one_averaged_segment_is_its_spread() -> None:
-    picture = blocks(10)
-    curve = segment_curve(picture, 1, averaging="after")
-    assert curve.energies[0] == pytest.approx(picture.size * picture.var(), rel=1e-4)
-
-
 def test_segments_without_options_are_plain_cells() -> None:
     result = segment(flat_picture(5, 2, 4), "auto")
     assert result.n_segments == 5

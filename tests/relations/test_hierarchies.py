@@ -43,6 +43,7 @@ def _row(change: str, changed: Any, result: Any = chances, follows: Any = equal,
 RELATIONS = [
     _row("float32 by /255", lambda image: (image / 255).astype(np.float32)),
     _row("floats by /255", lambda image: image / 255),
+    _row("16 bits", lambda image: image * np.uint16(257)),
     _row("an alpha that is opaque", lambda image: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])),
     _row(
         "mirrored",

@@ -114,6 +114,18 @@ RELATIONS = [
         for inputs in _PICTURES
     ),
     *(
+        Relation(
+            "segment",
+            f"floats in 0..1, {inputs.__name__}",
+            inputs,
+            lambda image: segment(image, 4).labels,
+            lambda image: image / np.iinfo(image.dtype).max,
+            np.testing.assert_array_equal,
+            **_TOLD,
+        )
+        for inputs in _PICTURES
+    ),
+    *(
         Relation("segment", f"{name}, {inputs.__name__}", inputs, in_variances, change, energy, **_TOLD)
         for inputs in _PICTURES
         for name, change in _VALUES.items()

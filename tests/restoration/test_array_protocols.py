@@ -33,7 +33,7 @@ class Tensor:
 VERBS: dict[str, Callable[[Any], Any]] = {
     "quantize": lambda image: cvtimg.quantize(image, 4).image,
     "segment": lambda image: cvtimg.segment(image, 3).labels,
-    "averaged": lambda image: cvtimg.segment(image, 3, averaging="before", mask=IMAGE[..., 0] > 20).labels,
+    "averaged": lambda image: cvtimg.segment(image, 3, averaging=2, mask=IMAGE[..., 0] > 20).labels,
     "superpixels": lambda image: cvtimg.superpixels(image, 12).labels,
     "restore": lambda image: cvtimg.restore([image, image], 3).image,
     "energy_curve": lambda image: cvtimg.energy_curve(image, 5).energies,

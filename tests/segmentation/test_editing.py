@@ -53,6 +53,8 @@ def test_parts_that_never_merge_are_split_apart() -> None:
     mask = np.ones((30, 40), bool)
     mask[:, 18:22] = False
     tree = segment_hierarchy(np.tile(np.arange(40, dtype=np.uint8), (30, 1)), mask=mask, n_leaves=20)
+    with pytest.raises(ValueError, match="n_regions=1 must be an integer >= 2"):
+        tree.cut(1)
     joined = edit_labels(tree.cut(2), ["merge 3,3 35,3"])
     assert same_parts(edit_labels(joined, ["split 3,3"], hierarchy=tree), tree.cut(2))
 

@@ -43,12 +43,6 @@ def test_superpixels_cover_the_mask_and_nothing_else(photograph: NDArray[Any]) -
     assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
 
 
-def test_superpixels_do_not_depend_on_the_type(photograph: NDArray[Any]) -> None:
-    expected = superpixels(photograph, 60).labels
-    np.testing.assert_array_equal(superpixels(photograph * np.uint16(257), 60).labels, expected)
-    np.testing.assert_array_equal(superpixels(photograph / np.float32(255), 60).labels, expected)
-
-
 def test_more_superpixels_than_pixels_are_refused() -> None:
     with pytest.raises(ValueError, match=r"n_superpixels=7 must be in 1\.\.6"):
         superpixels(np.zeros((2, 3)), 7)

@@ -15,10 +15,9 @@ from cvtimg import segment, write_image
 from cvtimg.cli import app as cli
 from cvtimg.colors import counting
 from cvtimg.labels import region_means
-from cvtimg.pictures import image_info, open_stack, tiles
-from cvtimg.segmentation import Averaging, segment_file
+from cvtimg.pictures import image_info, tiles
+from cvtimg.segmentation import segment_file
 from cvtimg.segmentation import tiled as tiled_segmentation
-from cvtimg.segmentation.averaging import averaged
 
 RNG = np.random.default_rng(8)
 zarr = pytest.importorskip("zarr")
@@ -88,17 +87,6 @@ def test_noise_leaves_no_seams(radius: int, monkeypatch: pytest.MonkeyPatch) -> 
     starts = np.arange(32, len(image), 32)
     near = np.abs(np.arange(len(image))[:, None] - starts).min(axis=1) <= radius
     assert differs[near].mean() <= differs[~near].mean() + 1e-3
-
-
-def test_averages_reach_across_strips() -> None:
-    image = noisy()
-    write(image)
-    picture = tiled_segmentation.PixelsOnDisk(open_stack("a.tif", tiles=True), Path(), "rgb")
-    average = Averaging("before", "gaussian", 3.7)
-    strips = [values for values, _ in picture.blurred(3.7)]
-    expected = averaged(image.astype(np.float32) - image.mean(axis=(0, 1)).astype(np.float32), average)
-    assert len(strips) > 3
-    np.testing.assert_allclose(np.concatenate(strips), picture.frame.of(expected), atol=1e-3)
 
 
 def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
@@ -197,7 +185,7 @@ def test_what_needs_the_whole_picture_is_refused(
 ) -> None:
     write(photograph[:96, :96])
     monkeypatch.setattr(tiles, "_LARGE", 1000)
-    for options in (["--components"], ["--averaging", "after"], ["--superpixels"], ["-k", "auto"]):
+    for options in (["--components"], ["--averaging", "2"], ["--superpixels"], ["-k", "auto"]):
         assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options]) == 1
         option = "-k auto" if "auto" in options else options[0]
         assert f"is read in tiles, and {option} needs the whole image" in capsys.readouterr().err

@@ -15,7 +15,7 @@ from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Outcome, Output
 from cvtimg.explore.tabs.base import IMAGE, MASK, WRITE_IMAGE, Request, Tab, brushes, visible
 from cvtimg.labels import region_means
-from cvtimg.segmentation import Averaging, Edit, Objects
+from cvtimg.segmentation import Edit, Objects
 
 _SEGMENTS = {"way": ["segments"]}
 _REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
@@ -49,8 +49,6 @@ class SegmentsTab(Tab):
         ("compactness", {"always": False}),
         "shading",
         "averaging",
-        "kernel",
-        ("radius", {"default": 2, "low": 1}),
         "smallest_detail",
         "edge_weight",
         "edge_radius",
@@ -123,8 +121,6 @@ class SegmentsTab(Tab):
             return call("cvtimg.segment_hierarchy", IMAGE, **keywords)
         if settings["way"] == "superpixels":
             return call("cvtimg.superpixels", IMAGE, settings["cells"], **keywords)
-        if settings["averaging"] != "none":
-            keywords["averaging"] = Averaging(settings["averaging"], settings["kernel"], settings["radius"])
         if settings["pieces"] == "components":
             keywords["components"] = True
         elif settings["pieces"] == "objects":

@@ -20,7 +20,7 @@ from cvtimg._shared.threads import in_parts, of_each
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.averaging import Averaging, averaged
+from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import PictureValues, from_nearest
@@ -42,8 +42,8 @@ def find_channels(values: PictureValues) -> Channels:
     noise = noise_covariance(field, inside)
     blur = _blur_for(noise)
     if blur:
-        field = averaged(field, Averaging("before", "gaussian", blur), inside)
-        noise = noise * Averaging("before", "gaussian", blur).noise_gain
+        field = averaged(field, blur, inside)
+        noise = noise * noise_gain(blur)
     colors, ranges = _colors(field, values)
     low, gain = _full_contrast(colors[inside], noise)
     bins = np.empty((*inside.shape, colors.shape[2] + 1), np.uint8)

@@ -13,7 +13,7 @@ from cvtimg.labels.components import find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
-from cvtimg.segmentation.hierarchy.strengths import _angles, _half_disc_distances, smoothing_matrix
+from cvtimg.segmentation.hierarchy.strengths import _angles, _half_disc_distances
 
 
 @given(arrays(np.int32, st.tuples(st.integers(1, 6), st.integers(1, 6)), elements=st.integers(0, 3)))
@@ -74,9 +74,3 @@ def unnormed(histogram: NDArray[Any]) -> NDArray[Any]:
     far = np.arange(-6, 7)
     taps = np.exp(-0.5 * (far / (0.1 * N_LEVELS)) ** 2)
     return np.convolve(histogram, taps / taps.sum(), mode="same")
-
-
-def test_smoothing_keeps_the_mass_of_every_level() -> None:
-    matrix = smoothing_matrix()
-    np.testing.assert_allclose(matrix.sum(axis=1), 1)
-    assert (np.argmax(matrix, axis=1) == np.arange(N_LEVELS)).all()

@@ -59,15 +59,6 @@ def test_noise_hides_no_large_shapes(deviation: float) -> None:
     assert agreement(segment_hierarchy(image, n_leaves=200).cut(3), truth) > 0.97
 
 
-def test_the_type_of_an_image_does_not_matter(photograph: NDArray[Any]) -> None:
-    photograph = photograph[:128, :128]
-    expected = segment_hierarchy(photograph, n_leaves=40)
-    for image in (photograph * np.uint16(257), photograph / np.float64(255)):
-        found = segment_hierarchy(image, n_leaves=40)
-        np.testing.assert_array_equal(found.leaves, expected.leaves)
-        np.testing.assert_array_equal(found.merges, expected.merges)
-
-
 @pytest.mark.slow
 def test_masked_pixels_have_no_label_and_no_influence(photograph: NDArray[Any]) -> None:
     rows, columns = np.mgrid[:256, :256]
@@ -80,30 +71,11 @@ def test_masked_pixels_have_no_label_and_no_influence(photograph: NDArray[Any]) 
     np.testing.assert_array_equal(segment_hierarchy(missing, n_leaves=100).cut(10), hierarchy.cut(10))
 
 
-def test_parts_that_a_mask_keeps_apart_never_merge() -> None:
-    mask = np.ones((40, 60), bool)
-    mask[:, 20:30] = False
-    mask.flags.writeable = False
-    hierarchy = segment_hierarchy(np.linspace(0, 1, 2400).reshape(40, 60), n_leaves=30, mask=mask)
-    assert hierarchy.n_parts == 2
-    assert hierarchy.cut(2)[0, ::10].tolist() == [1, 1, 0, 2, 2, 2]
-    assert hierarchy.contour_map()[:, 15:40].any()
-    with pytest.raises(ValueError, match="n_regions=1 must be an integer >= 2"):
-        hierarchy.cut(1)
-    np.testing.assert_array_equal(hierarchy.cut(threshold=99), hierarchy.cut(2))
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (1, 20), (60, 80), (60, 80, 3)])
 def test_one_color_is_one_region(shape: tuple[int, ...]) -> None:
     hierarchy = segment_hierarchy(np.full(shape, 77, np.uint8))
     assert (hierarchy.cut() == 1).all()
     assert not (hierarchy.contour_map() > 1e-6).any()
-
-
-def test_nothing_to_segment_is_an_error() -> None:
-    for image, mask in ((np.full((4, 5), np.nan), None), (np.zeros((4, 5)), np.zeros((4, 5)))):
-        with pytest.raises(ValueError, match="image must have at least one pixel that counts"):
-            segment_hierarchy(image, mask=mask)
 
 
 def test_wrong_arguments_are_named() -> None:
