@@ -17,7 +17,6 @@ from cvtimg.colors import color_samples
 from cvtimg.elbow import RULES, TargetMissedError
 from cvtimg.elbow.curves import EnergyCurve, auto_count
 from cvtimg.elbow.rules import Scale
-from cvtimg.segmentation import segment_curve
 
 
 def curve_of(energies: list[float], peak: float | None = None) -> EnergyCurve:
