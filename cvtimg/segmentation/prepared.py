@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import Any
 
@@ -158,11 +158,12 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     # keeps the energy and the generators of one segment less.
     inside, volume_power = prepared.values.inside, prepared.how.volume_power
     start = prepared.start(_SEGMENTS_AT_START)
-    rows = (prepared.field if start is None else start)[inside]
-    cells = energy_curve(rows, n_max, volume_power=volume_power, rng=rng)
+    samples: Any = prepared.values.samples if start is None else start[inside]  # those that segments start from
+    cells = replace(energy_curve(samples, n_max, volume_power=volume_power, rng=rng), is_continuum=False)
     # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
     if start is None and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
+    rows = (prepared.field if start is None else start)[inside]
     points = pack(rows, np.ones(len(rows)))
     energies: list[float] = []
     generators: list[NDArray[np.float64]] = []

@@ -8,9 +8,10 @@ import pytest
 from images import discs
 from numpy.typing import NDArray
 from scipy import ndimage
+from skimage import data
 from skimage.measure import label
 
-from cvtimg import read_image, segment, tessellate
+from cvtimg import energy_curve, read_image, segment, tessellate
 from cvtimg.colors import color_samples
 from cvtimg.labels import read_labels
 from cvtimg.segmentation.averaging import averaged, noise_gain
@@ -316,3 +317,10 @@ def test_of_a_page_under_a_lamp_ink_alone_is_ink() -> None:
     within = ndimage.binary_erosion(sauvola)  # but for rims, where the cut is a matter of definition
     assert np.count_nonzero(ink & ~sauvola) < 0.03 * np.count_nonzero(sauvola)
     assert np.count_nonzero(within & ~ink) < 0.01 * np.count_nonzero(within)
+
+
+def test_the_number_of_segments_is_the_elbow_of_the_colors() -> None:
+    for image in (data.coins()[::3, ::3], data.coffee()[::5, ::5]):
+        curve = segment(image, "auto").curve
+        assert curve is not None
+        assert curve.elbow() == energy_curve(image).elbow() > 1
