@@ -1,7 +1,8 @@
 """Defects that are no noise: impulses, as salt and pepper and hot and dead pixels are, and stripes of rows or columns.
 
 Either is taken for one only by evidence that pictures do not give: values at an end of the levels stand out from all
-around them, as others do not; rows differ by the same amount from those above and below on the left and on the right.
+around them, as others do not, or others do so as no lens draws lights; rows differ by the same amount, or part, from
+those above and below on the left and on the right.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Defects:
     """What was found in each version."""
 
     impulses: Doubles  # (S,): share of the known pixels that are impulses, which are unknown from then on
-    stripes: Doubles  # (S, 2): standard deviations of the offsets of rows and of columns that were taken away
+    stripes: Doubles  # (S, 2): standard deviations of what stripes of rows and of columns added and was taken away
 
     @classmethod
     def none(cls, n_versions: int) -> Defects:
@@ -45,7 +46,7 @@ class Defects:
 
 
 def without_defects(versions: Versions) -> tuple[Versions, Defects]:
-    """Take the offsets of rows and columns away, and let impulses be unknown, where there is evidence of either."""
+    """Take stripes of rows and columns away, and let impulses be unknown, where there is evidence of either."""
     known, stack = versions.known.copy(), list(versions.stack)
     defects = Defects.none(versions.n_versions)
     for number, given in enumerate(versions.stack):
@@ -59,10 +60,10 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
         seen = known[:, :, number]
         filled = fill(np.where(seen[:, :, None], given, 0).astype(np.float32), seen.astype(np.float32))
         for axis, rows in enumerate((filled, filled.swapaxes(0, 1))):
-            offsets = _offsets(rows)
-            if (level := np.sqrt(np.square(offsets).mean())) > versions.unseen:
+            stripes = _stripes(rows)
+            if (level := np.sqrt(np.square(stripes).mean())) > versions.unseen:
                 defects.stripes[number, axis] = level
-                values = stack[number] - (offsets if axis == 0 else offsets.swapaxes(0, 1))
+                values = stack[number] - stripes.swapaxes(0, axis)
                 stack[number] = np.where(inside[:, :, None], values, np.float32(0))
     return replace(versions, known=known, stack=tuple(stack)), defects
 
@@ -152,6 +153,15 @@ def _around(bands: Floats) -> Floats:
 
 
 # --- stripes
+
+
+def _stripes(image: Floats) -> Floats:
+    """(H, W, C) what offsets of the rows of an image add, or gains, whichever explain more; 0 without evidence."""
+    least, shift = image.min(), np.ptp(image) / np.float32(64) + np.float32(1e-30)
+    logs = np.log(image - least + shift)  # in which gains are offsets
+    without = [image - _offsets(image), np.exp(logs - _offsets(logs)) + least - shift]
+    left = [sum(np.square(_departures(band)).sum() for band in np.moveaxis(one, 2, 0)) for one in without]
+    return image - without[int(np.argmin(left))]
 
 
 def _offsets(image: Floats) -> Floats:

@@ -48,7 +48,7 @@ class Denoised(ReadOnly):
     impulses : (S,) float64 array
         Share of the known pixels of each version that are impulses, as of salt and pepper, and were not used.
     stripes : (S, 2) float64 array
-        Standard deviations of what was taken away of the rows and of the columns of each version, which had offsets.
+        Standard deviations of what was taken away of the rows and of the columns of each version: offsets or gains.
     weights : (S,) float64 array
         Weight of each version, with mean 1.
     shifts : (S, 2) float64 array
