@@ -304,6 +304,8 @@ def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
         of, about["choices"] = Choice, {name: kind.labels.get(name, name) for name in kind.names}
     elif isinstance(kind, record.Text) and kind.labels:
         of, about["choices"], about["to"] = Choice, kind.labels, kind.parse
+    elif isinstance(kind, record.Text) and isinstance(default, str) and default != "auto":
+        of, about["to"] = Entry, kind.parse
     else:
         of = Number
         about |= {name: getattr(kind, name, -math.inf if name == "low" else math.inf) for name in ("low", "high")}

@@ -87,7 +87,7 @@ STIPPLE = (
         "Draw with pens of these colors, such as '#000,#e4002b,navy', a layer for each.",
         metavar="COLOR,...",
         excludes=("invert",),
-    ),
+    ).on_page("Colors of pens", default="#000,#e4002b,#0057b8"),
     passed(
         "tones",
         Choice(("light", "true"), {"light": "light drawing", "true": "as bright as the image"}),
@@ -95,14 +95,18 @@ STIPPLE = (
         default="light",
     ).on_page("Tones"),
     switch("invert", "Draw light dots on dark paper.", keyword="invert").on_page("Light on dark"),
-    switch("bleed", "Let the frame of the picture cut dots; by default they are whole.", keyword="bleed"),
+    switch("bleed", "Let the frame of the picture cut dots; by default they are whole.", keyword="bleed").on_page(
+        "Dots cut by the frame"
+    ),
     Option(
         "width",
         Text(_length),
         "Greatest width of the drawing, such as 200mm, the default without --paper, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
     ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000, default=200),
-    Option("height", Text(_length), "Greatest height of the drawing.", metavar="LENGTH"),
+    Option("height", Text(_length), "Greatest height of the drawing.", metavar="LENGTH").on_page(
+        "Drawing height", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000, default="auto"
+    ),
     Option(
         "paper",
         Text(_paper),
@@ -110,7 +114,9 @@ STIPPLE = (
         metavar="SHEET",
     ),
     switch("landscape", "Turn the sheet of --paper so that it is wide.", needs=("paper",)),
-    Option("margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"),
+    Option(
+        "margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"
+    ).on_page("Margin", slider=(0, 50), step=0.5, unit="mm", suffix="mm", low=0, high=1000, default="auto"),
     Option(
         "marks",
         Choice(("disks", "circles", "points", "line"), {"disks": "filled disks", "line": "one line"}),
@@ -122,7 +128,7 @@ STIPPLE = (
         Choice(("solid", "spiral")),
         "Fill disks with color, or with a spiral of the pen's line.",
         default="solid",
-    ),
+    ).on_page("Fill"),
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
     ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", low=0.01, high=100, default="auto"),

@@ -15,7 +15,17 @@ from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 #: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
-_DRAWN = {"width": 200.0, "paper": "none", "landscape": False, "marks": "disks", "pen_width": "auto", "order": "tour"}
+_DRAWN = {
+    "width": None,  # told whenever it is in effect
+    "height": "auto",
+    "paper": "none",
+    "landscape": False,
+    "margin": "auto",
+    "marks": "disks",
+    "fill": "solid",
+    "pen_width": "auto",
+    "order": "tour",
+}
 _PAPER = {"none": "as large as the drawing", "a5": "A5", "a4": "A4", "a3": "A3", "letter": "Letter"}
 
 
@@ -62,11 +72,17 @@ class StippleTab(Tab):
             flag="--layers",
             keyword="layers",
         ),
-        ("invert", {"when": {"layers": ["one"]}}),
+        Switch(name="colored", label="Pens of other colors", when={"layers": ["one"]}),
+        ("pens", {"when": {"layers": ["one"], "colored": [True]}, "always": True}),
+        ("invert", {"when": {"layers": ["one"], "colored": [False]}}),
+        "bleed",
         "marks",
+        ("fill", {"when": {"marks": ["disks"]}}),
         Choice(name="paper", label="Paper", default="none", choices=_PAPER, flag="--paper"),
         Switch(name="landscape", label="Landscape", flag="--landscape", when={"paper": [*_PAPER][1:]}),
         ("width", {"when": {"paper": ["none"]}}),
+        "height",
+        "margin",
         ("pen_width", {"always": False, "when": {"by": ["n"]}}),
         "order",
     )
@@ -86,8 +102,8 @@ class StippleTab(Tab):
         settings = request.settings
         keywords = self.keywords(settings)
         if settings["by"] == "pen":
-            on_paper = settings["paper"] != "none"
-            scale = f"{self._scale(request)}" if on_paper else f"{settings['width']} * image.shape[1]"
+            is_wide = settings["paper"] == "none" and settings["height"] == "auto"
+            scale = f"{settings['width']} * image.shape[1]" if is_wide else f"{self._scale(request)}"
             keywords["dot_diameter"] = Code(f"{settings['pen']} / {scale}")
         if "least" in self.in_effect(settings):
             keywords["radius_range"] = (settings["least"], settings["greatest"])
@@ -97,7 +113,7 @@ class StippleTab(Tab):
     def _scale(self, request: Request) -> float:
         """Return the millimeters of a pixel of the picture."""
         drawn = _drawing(self, request.settings)
-        fitted = {name: drawn[name] for name in ("width", "paper", "landscape") if name in drawn}
+        fitted = {name: drawn[name] for name in ("width", "height", "paper", "landscape", "margin") if name in drawn}
         return Sheet.of(request.picture.size, **fitted).scale
 
     def scaled(self, request: Request) -> Settings:
