@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -19,7 +20,8 @@ PATIENCE = 60.0
 def served(folder: Path, *names: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start a server in a folder, with pictures to open, and return its address and its process."""
     words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", *names]
-    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True) as program:
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(folder / "config")}
+    with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         yield program.stdout.readline().strip(), program
         program.terminate()

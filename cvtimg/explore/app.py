@@ -26,6 +26,7 @@ from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
 from cvtimg.explore.opened import most_pixels
 from cvtimg.explore.pasted import settings_of
+from cvtimg.explore.presets import change_presets, presets
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS
 
@@ -65,6 +66,7 @@ class Server:
             Route("/all", self._add_to_all, methods=["POST"]),
             Route("/all.zip", self._all),
             Route("/command", self._read_command, methods=["POST"]),
+            Route("/presets", self._change_presets, methods=["POST"]),
             Route("/sample", self._open_sample, methods=["POST"]),
             Route("/forget", self._forget, methods=["POST"]),
             Route("/given/{number:int}", self._open_given, methods=["POST"]),
@@ -97,6 +99,7 @@ class Server:
             "tabs": [tab.described() for tab in TABS.values()],
             "given": [path.name for path in self._paths],
             "keep": self._keep,
+            "presets": presets(),
             "megapixels": most_pixels() // 10**6,
             "megabytes": MOST_BYTES // 10**6,
             "palettes": [{"id": name, "name": name} for name in KNOWN],
@@ -123,12 +126,9 @@ class Server:
         """Add the result for a picture to the archive of all; the first empties it."""
 
         def added(name: str, content: bytes) -> dict[str, Any]:
-            try:
-                asked = json.loads(content)
-                if asked.get("first"):
-                    self.collection.begin()
-            except (ValueError, AttributeError, RecursionError) as error:
-                raise UnfitRequestError("this request is not understood") from error
+            asked = _understood(content)
+            if asked.get("first"):
+                self.collection.begin()
             return self.collection.add(asked)
 
         return await self._sent(request, added)
@@ -140,6 +140,9 @@ class Server:
 
     async def _read_command(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: settings_of(content.decode(errors="replace")))
+
+    async def _change_presets(self, request: Request) -> Response:
+        return await self._sent(request, lambda name, content: change_presets(_understood(content)))
 
     async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
         """Take a file that a page sends, up to the limit."""
@@ -209,6 +212,14 @@ class Server:
             self._last_used = time.monotonic()
             if not self._keep and not self._n_pages:
                 self.store.forget()
+
+
+def _understood(content: bytes) -> dict[str, Any]:
+    """Return what a page asks for in JSON."""
+    try:
+        return dict(json.loads(content))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise UnfitRequestError("this request is not understood") from error
 
 
 def _sample() -> bytes:

@@ -12,7 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 from visits import PATIENCE, Visit, served, without_history
 
@@ -623,3 +625,29 @@ def test_frames_are_scrubbed(visit: Go, folder: Path) -> None:
     page.select_option("#pictures", label="photo.png")
     one.settled()
     assert page.is_hidden("#film")
+
+
+def test_channels_are_chosen_presets_come_back_and_sizes_stand_beside_each_other(visit: Go, tmp_path: Path) -> None:
+    one = visit()
+    one.settled()
+    one.until("document.getElementById('sizes').textContent.split('·').length === 3")
+    one.page.select_option("#c-dither", "bayer")
+    one.page.fill("#presetname", "dotted")
+    one.page.click("#savepreset")
+    one.until("[...document.getElementById('preset').options].some(option => option.value === 'dotted')")
+    one.page.select_option("#c-dither", "none")
+    one.settled()
+    one.page.select_option("#preset", "dotted")
+    one.settled()
+    assert "--dither bayer" in one.page.inner_text("#command")
+    one.page.click("#droppreset")
+    one.until("document.getElementById('preset').options.length === 1")
+    values = np.random.default_rng(0).integers(0, 255, (3, 40, 60), dtype=np.uint8)
+    tifffile.imwrite(
+        tmp_path / "c.ome.tif", values, metadata={"axes": "CYX", "Channel": {"Name": ["DAPI", "GFP", "T"]}}
+    )
+    one.page.set_input_files("#open", tmp_path / "c.ome.tif")
+    one.until("!document.getElementById('channels').hidden")
+    one.page.select_option("#channel", label="GFP")
+    one.settled()
+    assert "--channel 2" in one.page.inner_text("#command")

@@ -408,6 +408,21 @@ def test_a_command_that_is_pasted_sets_the_controls(
     assert answer["left"] == []
 
 
+def test_settings_are_kept_by_name_but_not_what_belongs_to_a_picture(
+    page: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    settings = {"regions": 7, "edits": ["merge 1,1 2,2"]}
+    page.post("/presets", json={"name": " mine ", "tab": "segments", "settings": settings})
+    kept = {"mine": {"tab": "segments", "settings": {"regions": 7}}}
+    assert page.get("/about").json()["presets"] == kept
+    for wrong in ({"name": ""}, {"name": "a", "tab": "none"}, {"name": "a", "tab": "segments", "settings": {"x": 1}}):
+        assert page.post("/presets", json={"settings": {}, **wrong}).status_code == 422
+    assert page.post("/presets", json={"name": "mine"}).json() == page.get("/about").json()["presets"] == {}
+    (tmp_path / "cvtimg/presets.json").write_text("[1")
+    assert page.get("/about").json()["presets"] == {}
+
+
 @pytest.mark.parametrize("command", ["cvtimg info a.png", "rm -r x", "cvtimg quantize 'a", "cvtimg quantize a -k many"])
 def test_a_text_that_is_no_command_of_a_tab_is_refused(page: TestClient, command: str) -> None:
     assert page.post("/command", content=command.encode()).status_code == 422

@@ -236,7 +236,7 @@ function receive(reply, about) {
 	if (about.lane === "exact") {
 		stopCounting();
 		recipes.offer(reply.result);
-		recipes.weigh(subject(), bytes => facts(bytes)); // the picture first; sizes of its files after
+		recipes.weigh(subject(), bytes => $("facts").textContent.startsWith("reading") || facts(bytes)); // the picture first
 	}
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
@@ -336,6 +336,28 @@ function takeShared() {
 	} catch (error) { report(error.message); }
 }
 
+function listPresets(presets) { // those of this tab
+	state.presets = presets;
+	const names = Object.keys(presets).filter(name => presets[name].tab === state.tab);
+	$("preset").replaceChildren(new Option("Presets…", ""), ...names.map(name => new Option(name)));
+	$("preset").disabled = !names.length;
+	$("savepreset").disabled = $("droppreset").disabled = !$("presetname").value.trim();
+}
+
+function takePreset(name) {
+	const {tab, settings: preset} = state.presets[name], {controls} = state.tabs.find(one => one.name === tab);
+	steps.remember();
+	const known = Object.fromEntries(Object.entries(preset).filter(([key]) => controls.some(one => one.name === key)));
+	state.settings[tab] = {...defaults(controls), ...known};
+	showTab(tab);
+	$("presetname").value = name;
+	listPresets(state.presets);
+}
+
+async function changePreset(settings) {
+	try { listPresets(await send("/presets", JSON.stringify({name: $("presetname").value, tab: state.tab, settings}))); } catch (error) { report(error.message); }
+}
+
 async function takeCommand(text) { // sets what a command says, and the rest as usual
 	try {
 		const {tab, settings, left} = await send("/command", text), {controls} = state.tabs.find(one => one.name === tab);
@@ -389,6 +411,7 @@ function showTab(name) {
 	$("rightname").textContent = "";
 	if (!link.gone) stopCounting();
 	want();
+	listPresets(state.presets);
 }
 
 function lay() { // what the tab shows onto the stage: the picture, or a sheet of its own
@@ -530,6 +553,10 @@ $("cancel").onclick = cancel;
 $("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
 $("copylink").onclick = async () => { await navigator.clipboard.writeText(linkTo(tab(), settings())); $("copylink").textContent = "Copied"; };
 addEventListener("hashchange", takeShared);
+$("preset").onchange = () => $("preset").value && takePreset($("preset").value);
+$("presetname").oninput = () => listPresets(state.presets);
+$("savepreset").onclick = () => changePreset(settings());
+$("droppreset").onclick = () => changePreset(null);
 addEventListener("pagehide", keep);
 $("forget").onclick = forget;
 $("showall").onclick = () => gallery.open(state.pictures);
@@ -582,7 +609,7 @@ async function start() {
 	}
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
-	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, keep: false});
+	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, presets: about.presets, keep: false});
 	$("limits").textContent = `Up to ${about.megapixels} megapixels and ${about.megabytes} MB each. Nothing leaves this machine.`;
 	$("kept").textContent = about.keep
 		? "Images and results, on this machine, until the server ends; settings and steps back in this tab of the browser, until it is closed."
