@@ -1,10 +1,9 @@
-"""Segmentation beside other programs: noise, pictures that people divided, superpixels, seconds.
+"""Segmentation beside other programs: noise, pictures that people divided, energies, superpixels.
 
-Prints five parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
-pictures, if they are there; energies beside those of expansion over pixels; superpixels beside SLIC; seconds on a
-megapixel.
+Prints four parts: accuracy on three drawn shapes under noise; agreement with the human segmentations of the Berkeley
+pictures, if they are there; energies beside those of expansion over pixels; superpixels beside SLIC.
 
-    python benchmarks/segmentation.py [--quick] [--parts noise bsds energy cells speed]
+    python benchmarks/segmentation.py [--quick] [--parts noise bsds energy cells]
 """
 
 from __future__ import annotations
@@ -22,11 +21,10 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, Rows, cpu_seconds, parser, progress, read_rgb, run, timed
+from common import DATA, SAMPLES, Rows, parser, progress, read_rgb, run, timed
 from numpy.typing import NDArray
-from PIL import Image
 
-from cvtimg import quantize, segment, segment_hierarchy, superpixels
+from cvtimg import segment, segment_hierarchy, superpixels
 from cvtimg.labels import connected_pieces, region_means
 
 SIGMAS = (0.25, 0.5, 1.0)
@@ -254,40 +252,6 @@ def cells(given: argparse.Namespace) -> tuple[Rows, Rows]:
     return rows, means_of(rows, columns)
 
 
-def megapixel(data: Path) -> NDArray[np.uint8]:
-    """Enlarge a photograph to a megapixel."""
-    source = [*sorted((data / "kodak").glob("*.png")), SAMPLES / "coffee.png"][0]
-    with Image.open(source) as image:
-        return np.asarray(image.convert("RGB").resize((1152, 868), Image.Resampling.BICUBIC))
-
-
-def speed(given: argparse.Namespace) -> Rows:
-    """Measure seconds of the processor on one megapixel RGB; calls take turns."""
-    from skimage.segmentation import slic
-
-    clean = megapixel(given.data or DATA)
-    grain = np.random.default_rng(0).normal(0, 40, clean.shape)
-    noisy = np.clip(np.rint(clean + grain), 0, 255).astype(np.uint8)
-    calls: dict[str, Callable[[], Any]] = {
-        "quantize, K = 4": lambda: quantize(clean, 4),
-        "segment, K = 4": lambda: segment(clean, 4),
-        "segment, K = 4, edge_weight=0": lambda: segment(clean, 4, edge_weight=0),
-        "segment, K = 4, edge_weight=20": lambda: segment(clean, 4, edge_weight=20),
-        "segment, K = 4, noise 40": lambda: segment(noisy, 4),
-        "segment, K = 4, components, min_size=100": lambda: segment(clean, 4, components=True, min_size=100),
-        "superpixels, 100": lambda: superpixels(clean, 100),
-        f"{skimage()} slic, its defaults (100)": lambda: slic(clean),
-        "superpixels, 1000": lambda: superpixels(clean, 1000),
-        f"{skimage()} slic, 1000": lambda: slic(clean, 1000),
-    }
-    seconds: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(1 if given.quick else 5):
-        for name, call in calls.items():
-            progress(f"speed: {name}")
-            seconds[name] += cpu_seconds(call)
-    return [{"call": name, "seconds": statistics.median(runs)} for name, runs in seconds.items()]
-
-
 def skimage() -> str:
     """Name the version of scikit-image."""
     return f"scikit-image {importlib.metadata.version('scikit-image')}"
@@ -305,4 +269,4 @@ def metrics_of(data: Path) -> ModuleType | None:
 
 
 if __name__ == "__main__":
-    run(parser(__doc__), noise, bsds, energy, cells, speed)
+    run(parser(__doc__), noise, bsds, energy, cells)
