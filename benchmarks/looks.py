@@ -32,7 +32,6 @@ from whole_process import Spelling, find_cvtimg, spell_cvtimg
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import VisualQuality, content_quality
 from cvtimg.looks.rate import visibility
-from cvtimg.plotting import Panel, contact_sheet
 
 #: Side of the parts that are shown, and where their middles are, down and right.
 SHOWN, PLACE = 80, 0.3
@@ -163,19 +162,21 @@ def drawn(given: argparse.Namespace) -> tuple[Rows, Rows]:
 
 def sheet(given: argparse.Namespace) -> Rows:
     """Parts of pictures."""
-    shown, path = [], find_cvtimg(given.cvtimg)[0]
-    for picture in [one for some in picture_sets(given.data, given.pictures).values() for one in some]:
-        row = measure(path, picture, 256, programs(["pngquant"]), ".png", True)[0]
+    import matplotlib.pyplot as plt
+
+    pictures = [one for some in picture_sets(given.data, given.pictures).values() for one in some]
+    figure, axes = plt.subplots(len(pictures), 3, figsize=(7.5, 2.7 * len(pictures)), layout="tight", squeeze=False)
+    for picture, row_axes in zip(pictures, axes, strict=True):
+        row = measure(find_cvtimg(given.cvtimg)[0], picture, 256, programs(["pngquant"]), ".png", True)[0]
         top, left = (max(0, round(PLACE * n) - SHOWN // 2) for n in picture.pixels.shape[:2])
-        sizes = row["theirs"], row["theirs"] * row["bytes"]
-        captions = [
-            "original",
-            *(f"{n}, {size / 1000:.0f} kB" for n, size in zip(("pngquant", "cvtimg"), sizes, strict=True)),
-        ]
         images = picture.pixels, *(read_rgb(OUT / f"looks_{name}.png") for name in ("theirs", "ours"))
-        part = np.s_[top : top + SHOWN, left : left + SHOWN]
-        shown.append([Panel(image[part], (caption,)) for image, caption in zip(images, captions, strict=True)])
-    Image.fromarray(contact_sheet(shown, panel_width=3 * SHOWN)).save(OUT / "looks.webp", quality=85, method=6)
+        sizes = f"{row['theirs'] / 1000:.0f} kB", f"{row['theirs'] * row['bytes'] / 1000:.0f} kB"
+        titles = "original", f"pngquant, {sizes[0]}", f"cvtimg, {sizes[1]}"
+        for image, title, axis in zip(images, titles, row_axes, strict=True):
+            axis.imshow(image[top : top + SHOWN, left : left + SHOWN], interpolation="nearest")
+            axis.set_title(title)
+            axis.set_axis_off()
+    figure.savefig(OUT / "looks.webp", dpi=100)
     return Rows()
 
 

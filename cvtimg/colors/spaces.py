@@ -78,10 +78,6 @@ def _from_oklab(oklab: _Floats) -> _Floats:
     return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
 
 
-def _unchanged(rgb: _Floats) -> _Floats:
-    return rgb
-
-
 @dataclass(frozen=True, slots=True)
 class ColorSpace:
     """A color space.
@@ -105,7 +101,7 @@ class ColorSpace:
 
 #: The registry of color spaces: the values of `space` and ``--space``.
 SPACES: dict[str, ColorSpace] = {
-    "rgb": ColorSpace(_unchanged, _unchanged, gray=(1.0, 1.0, 1.0)),
+    "rgb": ColorSpace(lambda rgb: rgb, lambda rgb: rgb, gray=(1.0, 1.0, 1.0)),
     "linear": ColorSpace(_decode, _encode, gray=(1.0, 1.0, 1.0)),
     "lab": ColorSpace(_to_lab, _from_lab, white=100.0),
     "oklab": ColorSpace(_to_oklab, _from_oklab),

@@ -109,31 +109,7 @@ def map_band(
     const float[::1] lengths, const float[::1] distances, int shift, int n_matches, float price, float literal,
     float side, float strength, float longest, uint8_t[:, ::1] indices,
 ):
-    """Map a band of rows by rate, into `indices`.
-
-    Parameters
-    ----------
-    targets : (H, W, 4) float32 array
-        Places of the pixels.
-    visibility : (H, W) float32 array
-        How much their squared errors count.
-    entries : (K + 1, 4) float32 array
-        Places of the palette, and one far from all pixels.
-    lengths, distances : (LONGEST + 1,) and (FARTHEST + 1,) float32 array
-        Prices of matches, in squared errors, by their length and distance in bytes.
-    shift : int
-        Logarithm to base 2 of the number of indices in a byte.
-    n_matches : int
-        Most matches that are followed from a pixel, in 1..MOST_MATCHES.
-    price, literal : float
-        Of a bit, and of an index by itself, in squared errors.
-    side : float
-        Of the cubes of places that share the entries near to their middle: it changes the time alone.
-    strength, longest : float
-        The share of the error that is handed on, and the greatest length of the error before that.
-    indices : (H, W) uint8 array
-        OUT.
-    """
+    """Map a band of rows by rate, into `indices`; the arguments are those of `rate_band`, see there."""
     cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1, row
     # A row begins with the byte of its filter, which no match goes across, and with a new byte.
     cdef Py_ssize_t stride = ((width - 1 >> shift) + 2) << shift, run = (height + 1) * stride
@@ -168,17 +144,7 @@ def map_phrases(
     const float[:, :, ::1] kept, int n_paths, float price, float side, float strength,
     float longest, uint8_t[:, ::1] indices,
 ):
-    """Map an image by rate for LZW, into `indices`.
-
-    Parameters
-    ----------
-    targets, visibility, entries, price, side, strength, longest, indices
-        As in `map_band`.
-    kept : (H, W, 4) float32 array or None
-        Places of what the image is drawn over, for which the index is K.
-    n_paths : int
-        Most paths that are followed, in 1..MOST_PATHS.
-    """
+    """Map an image by rate for LZW, into `indices`, by at most `n_paths` paths; `kept` may be None, see `lzw_scratch`."""
     cdef Py_ssize_t height = targets.shape[0], width = targets.shape[1], n_entries = len(entries) - 1
     cdef rate_band band = rate_band(
         width, n_entries, 0, 0, &targets[0, 0, 0], &visibility[0, 0], &entries[0, 0], NULL, NULL, price, 0, side,

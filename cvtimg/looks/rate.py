@@ -67,24 +67,14 @@ USUAL = Rate()
 
 
 def visibility(brightness: NDArray[Any], bits: float = 0.0) -> NDArray[np.float32]:
-    """Return how much an error counts in each pixel: less where the brightness varies, which hides errors.
+    """Return how much an error counts in each (H, W) pixel: less where the brightness varies, which hides errors.
 
     Errors count half where its standard deviation is 3 levels, in a Gaussian window of sigma 3; and more where nothing
     but a slope hides them, as runs of one index in a gradient are seen as streaks.
 
-    Parameters
-    ----------
-    brightness : (H, W) array
-        In levels of 8 bits.
-    bits : float
-        What an index costs, in squared errors. Where nothing hides a step, it must not buy more than one that is hardly
-        seen, of a level; the square of what is seen grows in a line with the power of grain (Z.-L. Lu, B. A. Dosher,
-        J. Opt. Soc. Am. A 16 (1999) 764-778, doi:10.1364/JOSAA.16.000764).
-
-    Returns
-    -------
-    (H, W) float32 array
-        At least 0; at most 1, or `bits` if these are more.
+    The brightness is in levels of 8 bits; `bits` is what an index costs, in squared errors. Where nothing hides a step,
+    it must not buy more than one that is hardly seen, of a level; the square of what is seen grows in a line with the
+    power of grain (Z.-L. Lu, B. A. Dosher, J. Opt. Soc. Am. A 16 (1999) 764-778, doi:10.1364/JOSAA.16.000764).
     """
     # Squares of less are rounded less. Four blurs of sigma 1.5 are one of 3, and reach 20 pixels.
     levels = np.pad(np.asarray(brightness, np.float32) - 128, ((0, 0), (20, 20)), "symmetric")
@@ -109,27 +99,11 @@ def map_by_rate(
     strength: float = STRENGTH,
     kept: NDArray[np.float32] | None = None,
 ) -> NDArray[np.uint8]:
-    """Map pixels to the entries of a palette so that a file needs few bits.
+    """Return the (H, W) entry of each pixel so that a file needs few bits; the same for any number of threads.
 
-    Parameters
-    ----------
-    places : (H, W, D) float32 array
-        Where pixels lie, D <= 4, in units in which a squared distance of 1 is hardly seen.
-    entries : (K, D) float32 array
-        Where the entries lie, K in 2..256.
-    seen : (H, W) float32 array
-        How much the squared error of each pixel counts, see `visibility`.
-    rate : Rate
-        What small files are worth.
-    strength : float
-        Fraction of the error that is handed on, in 0..1.
-    kept : (H, W, D) float32 array, optional
-        Where the colors lie that a frame is drawn over, in a file coded by "lzw"; K <= 255.
-
-    Returns
-    -------
-    (H, W) uint8 array
-        K where the frame below is kept. The same for any number of threads.
+    Pixels and the entries, 2 to 256, are places of up to four coordinates, in units in which a squared distance of 1 is
+    hardly seen; `seen` is how much it counts, see `visibility`. `strength` is the share of the error that is handed on.
+    `kept` are the places of what a frame is drawn over, with the coder "lzw" and at most 255 colors: K stands for it.
     """
     height, width, _ = places.shape
     targets, weights = _wide(places), np.maximum(seen, np.float32(_LEAST))

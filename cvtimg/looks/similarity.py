@@ -5,6 +5,7 @@ J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import reduce
 from itertools import chain
 from typing import Any, NamedTuple
@@ -114,21 +115,13 @@ class VisualQuality:
         return whole, content
 
 
-class ContentQuality:
-    """How alike the content of images looks, whatever is behind them, against an original that is prepared once.
-
-    See `content_quality`.
-    """
-
-    def __init__(self, original: NDArray[Any]) -> None:
-        bands = np.asarray(original)
-        seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
-        # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
-        self._on = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
-
-    def __call__(self, image: NDArray[Any]) -> float:
-        """Return the quality of the content of an image of the same size."""
-        return min(quality.judged(image)[1] for quality in self._on)
+def content_measure(original: NDArray[Any]) -> Callable[[NDArray[Any]], float]:
+    """Return what measures the `content_quality` of images against an original, which is prepared once."""
+    bands = np.asarray(original)
+    seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
+    # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
+    grounds = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
+    return lambda image: min(quality.judged(image)[1] for quality in grounds)
 
 
 def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
@@ -172,7 +165,7 @@ def content_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
     >>> cvtimg.content_quality(canvas, canvas // 32 * 36) < cvtimg.visual_quality(canvas, canvas // 32 * 36) - 5
     True
     """
-    return ContentQuality(original)(image)
+    return content_measure(original)(image)
 
 
 def _score(total: float) -> float:
@@ -206,7 +199,7 @@ def _pyramid(image: NDArray[Any], ground: float) -> list[NDArray[np.float32]]:
 def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     height, width = linear.shape[1:]
     even = np.pad(linear, ((0, 0), (0, height % 2), (0, width % 2)), mode="edge")
-    return 0.25 * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
+    return np.float32(0.25) * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
 
 
 def _linear(image: NDArray[Any], ground: float) -> NDArray[np.float32]:

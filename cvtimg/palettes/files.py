@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,9 @@ PALETTE_FORMATS = {
     ".hex": PaletteFormat(text.read_hex, text.write_hex),
     ".act": PaletteFormat(adobe.read_act, adobe.write_act),
     ".ase": PaletteFormat(adobe.read_ase, adobe.write_ase),
-    ".css": PaletteFormat(text.read_css, text.write_css),
-    ".scss": PaletteFormat(text.read_scss, text.write_scss),
-    ".svg": PaletteFormat(text.read_svg, text.write_svg),
+    ".css": PaletteFormat(partial(text.read_styles, pattern=text.PROPERTY), text.write_css),
+    ".scss": PaletteFormat(partial(text.read_styles, pattern=text.VARIABLE), text.write_scss),
+    ".svg": PaletteFormat(partial(text.read_styles, pattern=text.FILL, distinct=True), text.write_svg),
     ".pal": PaletteFormat(text.read_jasc, text.write_jasc),
     ".txt": PaletteFormat(text.read_paintnet, text.write_paintnet),
     ".png": PaletteFormat(read_picture, write_picture),

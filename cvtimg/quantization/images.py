@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, Literal, Unpack
 
 import numpy as np
@@ -17,7 +18,7 @@ from cvtimg._shared.pixels import array_of
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
-from cvtimg.looks.similarity import ContentQuality
+from cvtimg.looks.similarity import content_measure
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import roughness
@@ -179,7 +180,6 @@ class PictureSource(Source):
         self._samples = color_samples(given, alpha=has_alpha and not self._has_idle_alpha, mask=mask)
         self.counted = [self._samples if weights is None else self._samples.weighted(weights)]
         self.n_pixels = self._samples.inverse.size
-        self._measure: ContentQuality | None = None
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
         self._smallest = smallest and suffix == ".png"
@@ -193,9 +193,12 @@ class PictureSource(Source):
         inside = None if self._samples.inside is None else _pieces(self._samples.inside, n)
         return PictureSource(_pieces(self.images[0], n), self._samples.alpha, inside, None)
 
+    @cached_property
+    def _measure(self) -> Callable[[NDArray[Any]], float]:
+        return content_measure(self.images[0])
+
     def quality(self, result: Quantized) -> float:
         """Return the quality of the content of a result."""
-        self._measure = self._measure or ContentQuality(self.images[0])
         return self._measure(result.image)
 
     def size(self, result: Quantized) -> int:

@@ -14,9 +14,10 @@ from cvtimg.palettes.swatches import Swatches, as_palette, hex_color, lines_of, 
 from cvtimg.pictures.formats.opening import UnfitContentError
 
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
-_PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
-_VARIABLE = re.compile(r"\$[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;!]|$)")
-_FILL = re.compile(r"fill\s*[=:]\s*[\"']?(#[0-9a-fA-F]+|[a-zA-Z]+)")
+#: Custom properties of any rule of CSS, variables of SCSS, and fills of shapes of SVG.
+PROPERTY = re.compile(r"--[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;}]|$)")
+VARIABLE = re.compile(r"\$[\w-]+\s*:\s*(#[0-9a-fA-F]+|[a-zA-Z]+)\s*(?=[;!]|$)")
+FILL = re.compile(r"fill\s*[=:]\s*[\"']?(#[0-9a-fA-F]+|[a-zA-Z]+)")
 
 
 def _lines(*lines: str, end: str = "\n") -> bytes:
@@ -98,13 +99,14 @@ def write_hex(swatches: Swatches) -> bytes:
     return _lines(*(code[1:] for code in swatches.hexes()))
 
 
-def _found(pattern: re.Pattern[str], content: bytes) -> list[tuple[int, ...]]:
-    """Return the colors that a pattern finds, as ``#rrggbb`` or by name; not other keywords, such as ``auto``."""
+def read_styles(content: bytes, pattern: re.Pattern[str], distinct: bool = False) -> NDArray[np.uint8]:
+    """Read what a pattern finds and is a color, as ``#rrggbb`` or by name, not other keywords, such as ``auto``."""
     from PIL.ImageColor import colormap, getrgb
 
     codes = pattern.findall(_COMMENT.sub("", content.decode("utf-8-sig", "replace")))
     known = (hex_color(code) if code.startswith("#") else colormap.get(code.lower()) for code in codes)
-    return [getrgb(color) if isinstance(color, str) else color for color in known if color]
+    colors = [getrgb(color) if isinstance(color, str) else color for color in known if color]
+    return as_palette(dict.fromkeys(colors) if distinct else colors)
 
 
 def _named(swatches: Swatches, mark: str) -> str:
@@ -112,29 +114,14 @@ def _named(swatches: Swatches, mark: str) -> str:
     return "".join(f"{mark}{name}-{number}: {code};\n" for number, code in enumerate(swatches.hexes(), 1))
 
 
-def read_css(content: bytes) -> NDArray[np.uint8]:
-    """Read CSS custom properties of any rule that are colors."""
-    return as_palette(_found(_PROPERTY, content))
-
-
 def write_css(swatches: Swatches) -> bytes:
     """Write CSS custom properties ``--name-1: #rrggbb;`` in one ``:root`` rule."""
     return f":root {{\n{_named(swatches, '  --')}}}\n".encode()
 
 
-def read_scss(content: bytes) -> NDArray[np.uint8]:
-    """Read variables of SCSS that are colors."""
-    return as_palette(_found(_VARIABLE, content))
-
-
 def write_scss(swatches: Swatches) -> bytes:
     """Write SCSS variables ``$name-1: #rrggbb;``."""
     return _named(swatches, "$").encode()
-
-
-def read_svg(content: bytes) -> NDArray[np.uint8]:
-    """Read the distinct colors that shapes of an SVG drawing are filled with, in the order of the file."""
-    return as_palette(dict.fromkeys(_found(_FILL, content)))
 
 
 def write_svg(swatches: Swatches) -> bytes:
