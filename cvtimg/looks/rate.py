@@ -145,13 +145,9 @@ def usual_step(palette: NDArray[np.float32]) -> float:
 
 def _squared_steps(palette: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the squared distance from entries to the nearest other one; a lonely one has 0."""
+    from scipy.spatial.distance import cdist  # which takes long to import
+
     some = np.arange(0, len(palette), max(1, len(palette) ** 2 // COMPARISONS))
-    squares = squared_distances(palette[some], palette)
+    squares = cdist(palette[some], palette, "sqeuclidean")
     squares[np.arange(len(some)), some] = np.inf if len(palette) > 1 else 0
-    return np.maximum(squares.min(axis=1), 0)
-
-
-def squared_distances(places: NDArray[Any], others: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the (N, K) squared distances of places to others, up to rounding."""
-    norms, other_norms = (np.einsum("kd,kd->k", some, some, dtype=np.float64) for some in (places, others))
-    return norms[:, None] + other_norms - 2 * np.einsum("nd,kd->nk", places, others, dtype=np.float64)
+    return np.asarray(squares.min(axis=1))

@@ -187,22 +187,3 @@ def arrange(
             turn = &mask[(first + y) % side, 0]
             for x in range(width):
                 labels[y, x] = mixtures[inverse[y, x], turn[x % side]]
-
-
-def measure(
-    const float[:, ::1] places,       # IN (M, 4): of the colors
-    const float[:, ::1] palette,      # IN (K, 4)
-    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
-    const int32_t[:, ::1] labels,     # IN (H, W): its entry
-    double[::1] energies,             # OUT (H,): sum of the squared distances in each row
-):
-    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], x, y, d
-    cdef double total, step
-    with nogil:
-        for y in range(n_rows):
-            total = 0
-            for x in range(width):
-                for d in range(WIDTH):
-                    step = places[inverse[y, x], d] - palette[labels[y, x], d]
-                    total += step * step
-            energies[y] = total

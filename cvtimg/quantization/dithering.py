@@ -14,7 +14,7 @@ from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
 from cvtimg.engine.points import Frame, scale_for_float32
-from cvtimg.looks.rate import COMPARISONS, squared_distances, usual_step
+from cvtimg.looks.rate import COMPARISONS, usual_step
 from cvtimg.quantization import _dithering
 
 #: Number of coordinates of a place in the kernels.
@@ -78,7 +78,7 @@ def dither(
     kinds = np.zeros(len(places), np.uint8) if kinds is None else np.asarray(kinds, np.uint8)
     allowed = np.ones((1, len(palette)), bool) if allowed is None else np.asarray(allowed, bool)
     strengths = np.where(allowed.sum(axis=1) > 1, strength, 0).astype(np.float32)
-    (colors, entries), _ = _to_kernels(places, palette)
+    colors, entries = _to_kernels(places, palette)
     step = longest = usual_step(entries)
     if strength > STRENGTH:
         caution = (1 - strength) / (1 - STRENGTH)
@@ -86,20 +86,6 @@ def dither(
     finder, ranks = _finder(entries, allowed, doubt=_DOUBT * float(max(colors.max(), entries.max())))
     clean = np.zeros(inverse.shape, bool) if inside is None else ~inside
     return chosen(Job(colors, kinds, inverse, entries, finder, ranks, strengths, step, longest, clean))
-
-
-def energy_of(
-    places: NDArray[Any], inverse: NDArray[np.int32], palette: NDArray[Any], labels: NDArray[np.int32]
-) -> float:
-    """Sum the squared distances of the pixels to their entries; arrays as `dither` takes and returns them."""
-    (inside, entries), frame = _to_kernels(places, palette)
-    energies = np.empty(len(inverse))
-
-    def measure(start: int, stop: int) -> None:
-        _dithering.measure(inside, entries, inverse[start:stop], labels[start:stop], energies[start:stop])
-
-    in_parts(measure, len(inverse), work=4 * inverse.size)
-    return frame.energy(float(energies.sum()))
 
 
 def _floyd_steinberg(job: Job) -> NDArray[np.int32]:
@@ -201,8 +187,10 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
         first, second = np.random.default_rng(0).integers(0, len(palette), (2, n_pairs))
     if not len(first):
         return 0.0
+    from scipy.spatial.distance import cdist  # which takes long to import
+
     middles = (palette[first] + palette[second]) / 2
-    return float(np.sqrt(np.maximum(squared_distances(middles, palette).min(axis=1), 0).max()))
+    return float(cdist(middles, palette).min(axis=1).max())
 
 
 def _finder(
@@ -220,7 +208,7 @@ def _finder(
     return _dithering.Finder(palette, axis, along[names], names.astype(np.uint16), ends, doubt), ranks
 
 
-def _to_kernels(*arrays: NDArray[Any]) -> tuple[list[NDArray[np.float32]], Frame]:
+def _to_kernels(*arrays: NDArray[Any]) -> list[NDArray[np.float32]]:
     """Bring (n, D) places to four coordinates, from 0 up, in a frame that suits float32."""
     n_dims = arrays[0].shape[1]
     if n_dims > MAX_DIMS:
@@ -231,4 +219,4 @@ def _to_kernels(*arrays: NDArray[Any]) -> tuple[list[NDArray[np.float32]], Frame
     inside = [np.zeros((len(array), MAX_DIMS), np.float32) for array in arrays]
     for places, array in zip(inside, arrays, strict=True):
         places[:, :n_dims] = frame.inward(array)
-    return inside, frame
+    return inside

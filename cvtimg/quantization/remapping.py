@@ -29,6 +29,8 @@ from cvtimg.quantization.looks import Below, map_for_eyes
 
 #: Indices of pixels have at most 16 bits.
 MAX_COLORS = 1 << 16
+#: Energies are added by parts of this many pixels, for the sake of memory.
+_PIXELS_AT_ONCE = 1 << 18
 #: Sizes of palettes of which indices of 1, 2, 4 and 8 bits are full.
 _FULL = (2, 4, 16, 256)
 
@@ -345,8 +347,12 @@ def _energy(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int
         return float((samples.density * np.einsum("nd,nd->n", steps, steps)).sum())
     inverse = samples.inverse
     if samples.inside is not None:
-        inverse, labels = inverse[samples.inside][None], labels[samples.inside][None]
-    return dithering.energy_of(places, inverse, ends, labels)
+        inverse, labels = inverse[samples.inside][:, None], labels[samples.inside][:, None]
+    energy, n_rows = 0.0, -(-_PIXELS_AT_ONCE // inverse.shape[1])
+    for top in range(0, len(inverse), n_rows):
+        steps = places[inverse[top : top + n_rows]].astype(np.float64) - ends[labels[top : top + n_rows]]
+        energy += float(np.einsum("hwd,hwd->", steps, steps))
+    return energy
 
 
 def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:

@@ -18,7 +18,7 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from cvtimg import quantize, read_image, read_palette
 from cvtimg._shared.threads import one_thread
 from cvtimg.colors import color_samples
-from cvtimg.quantization.dithering import DITHERS, dither, energy_of
+from cvtimg.quantization.dithering import DITHERS, dither
 
 SAMPLES = Path(__file__).parents[2] / "sample_images"
 
@@ -292,14 +292,6 @@ def test_threads_do_not_matter(method: Any) -> None:
     found = dither(*job)
     with one_thread():
         assert np.array_equal(dither(*job), found)
-
-
-def test_the_energy_is_that_of_the_pixels() -> None:
-    rng = np.random.default_rng(0)
-    places, palette = rng.integers(0, 256, (50, 3)), rng.integers(0, 256, (9, 3))
-    inverse, labels = (rng.integers(0, n, (11, 13)).astype(np.int32) for n in (50, 9))
-    energy = energy_of(places, inverse, palette, labels)
-    assert energy == np.square(places[inverse] - palette[labels]).sum()
 
 
 @pytest.mark.parametrize("method", DITHERS)
