@@ -110,10 +110,7 @@ def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArra
             near = others
         # Each end has at most one other of its own path, so that some pair can always be joined.
         pairs = np.stack([np.repeat(ends, others.shape[1]), ends[others.ravel()]], axis=1)
-        # Numbers of pairs take the last bits of lengths: both in one are sorted several times as fast.
-        places = np.uint64((1 << distances.size.bit_length()) - 1)
-        keys = np.sort(distances.ravel().view(np.uint64) & ~places | np.arange(distances.size, dtype=np.uint64))
-        n_paths -= join(pairs[(keys & places).astype(np.intp)], links, parents)
+        n_paths -= join(pairs[np.argsort(distances, axis=None, kind="stable")], links, parents)
     tour = np.empty(n_points, np.int32)
     walk(links, int(np.flatnonzero(links[:, 1] < 0)[0]), tour)
     return tour, near

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms
-from cvtimg.placement.descent import lloyd
 
 LONG = Stopping(tolerance=0, max_iterations=200)
 
@@ -37,11 +36,6 @@ def test_generators_end_at_the_centers_of_mass_of_their_cells(method: str, momen
     end = DESCENTS[method](moments, start(12), Terms(Stopping(0, 1000)))
     assert end.converged
     np.testing.assert_allclose(end.generators, end.moments.centroids, atol=1e-3)
-
-
-def test_one_move_of_lloyd_is_to_the_centers_of_mass(moments: PixelMoments) -> None:
-    end = lloyd(moments, start(30), Terms(Stopping(0, 1)))
-    np.testing.assert_array_equal(end.generators, moments(start(30)).centroids)
 
 
 def test_l_bfgs_ends_lower_than_lloyd_after_as_many_moves(moments: PixelMoments) -> None:

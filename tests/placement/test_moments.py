@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from reference import at_threads
 from scipy.spatial import cKDTree
 
 from cvtimg.placement import PixelMoments, pixel_labels
@@ -71,19 +70,6 @@ def test_energy_is_that_of_a_fine_sum() -> None:
     weights = np.repeat(density, fine, axis=1).ravel().astype(np.float64) / fine
     # In y the pass counts middle lines of rows, and adds what a pixel spreads about its own.
     assert PixelMoments(density)(points).energy == pytest.approx(weights @ distances + weights.sum() / 12, rel=1e-4)
-
-
-def test_threads_do_not_change_a_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cvtimg._shared.threads._TO_HAND_OVER", 1e-6)
-    rng = np.random.default_rng(0)
-    density, points = rng.random((400, 700)).astype(np.float32), rng.random((5000, 2)) * [700, 400]
-
-    def found() -> tuple[bytes, bytes, float]:
-        moments = PixelMoments(density)(points)
-        return moments.masses.tobytes(), moments.centroids.tobytes(), moments.energy
-
-    one, three = at_threads(found)
-    assert one == three
 
 
 def test_cells_without_mass_keep_their_generator() -> None:

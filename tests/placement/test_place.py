@@ -195,12 +195,6 @@ def test_cells_beyond_the_plane_are_refused_by_name(region: Any) -> None:
     assert placement.measures().h == pytest.approx(from_corners, rel=0.05)
 
 
-def test_periodic_placements_have_lower_energy_than_bounded_ones() -> None:
-    around = place_generators(Box([0, 0], [1, 1], periodic=True), 25)
-    assert around.energy < place_generators(SQUARE, 25).energy
-    assert ((around.points >= 0) & (around.points <= 1)).all()
-
-
 @pytest.mark.parametrize("n", [1, 3, 9])
 def test_generators_stay_out_of_holes_and_bays(n: int) -> None:
     bay = PolygonRegion([[0, 0], [4, 0], [4, 4], [3.8, 4], [3.8, 0.2], [0.2, 0.2], [0.2, 4], [0, 4]])
