@@ -37,10 +37,25 @@ def torus(n_around: int = 240, n_across: int = 100) -> Mesh:
     u, v = (angles.ravel() for angles in np.meshgrid(u, v, indexing="ij"))
     radius = 1 + 0.4 * np.cos(v)
     points = np.stack([radius * np.cos(u), radius * np.sin(u), 0.4 * np.sin(v)], axis=1)
-    i, j = (numbers.ravel() for numbers in np.meshgrid(np.arange(n_around), np.arange(n_across), indexing="ij"))
-    a, b = i * n_across + j, (i + 1) % n_around * n_across + j
-    c, d = (i + 1) % n_around * n_across + (j + 1) % n_across, i * n_across + (j + 1) % n_across
-    return points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+    return points, squares(np.pad(np.arange(len(points)).reshape(n_around, n_across), (0, 1), mode="wrap"))
+
+
+def squares(number: NDArray[Any]) -> NDArray[np.int32]:
+    """Return two triangles in each square of a grid of numbered points."""
+    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+
+
+def sheet(fold: float = 0.0) -> Mesh:
+    """Make a sheet of 2 by 1 with a fold, sharp at one end and flat from the middle on."""
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 1, 41), indexing="ij"))
+    height = fold * np.clip(1 - x, 0, None) * (1 - np.abs(2 * y - 1))
+    return np.stack([x, y, height], axis=1), squares(np.arange(81 * 41).reshape(81, 41))
+
+
+def arrays(meshes: dict[str, Any]) -> dict[str, Mesh]:
+    """Return meshes of trimesh as arrays."""
+    return {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in meshes.items()}
 
 
 def blob(n_cubes: int = 90) -> Mesh:
@@ -71,13 +86,7 @@ def shapes() -> dict[str, Mesh]:
     bowl = trimesh.creation.icosphere(5).slice_plane([0, 0, 0.13], [0, 0, -1])
     bowl.merge_vertices()
     bowl.update_faces(bowl.nondegenerate_faces(height=1e-9))
-    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 1, 41), indexing="ij"))
-    number = np.arange(81 * 41).reshape(81, 41)
-    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
-    sheet = np.stack([x, y, 0 * x], axis=1), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    meshes = {"cube": trimesh.creation.box(), "part": part, "bowl": bowl}
-    found = {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in meshes.items()}
-    return found | {"sheet": (sheet[0], sheet[1].astype(np.int32))}
+    return arrays({"cube": trimesh.creation.box(), "part": part, "bowl": bowl}) | {"sheet": sheet()}
 
 
 def models() -> dict[str, Mesh]:
@@ -95,11 +104,6 @@ def models() -> dict[str, Mesh]:
     turns = 2 * np.pi * np.arange(96) / 96
     gear = np.where(np.arange(96) // 4 % 2, 1.0, 0.8)[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     bracket = np.array([[0, 0], [2, 0], [2, 0.3], [0.3, 0.3], [0.3, 1.5], [0, 1.5]])
-    # The fold is sharp at one end of the sheet, and flat from its middle on.
-    x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 2, 81), np.linspace(0, 1, 41), indexing="ij"))
-    number = np.arange(81 * 41).reshape(81, 41)
-    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]))
-    fold = np.stack([x, y, np.clip(1 - x, 0, None) * (1 - np.abs(2 * y - 1))], axis=1)
     dome = trimesh.creation.icosphere(4).slice_plane([0, 0, 0.1], [0, 0, 1], cap=True)
     solids = {
         "gear": extruded(gear, 0.4, (circle(64, 0.3),)),
@@ -108,10 +112,7 @@ def models() -> dict[str, Mesh]:
         "pyramid": trimesh.convex.convex_hull(np.vstack([np.c_[circle(4, 1), np.zeros(4)], [[0, 0, 1]]])),
         "dome": dome,
     }
-    found = {name: (np.array(mesh.vertices), np.array(mesh.faces, np.int32)) for name, mesh in solids.items()}
-    return found | {
-        "fading fold": (fold, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32))
-    }
+    return arrays(solids) | {"fading fold": sheet(1.0)}
 
 
 def samples(mesh: Mesh, n: int) -> Points:

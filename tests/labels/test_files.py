@@ -18,7 +18,7 @@ from reference import inside_rings, signed_area
 from skimage.color import rgb2lab
 
 from cvtimg import find_contours
-from cvtimg.labels import CONTOUR_FORMATS, Drawing, read_labels, region_table, write_contours, write_labels, write_table
+from cvtimg.labels import Drawing, read_labels, region_table, write_contours, write_labels, write_table
 from cvtimg.pictures import read_indices, write_image
 
 RNG = np.random.default_rng(4)
@@ -189,13 +189,3 @@ def test_outer_rings_run_counterclockwise_and_places_are_where_the_transform_lea
         assert min(np.hypot(*(np.array(place) - corner)) for corner in wanted) < 1e-4 * pixel**0.5
     system = json.loads((tmp_path / "a.geojson").read_text())["crs"]
     assert system["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
-
-
-def test_write_contours_takes_the_format_from_the_suffix_and_refuses_others(tmp_path: Path) -> None:
-    polygons = find_contours(LABELS).polygons
-    colors, properties = RNG.integers(0, 256, (5, 3), np.uint8), {label: {"area": label} for label in range(5)}
-    drawing = Drawing(polygons, (15, 14), colors, properties, transform=[[2, 0, 0], [0, -2, 0]], epsg=4326)
-    for suffix in CONTOUR_FORMATS:
-        write_contours(tmp_path / f"a{suffix}", drawing)
-    with pytest.raises(ValueError, match=r"a\.dxf: suffix='\.dxf' must be one of \.svg, \.geojson, \.zip"):
-        write_contours(tmp_path / "a.dxf", drawing)

@@ -49,13 +49,6 @@ def test_touching_balls_are_split_however_far_planes_are_apart(spacing: float) -
     assert found.counting.radius == pytest.approx(10, rel=0.25)
 
 
-def test_the_unit_of_the_spacing_does_not_matter_and_the_last_axis_may_be_bands() -> None:
-    volume, _ = balls(3.0)
-    plain = count_objects(volume, spacing=(3, 1, 1)).labels
-    np.testing.assert_array_equal(count_objects(volume, spacing=(0.9, 0.3, 0.3)).labels, plain)
-    np.testing.assert_array_equal(count_objects(np.stack([volume] * 2, axis=3), spacing=(3, 1, 1)).labels, plain)
-
-
 @pytest.mark.slow
 def test_tiles_give_the_objects_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     volume, _ = balls(4.0)

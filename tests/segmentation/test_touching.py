@@ -80,17 +80,6 @@ def test_the_background_is_chosen_by_size_or_brightness(background: str, n_objec
     assert result.n_segments == n_objects
 
 
-def test_wrong_options_are_refused() -> None:
-    with pytest.raises(ValueError, match="background='dark' must be one of largest, darkest, brightest"):
-        Objects("dark")
-    with pytest.raises(ValueError, match="neck_depth=-1 must be"):
-        Objects(neck_depth=-1)
-    with pytest.raises(ValueError, match="border='mine' must be one of segment, own"):
-        Objects(border="mine")
-    with pytest.raises(ValueError, match="objects takes no components"):
-        segment(np.eye(5), 2, objects=True, components=True)
-
-
 def bright_and_dim() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Draw a bright and a dim disc that touch, blurred as optics do, and where each is halfway to the background."""
     truth = discs([(30, 35, 12), (30, 58, 12)], (60, 100))

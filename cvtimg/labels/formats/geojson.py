@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,12 +22,7 @@ def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     Outer rings run counterclockwise in these coordinates, as RFC 7946 requires. That standard allows only longitude and
     latitude; other systems are named by the member "crs" of the older standard, which GDAL and QGIS read.
     """
-    features = (
-        _features(one.polygons, one.properties, one.transform, one.place)
-        if one.chances is None
-        else _lines(one, one.chances)
-        for one in drawings
-    )
+    features = (_features(each) if each.chances is None else _lines(each, each.chances) for each in drawings)
     unit = {"unit": drawings[0].unit} if drawings[0].unit else {}
     content = collection(chain.from_iterable(features), drawings[0].epsg, unit)
     write_text(path, content, overwrite=overwrite)
@@ -38,19 +32,15 @@ def write_geojson(
     path: StrPath, polygons: Iterable[Polygon], properties: Mapping[int, Mapping[str, Any]], *, overwrite: bool = False
 ) -> None:
     """Write polygons with the properties of each label, in pixels."""
-    write_text(path, collection(_features(polygons, properties)), overwrite=overwrite)
+    drawing = Drawing(tuple(polygons), (0, 0), np.empty((0, 3), np.uint8), properties)
+    write_text(path, collection(_features(drawing)), overwrite=overwrite)
 
 
-def _features(
-    polygons: Iterable[Polygon],
-    properties: Mapping[int, Mapping[str, Any]],
-    transform: ArrayLike | None = None,
-    place: Mapping[str, int] = MappingProxyType({}),
-) -> Iterator[dict[str, Any]]:
+def _features(drawing: Drawing) -> Iterator[dict[str, Any]]:
     """Yield a feature for each label."""
-    matrix, digits = _map_of(transform)
-    for label, pieces in groupby(polygons, key=lambda polygon: polygon.label):
-        yield feature(_placed(pieces, matrix, digits), {"label": label, **place, **properties[label]})
+    matrix, digits = _map_of(drawing.transform)
+    for label, pieces in groupby(drawing.polygons, key=lambda polygon: polygon.label):
+        yield feature(_placed(pieces, matrix, digits), {"label": label, **drawing.place, **drawing.properties[label]})
 
 
 def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[dict[str, Any]]:
