@@ -8,27 +8,6 @@ from libc.math cimport fabs, fabsf
 from libc.stdint cimport int32_t
 
 
-def greatest_gap(
-    const int32_t[:, ::1] counts,  # IN (A, B): points in the box up to each corner
-    const double[::1] down,        # IN (A,): sides of the boxes along the first axis
-    const double[::1] right,       # IN (B,): along the second
-    double depth,                  # IN: product of the other sides
-    double share,                  # IN: what a point counts
-    double sign,                   # IN: 1 where boxes have too many points, -1 where they have too few
-):
-    """Return the greatest of sign (share counts - volume) over all boxes."""
-    cdef Py_ssize_t a, b
-    cdef double greatest = -1, gap, side
-    with nogil:
-        for a in range(down.shape[0]):
-            side = down[a] * depth
-            for b in range(right.shape[0]):
-                gap = sign * (share * counts[a, b] - side * right[b])
-                if gap > greatest:
-                    greatest = gap
-    return greatest
-
-
 def walk_boxes(
     const double[:, ::1] points,      # IN (n, d)
     const double[:, ::1] sides,       # IN (d, S): the sides that boxes can have, rising, along each axis
