@@ -64,7 +64,8 @@ class Points:
     # Only this module and the kernels know the layout of the tiles; others use the methods here.
 
     tiles: NDArray[Any]  # (n_tiles, D, TILE), float32, or float64 of exact ones; the last one fills the last tile
-    boxes: NDArray[Any]  # (n_tiles, 2, D): smallest and largest coordinates in each tile
+    boxes: NDArray[Any]  # (n_tiles, 2, D): smallest and largest coordinates in each tile, of few dimensions
+    squares: NDArray[np.float64]  # (n_tiles * TILE,): squared distances to the origin of points that are not exact
     density: NDArray[np.float64]  # (n_tiles * TILE,): weight of each point, 0 in the padding
     frame: Frame  # Where the origin of the tiles is
     n_points: int  # Number of points, padding not included
@@ -161,19 +162,22 @@ def scale_for_float32(size: float) -> float:
 
 
 def _points(tiles: NDArray[Any], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:
-    boxes = np.empty((len(tiles), 2, tiles.shape[1]), tiles.dtype)
+    boxes = np.zeros((len(tiles), 2, tiles.shape[1]), tiles.dtype)
     parts = _fixed_parts(len(tiles))
-    energies = np.empty(len(parts))
+    squares, energies = np.zeros(len(density)), np.zeros(len(parts))
+    origin, labels = np.zeros((1, tiles.shape[1])), np.zeros(len(density), np.int32)
 
     def finish(start: int, stop: int) -> None:
         for n, (part, ends) in enumerate(parts[start:stop], start):
-            tiles[part].min(axis=2, out=boxes[part, 0])
-            tiles[part].max(axis=2, out=boxes[part, 1])
-            squares = np.einsum("tdi,tdi->ti", tiles[part], tiles[part], dtype=np.float64).reshape(-1)
-            energies[n] = np.einsum("n,n->", density[ends], squares)
+            if tiles.shape[1] <= _kernels.MAX_GROUPED_DIMS:
+                tiles[part].min(axis=2, out=boxes[part, 0])
+                tiles[part].max(axis=2, out=boxes[part, 1])
+            if tiles.dtype == np.float32:
+                _kernels.distances_to_own(tiles[part], origin, labels[ends], squares[ends])
+                energies[n] = np.einsum("n,n->", density[ends], squares[ends])
 
     in_parts(finish, len(parts), work=4 * tiles.size)
-    return Points(tiles, boxes, density, frame, n_points, in_order, sum(energies.tolist()))
+    return Points(tiles, boxes, squares, density, frame, n_points, in_order, sum(energies.tolist()))
 
 
 def coarsen(points: Points, factor: int) -> Points:
@@ -238,12 +242,8 @@ def assign_rows(
     labels = assign(points, generators, None if points.exact else gaps)
     if not points.exact and len(places) > 1:
         norms = np.einsum("kd,kd->k", generators, generators)
-        farthest = np.einsum("td->t", np.square(np.abs(points.boxes).max(axis=1), dtype=np.float64))
         bound = _ROUNDINGS * (points.n_dims + 4) * _UNIT
-        some = gaps <= bound * np.maximum(np.repeat(farthest, _kernels.TILE), norms.max())
-        doubt = np.flatnonzero(some[: points.n_points])
-        squares = np.square(points.rows(doubt)).sum(axis=1)
-        doubt = doubt[gaps[doubt] <= bound * np.maximum(squares, norms[labels[doubt]])]
+        doubt = np.flatnonzero((gaps <= bound * np.maximum(points.squares, norms[labels]))[: points.n_points])
         if doubt.size:
             own = rows[doubt if order is None else order[doubt]]
             frame = Frame(np.zeros(points.n_dims), points.frame.scale)
