@@ -202,8 +202,8 @@ def mesh_region(
     outline = outline_of_parts(regions, how) if parts else outline_of(regions[0], how)
     if n and size is None and metric is None and outline.polygons is not None:  # which asks for edges of this length
         edge = (2 / 3**0.5 * outline.polygons.area / n) ** 0.5
-        if edge < least:
-            warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than min_size={least:g}: leave n out")
+        if edge < least / 2:
+            warn(f"n={n} vertices have edges of about {edge:.2g}, shorter than half of min_size={least:g}: leave n out")
         least = min(least, edge)
     wanted = Wanted.checked(n, edge_length, size, grade, least, outline.diameter, metric)
     mesh = _mesh(outline, wanted, fixed, order, periodic, effort, rng)

@@ -102,26 +102,6 @@ def test_noise_is_refused_with_a_size_that_fits() -> None:
     assert mesh_region(noisy, n=2000, min_size=size, effort="fast").measures().mean_quality > 0.9
 
 
-@pytest.mark.slow
-def test_narrow_corners_and_long_boxes_need_few_places_of_the_size_field(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counts points that sizes are kept at: their number is what took time."""
-    from cvtimg.meshes import trees
-
-    n_points: list[int] = []
-    delaunay = trees.delaunay
-    monkeypatch.setattr(trees, "delaunay", lambda points: n_points.append(len(points)) or delaunay(points))
-    made = {}
-    for name, polygon in {
-        "square": [[0, 0], [1, 0], [1, 1], [0, 1]],
-        "long": [[0, 0], [100, 0], [100, 1], [0, 1]],
-        "wedge": [[0, 0], [1, 0], [np.cos(np.pi / 36), np.sin(np.pi / 36)]],
-    }.items():
-        n_points.clear()
-        mesh_region(polygon, n=2000, effort="fast")
-        made[name] = max(n_points)
-    assert max(made.values()) < 3 * made["square"]
-
-
 @st.composite
 def rings(draw: st.DrawFn) -> list[list[tuple[float, float]]]:
     """Draw a ring and up to two holes of any points on a coarse grid, so that they cross, touch and repeat."""
