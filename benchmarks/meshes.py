@@ -28,7 +28,7 @@ from mesh_domains import comparison, ocean
 from mesh_labels import of_labels
 from mesh_outlines import of_outlines
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import Delaunay
 
 Row = dict[str, Any]
 Points = NDArray[np.float64]
@@ -333,32 +333,18 @@ def by_distmesh(rings: list[Points], n: int, seed: int) -> tuple[Points, Triangl
 class Domain:
     """A polygon with holes, as signed distances."""
 
-    def __init__(self, rings: list[Points], step: float = 0.002) -> None:
+    def __init__(self, rings: list[Points]) -> None:
+        from cvtimg.meshes.outlines import StraightParts
+
         self.polygon = shapely.Polygon(rings[0], rings[1:])
         shapely.prepare(self.polygon)
         self.corners = np.vstack([ring[turning(ring) > np.radians(20)] for ring in rings])
-        dense = [shapely.get_coordinates(shapely.segmentize(shapely.LinearRing(ring), step)) for ring in rings]
-        self.starts = np.vstack([ring[:-1] for ring in dense])
-        self.sides = np.vstack([np.diff(ring, axis=0) for ring in dense])
-        self.before = np.concatenate(
-            [
-                np.roll(np.arange(len(ring) - 1), 1) + start
-                for ring, start in zip(dense, np.cumsum([0, *(len(ring) - 1 for ring in dense)]), strict=False)
-            ]
-        )
-        self.tree = cKDTree(self.starts)
+        self.parts = StraightParts.of([np.vstack([ring, ring[:1]]) for ring in rings])
 
     def distances(self, points: Points) -> tuple[NDArray[np.float64], Points]:
         """Return signed distances (N,), < 0 inside, and the nearest places (N, 2) on the boundary."""
-        away, nearest = np.full(len(points), np.inf), np.empty_like(points)
-        start = self.tree.query(points)[1]
-        for side in (start, self.before[start]):
-            way = self.sides[side]
-            along = ((points - self.starts[side]) * way).sum(axis=1) / (way**2).sum(axis=1)
-            place = self.starts[side] + np.clip(along, 0, 1)[:, None] * way
-            gap = np.linalg.norm(points - place, axis=1)
-            nearer = gap < away
-            away[nearer], nearest[nearer] = gap[nearer], place[nearer]
+        nearest = self.parts.feet(points)
+        away = np.linalg.norm(nearest - points, axis=1)
         return np.where(shapely.contains_xy(self.polygon, *points.T), -away, away), nearest
 
 
@@ -381,13 +367,8 @@ def distmesh(domain: Domain, points: Points, length: float, steps: int = 1000) -
         sides = np.linalg.norm(ways, axis=1)
         wanted = 1.2 * np.sqrt((sides**2).mean())
         pushes = (np.maximum(wanted - sides, 0) / sides)[:, None] * ways
-        force = np.stack(
-            [
-                np.bincount(bars[:, 0], push, len(points)) - np.bincount(bars[:, 1], push, len(points))
-                for push in pushes.T
-            ],
-            axis=1,
-        )
+        force = np.zeros_like(points)
+        np.add.at(force, bars, np.stack([pushes, -pushes], axis=1))
         force[: len(domain.corners)] = 0
         points = points + 0.2 * force
         away, nearest = domain.distances(points)

@@ -9,8 +9,6 @@ cdef extern from "half_edges.h" nogil:
         uint8_t *borders
         int32_t *outgoing
 
-    int32_t next_edge(int32_t e)
-    int32_t last_edge(int32_t e)
     int32_t end_of(const half_edges *mesh, int32_t e)
     double squared_distance(const double *a, const double *b)
 
