@@ -77,7 +77,9 @@ class Areas:
             weights = np.repeat(freedom * np.bincount(edges.ravel(), np.repeat(lengths, 2), n), 2)
             weighted = of_moves.multiply(weights).tocsr()
             normal = (weighted @ of_moves.T).tocsc()
-            scale = _NEWTON.regular * float(normal.diagonal().max(initial=1e-300))
+            if not normal.diagonal().any():  # no vertex may move
+                break
+            scale = _NEWTON.regular * float(normal.diagonal().max())
             needed = np.atleast_1d(spsolve(normal + scale * eye_array(n_pieces - 1, format="csc"), missing[1:]))
             moves = (weighted.T @ needed).reshape(-1, 2)
             shortest = np.full(n, np.inf)

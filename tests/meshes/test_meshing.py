@@ -395,6 +395,11 @@ def test_corners_of_labels_are_no_narrower_than_their_lines() -> None:
     assert mesh_labels(labels, n=4000).measures().least_angle > 15
 
 
+def test_outlines_of_which_nothing_may_move_keep_their_points_above_the_least_size() -> None:
+    boxes = shapely.union_all([shapely.box(x, 0, x + 1, 1) for x in (0, 2)])
+    assert mesh_region(boxes, min_size=0.3, effort="fast").area == pytest.approx(2)
+
+
 def test_a_number_of_vertices_beyond_the_least_size_is_warned_of() -> None:
     with pytest.warns(
         UserWarning, match=r"n=400 .* edges of about 0\.21, shorter than half of min_size=0\.5"
