@@ -401,9 +401,7 @@ def test_outlines_of_which_nothing_may_move_keep_their_points_above_the_least_si
 
 
 def test_a_number_of_vertices_beyond_the_least_size_is_warned_of() -> None:
-    with pytest.warns(
-        UserWarning, match=r"n=400 .* edges of about 0\.21, shorter than half of min_size=0\.5"
-    ):
+    with pytest.warns(UserWarning, match=r"n=400 .* edges of about 0\.21, shorter than half of min_size=0\.5"):
         assert len(mesh_region(SQUARE, n=400, min_size=0.5, effort="fast").points) == 400
 
 
