@@ -145,9 +145,7 @@ def usual_step(palette: NDArray[np.float32]) -> float:
 
 def _squared_steps(palette: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the squared distance from entries to the nearest other one; a lonely one has 0."""
-    from scipy.spatial.distance import cdist  # which takes long to import
-
     some = np.arange(0, len(palette), max(1, len(palette) ** 2 // COMPARISONS))
-    squares = cdist(palette[some], palette, "sqeuclidean")
+    squares = ((palette[some][:, None] - palette) ** 2).sum(axis=2, dtype=np.float64)
     squares[np.arange(len(some)), some] = np.inf if len(palette) > 1 else 0
     return np.asarray(squares.min(axis=1))

@@ -187,10 +187,8 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
         first, second = np.random.default_rng(0).integers(0, len(palette), (2, n_pairs))
     if not len(first):
         return 0.0
-    from scipy.spatial.distance import cdist  # which takes long to import
-
     middles = (palette[first] + palette[second]) / 2
-    return float(cdist(middles, palette).min(axis=1).max())
+    return float(np.sqrt(((middles[:, None] - palette) ** 2).sum(axis=2, dtype=np.float64).min(axis=1).max()))
 
 
 def _finder(

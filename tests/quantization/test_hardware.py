@@ -59,16 +59,6 @@ def test_the_error_is_nearly_that_of_the_best_choice_among_all_hardware_colors(
     assert quantize(image, n_colors, color_bits=2).energy <= 1.03 * best.energy
 
 
-@pytest.mark.parametrize(("n_bits", "n_colors"), [(2, 6), (3, 12), (4, 24)])
-def test_colors_are_nearest_to_the_means_of_their_cells(n_bits: int, n_colors: int, photograph: NDArray[Any]) -> None:
-    result = quantize(photograph, n_colors, color_bits=n_bits)
-    labels, levels = result.indices.ravel(), shown(n_bits)
-    sums = np.stack([np.bincount(labels, channel) for channel in photograph.reshape(-1, 3).T], axis=1)
-    means = sums / np.bincount(labels)[:, None]
-    nearest = levels[np.abs(means[..., None] - levels).argmin(axis=2)]
-    assert (nearest == result.palette).all()
-
-
 def test_an_image_with_as_many_hardware_colors_is_only_rounded(photograph: NDArray[Any]) -> None:
     levels = shown(2)
     result = quantize(photograph, 64, color_bits=2)

@@ -190,13 +190,6 @@ def test_something_must_tell_the_number_of_colors() -> None:
         quantize(np.zeros((2, 2), np.uint8))
 
 
-def test_grey_pictures_take_palettes_of_colors(photograph: NDArray[Any]) -> None:
-    grey = photograph[..., 1]
-    palette = np.array([[8, 24, 32], [52, 104, 86], [136, 192, 112], [224, 248, 208]], np.uint8)
-    result = quantize(grey, palette=palette)
-    assert rows(result.image.reshape(-1, 3)) == rows(palette)
-
-
 def test_a_result_tells_what_files_hold(photograph: NDArray[Any]) -> None:
     for picture, width in ((photograph, 3), (photograph[..., 0], 3), (np.dstack([photograph, photograph[..., 0]]), 4)):
         result = quantize(picture, 9, alpha=width == 4)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvtimg import quantize, quantize_frames, read_palette
+from cvtimg import quantize, read_palette
 from cvtimg.colors import to_space
-from cvtimg.pictures import Frames
 from cvtimg.quantization import DITHERS
 
 RAMP = read_palette("game-boy")
@@ -75,13 +74,6 @@ def test_transparent_pixels_stay_so(dtype: Any, dark: NDArray[Any]) -> None:
     assert (result.image[:20] == 0).all()
     assert (result.image[20:, :, 3] == dtype(white)).all()
     assert len(np.unique(result.indices)) == 5
-
-
-def test_frames_share_tones(dark: NDArray[Any]) -> None:
-    film = Frames((dark, dark + np.uint8(20)), (40, 40), 0)
-    first, second = (one.indices.astype(int) for one in quantize_frames(film, palette=RAMP, ramp=True).results)
-    assert (second >= first).all()
-    assert second.mean() > first.mean() + 0.3
 
 
 def test_what_a_ramp_does_not_take_is_refused(dark: NDArray[Any]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from cvtimg import quantize
 from cvtimg.pictures import encode_image
 from cvtimg.quantization import Quantized
-from cvtimg.quantization.targets import Ladder, toward
+from cvtimg.quantization.targets import Ladder
 
 
 @given(st.lists(st.floats(-5, 60), min_size=1, max_size=300), st.floats(-5, 60), st.integers(1, 300), st.booleans())
@@ -46,23 +45,6 @@ def test_few_trials_suffice_where_quality_follows_the_logarithm() -> None:
 
     Ladder(range(1, 65537), result, float, 2.0).climb(38.0, 32)
     assert len(tried) <= 10
-
-
-@pytest.mark.parametrize("slope", [-6.0, -10.0, -30.0])
-@pytest.mark.parametrize("wanted", [70.0, 80.0, 87.5, 95.0])
-def test_a_value_near_the_target_is_found_in_few_trials_however_it_falls(slope: float, wanted: float) -> None:
-    tried: list[float] = []
-
-    def quality(price: float) -> float:
-        tried.append(90 + slope * price - 3 * math.sqrt(price))
-        return tried[-1]
-
-    price, seen = 0.7, dict[float, float]()
-    for _ in range(6):
-        seen[-10 * price] = quality(price)
-        price = float(np.clip(toward(wanted, seen) / -10, 0, 1.2))
-    nearest = max(min(wanted, quality(0.0)), quality(1.2))
-    assert min(abs(nearest - value) for value in tried[:6]) <= 0.25
 
 
 @pytest.mark.parametrize("psnr", [18, 24.5, 30])
