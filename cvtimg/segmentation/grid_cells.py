@@ -80,15 +80,12 @@ def superpixels(
     check_count("n_superpixels", n_superpixels, int(values.inside.sum()), "the number of pixels")
     field = values.field()
     cells = grid_of_cells(values.inside, n_superpixels)
-    weight = _compactness(field, cells) if given is None else given
+    weight = given
+    if weight is None:  # the variance within cells, or the noise where that needs more
+        weight = max(compactness_of(field, cells), auto_weight(noise_covariance(field, values.inside), _RADIUS))
     descent = _settled(field, cells, weight, bool(values.inside.all()))
     result = from_labels(values, field, descent.labels, descent, weight)
     return replace(result, labels=frame.back(result.labels, known.shape))
-
-
-def _compactness(field: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
-    """Follow the variance within cells, and the noise where that needs more."""
-    return max(compactness_of(field, cells), auto_weight(noise_covariance(field, cells > 0), _RADIUS))
 
 
 def _settled(field: NDArray[np.float32], cells: NDArray[np.int32], weight: float, whole: bool) -> EdgeWeighted:

@@ -120,7 +120,7 @@ def segment_file(
         noise = np.zeros((1, 1)) if edge_weight == 0 else noise_of_rows(picture.read, picture.shape)
         weight, detail = smoothness.weight_under(noise)
         n_cells = min(n_segments, samples.n_colors)
-        blur = blur_at_start(picture.variance, noise, n_cells)
+        blur = blur_at_start(picture.values.variance, noise, n_cells)
         if blur:
             samples, scale, origin = picture.averages(blur), 1.0, np.zeros_like(origin)
         cells = tessellate(samples, n_cells, effort=effort, rng=rng)
@@ -210,13 +210,6 @@ class PixelsOnDisk:
         shape = tuple(side + 2 * margin for side in self.shape)
         kinds = {"labels": np.int32, "others": np.uint16, "stale": np.uint8}
         return Layers(self, None, *(RowsOnDisk(folder / name, shape, kinds[name]) for name in kinds))
-
-    @property
-    def variance(self) -> float:
-        """Sum over the dimensions of the variance of values."""
-        samples, scale = self.values.samples, self.values.scale
-        steps = samples.colors * scale - self._center
-        return float(np.einsum("n,nd->", samples.density, steps**2) / samples.density.sum())
 
     def blurred(self, blur: float) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
         """Yield strips of values, averaged by a Gaussian unless the blur is 0, and the mask of each."""
