@@ -529,13 +529,12 @@ def test_help_imports_nothing_heavy(here: Path, arguments: list[str]) -> None:
     assert not modules_of(*arguments, cwd=here) & (HEAVY if needs_command else {*HEAVY, "typer", "cvtimg.batch"})
 
 
-def test_quantize_and_stipple_import_no_more_than_they_need(here: Path) -> None:
+def test_quantize_imports_no_more_than_it_needs(here: Path) -> None:
     modules = modules_of("quantize", PICTURE, "-k", "4", "--quiet", cwd=here)
     assert "numpy" in modules
     foreign = {"rich", "pydantic", "scipy", "sklearn", "skimage", "matplotlib", "html", "numpy.random"}
     own = {"plotting.sheets", "cli.segment_command", "engine.all_counts", "engine.block_descent", "palettes.files"}
     assert not modules & {*foreign, *(f"cvtimg.{name}" for name in own)}
-    assert "scipy.optimize" not in modules_of("stipple", PICTURE, "-n", "50", "--quiet", cwd=here)
 
 
 def test_no_garbage_is_sought_in_what_was_imported(here: Path) -> None:
