@@ -17,7 +17,6 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each
 from cvtimg.colors.spaces import from_space
 from cvtimg.elbow.curves import auto_count
-from cvtimg.engine.tessellation import tessellate
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import cells_of
@@ -47,7 +46,7 @@ def merge_versions(
     unit, cost = versions.level(space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit
-    if is_auto := n_generators is None:
+    if n_generators is None:
         seen = versions.coverage.ravel() > 0  # what is filled in does not tell
         n_generators, _ = auto_count(_fused_rows(versions, evidence, 1.5)[seen], 32)
         sharp = _fused_rows(versions, evidence, 0.0)[seen]  # a drawing of two colors has more once it is blurred
@@ -66,7 +65,7 @@ def merge_versions(
     def started(blur: float) -> _Labels:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
         rows = _fused_rows(versions, evidence, blur)
-        cells = (cells_of if is_auto else tessellate)(rows, n_generators, effort=effort)
+        cells = cells_of(rows, n_generators, effort=effort)
         return (cells.labels + 1).reshape(versions.known.shape[:2])
 
     ends = (settled(started(blur), versions.version_of >= 0) for blur in each(_BLURS[effort]))

@@ -64,8 +64,8 @@ def restore(
         The versions, all of one size unless they are aligned, of any integer or floating point type. Unknown pixels are
         NaN, masked in a masked array, have alpha 0, or are given by `masks` or `nodata`.
     n_generators : int or "auto"
-        Initial number of segments K. "auto" takes the elbow of the energy of the versions fused and blurred, up to 32,
-        where painted-over parts may count as a color of their own.
+        Initial number of segments K; an image of fewer colors has one for each. "auto" takes the elbow of the energy of
+        the versions fused and blurred, up to 32, where painted-over parts may count as a color of their own.
     masks : sequence of (H, W) arrays or None, optional
         Known pixels of each version: those where its mask is True or not 0. None means all pixels.
     nodata : float, optional
