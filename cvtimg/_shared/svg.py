@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
 
@@ -56,11 +56,3 @@ def layer(number: int, name: str, attributes: str, body: Iterable[str]) -> Itera
     yield f'<g inkscape:groupmode="layer" inkscape:label={label} id="layer{number}" {attributes}>\n'
     yield from body
     yield "</g>\n"
-
-
-def seen_from(direction: ArrayLike) -> _Floats:
-    """Return the axes of a view, as rows: right, up, and toward the viewer."""
-    toward = np.asarray(direction, float) / np.linalg.norm(direction)
-    right = np.cross([0.0, 0.0, 1.0], toward)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(toward, right), toward])

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.svg import seen_from
-from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, figure_height, show_box
+from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, show_box
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +19,6 @@ Values = NDArray[np.float64]
 
 #: Of coasts and other lines.
 _LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
-#: Light comes from the upper left, and more of it from all sides.
-_LIGHT, _AMBIENT = np.array([-0.4, 0.5, 0.77]), 0.6
 
 
 @chart
@@ -126,7 +123,7 @@ def draw_surface(
     *,
     center: tuple[float, float] = (-60.0, 30.0),
 ) -> bytes:
-    """Draw triangles in space as they are seen from far away, colored by their quality and shaded.
+    """Draw triangles in space as they are seen from far away, colored by their quality.
 
     Parameters
     ----------
@@ -135,27 +132,16 @@ def draw_surface(
     center : (lon, lat)
         Direction to the viewer, in degrees; z points up.
     """
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    turned = points @ _axes_of_view(*center).T
-    places = turned[triangles]
-    normals = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    order = np.argsort(places[:, :, 2].mean(axis=1))  # from the back to the front
-    facing = normals * np.where(normals[:, 2:] < 0, -1, 1)  # both sides of a surface with a boundary are seen
-    light = _AMBIENT + (1 - _AMBIENT) * np.clip(facing @ _LIGHT, 0, 1)
-    scale = Normalize(POOR, 1.0)
-    colors = colormaps["RdYlGn"](scale(qualities))
-    colors[:, :3] *= light[:, None]
-    low, high = turned[:, :2].min(axis=0), turned[:, :2].max(axis=0)
-    with figure_file(9.0, figure_height(low, high, 8.0), suffix) as (figure, content):
-        axes = figure.subplots()
-        add_polygons(figure, axes, list(places[order][:, :, :2]), facecolors=colors[order], edgecolors=(0, 0, 0, 0.6))
-        show_box(axes, low, high)
+    with figure_file(9.0, 8.0, suffix) as (figure, content):
+        axes: Any = figure.add_subplot(projection="3d", proj_type="ortho")
+        drawn = axes.plot_trisurf(
+            *points.T, triangles=triangles, cmap="RdYlGn", edgecolor=(0, 0, 0, 0.6), linewidth=0.3
+        )
+        drawn.set(array=qualities, clim=(POOR, 1.0))
+        axes.view_init(center[1], center[0])
+        axes.set_aspect("equal")
         axes.set_axis_off()
-        figure.colorbar(ScalarMappable(scale, "RdYlGn"), ax=axes, label="quality 2 r / R", shrink=0.6)
+        figure.colorbar(drawn, ax=axes, label="quality 2 r / R", shrink=0.6)
     return content.getvalue()
 
 
@@ -197,7 +183,10 @@ def _unit_vectors(places: Values) -> Values:
 
 def _axes_of_view(longitude: float, latitude: float) -> Values:
     """Rows: the directions to the right, up and to the viewer, who is above a place given in degrees."""
-    return seen_from(_unit_vectors(np.array([[longitude, latitude]]))[:, 0])
+    toward = _unit_vectors(np.array([[longitude, latitude]]))[:, 0]
+    right = np.cross([0.0, 0.0, 1.0], toward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(toward, right), toward])
 
 
 def _on_globe(image: NDArray[np.uint8], center: tuple[float, float], n_across: int = 1000) -> NDArray[np.uint8]:

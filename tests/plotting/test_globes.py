@@ -72,12 +72,11 @@ def test_a_map_shows_every_cell(grid: SphereGrid) -> None:
 
 
 @pytest.mark.slow
-def test_surfaces_are_drawn_from_the_back_to_the_front() -> None:
+def test_surfaces_are_drawn_in_the_colors_of_their_qualities() -> None:
     found = surface_points(torus(), 300)
     qualities = measure_triangles(found.points, found.triangles).qualities
     content = draw_surface(found.points, found.triangles, qualities, ".svg", center=(0, 90))
-    assert n_outlines(content) == 600
-    # From above, the upper half hides the lower one: what is in front, and lit best, is drawn last.
-    fills = re.findall(r"fill: #([0-9a-f]{6})", content.decode())[-200:]
-    assert len(set(fills)) > 50
+    fills = re.findall(r"fill: #([0-9a-f]{6})", content.decode())
+    assert len(fills) >= 600
+    assert len(set(fills)) > 20
     assert pixels(draw_surface(found.points, found.triangles, qualities, ".png")).std() > 20
