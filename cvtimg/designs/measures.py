@@ -21,15 +21,9 @@ from cvtimg.placement.cells import regularity
 _Floats = NDArray[np.float64]
 #: Number of samples of the cube in more dimensions.
 _N_SAMPLES = 1 << 20
-
-
-@dataclass(frozen=True, slots=True)
-class _Walks:
-    """Walks from box to box, in search of the worst."""
-
-    number: int = 10  # as they end in different corners
-    comparisons: int = 20_000_000  # of points with boxes in a walk: about a tenth of a second
-    steps: tuple[int, int] = (1000, 50_000)  # in a walk, whatever the points are
+#: Walks from box to box, as they end in different corners; comparisons of points with boxes in each, about a tenth of a
+#: second; and its fewest and most steps, whatever the points are.
+_WALKS, _COMPARISONS, _STEPS = 10, 20_000_000, (1000, 50_000)
 
 
 def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -> tuple[float, bool]:
@@ -92,13 +86,13 @@ def _exact(points: _Floats) -> float:
     return greatest
 
 
-def _lower_bound(points: _Floats, rng: np.random.Generator, walks: _Walks = _Walks()) -> float:
+def _lower_bound(points: _Floats, rng: np.random.Generator) -> float:
     n_points, n_dims = points.shape
     sides = np.concatenate([np.sort(points, axis=0), np.ones((1, n_dims))]).T.copy()
-    n_steps = int(np.clip(walks.comparisons // (n_points * n_dims), *walks.steps))
+    n_steps = int(np.clip(_COMPARISONS // (n_points * n_dims), *_STEPS))
     left = np.linspace(1, 0, n_steps)
     greatest = 0.0
-    for _ in range(walks.number):
+    for _ in range(_WALKS):
         # Large boxes matter most: start with sides whose product is spread evenly.
         corner = np.floor(rng.random(n_dims) ** (1 / n_dims) * n_points).astype(np.int32)
         reach = (1 + left * n_points / 8).astype(np.int64)[:, None]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
-from cvtimg.engine.points import GROUPED_FROM, Frame, Points, pack
+from cvtimg.engine.points import GROUPED_FROM, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
 MAX_ORDERED_DIMS = 4
@@ -80,20 +80,14 @@ def line_through(rows: NDArray[Any]) -> Line | None:
 
 
 def pack_in_order(
-    rows: NDArray[Any],
-    weights: NDArray[np.float64],
-    n_generators: int,
-    frame: Frame | None = None,
-    *,
-    in_order: bool = False,
-    exact: bool = False,
+    rows: NDArray[Any], weights: NDArray[np.float64], n_generators: int, *, in_order: bool = False, exact: bool = False
 ) -> tuple[Points, NDArray[np.intp] | None]:
     """Pack the (N, D) rows of a table; also return their order, if it is not the given one."""
     sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
     if in_order or not sortable or n_generators < GROUPED_FROM:
-        return pack(rows, weights, frame=frame, in_order=in_order, exact=exact), None
+        return pack(rows, weights, in_order=in_order, exact=exact), None
     order = along_curve(rows)
-    return pack(rows, weights, frame=frame, order=order, exact=exact), order
+    return pack(rows, weights, order=order, exact=exact), order
 
 
 def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:

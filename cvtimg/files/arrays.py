@@ -12,8 +12,8 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 
-#: Name of the tag among the arrays.
-_TAG = "format"
+#: Name of the tag among the arrays; and the version in it, which rises when older programs must not read them.
+_TAG, _VERSION = "format", 1
 
 
 class UnfitArraysError(OSError, ValueError):
@@ -21,31 +21,22 @@ class UnfitArraysError(OSError, ValueError):
 
 
 def save_arrays(
-    path: StrPath,
-    kind: str,
-    arrays: Mapping[str, Any],
-    *,
-    version: int = 1,
-    compressed: bool = False,
-    overwrite: bool = False,
+    path: StrPath, kind: str, arrays: Mapping[str, Any], *, compressed: bool = False, overwrite: bool = False
 ) -> None:
-    """Write arrays to a NumPy .npz file, complete or not at all, with a tag that says what they are, such as "basis".
-
-    Raise `version` when older programs must not read them.
-    """
+    """Write arrays to a NumPy .npz file, whole or not at all, with a tag that says what they are, such as "basis"."""
     write: Any = np.savez_compressed if compressed else np.savez
     with whole_file(path, overwrite=overwrite) as file:
-        write(file, **{_TAG: f"cvtimg {kind} {version}", **arrays})
+        write(file, **{_TAG: f"cvtimg {kind} {_VERSION}", **arrays})
 
 
 def load_arrays(
-    path: StrPath, kind: str, names: Iterable[str], *, version: int = 1, later: Iterable[str] = ()
+    path: StrPath, kind: str, names: Iterable[str], *, later: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
     """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else.
 
     Those named `later`, which older versions did not write, may be missing.
     """
-    wanted = f"cvtimg {kind} {version}"
+    wanted = f"cvtimg {kind} {_VERSION}"
     try:
         with local_copy(path) as copy, copy.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             tag = str(stored[_TAG]) if _TAG in stored else "file without a tag"

@@ -32,13 +32,14 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes) -> 
 
 def test_another_kind_a_newer_version_and_a_missing_array_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
-    save_arrays(path, "list", {"numbers": [1]}, version=2)
-    with pytest.raises(UnfitArraysError, match="is not a list that this version reads, but a cvtimg list 2"):
-        load_arrays(path, "list", ["numbers"])
-    with pytest.raises(UnfitArraysError, match="but a cvtimg list 2"):
-        load_arrays(path, "tree", ["numbers"], version=2)
+    save_arrays(path, "list", {"numbers": [1]})
+    with pytest.raises(UnfitArraysError, match="is not a tree that this version reads, but a cvtimg list 1"):
+        load_arrays(path, "tree", ["numbers"])
     with pytest.raises(UnfitArraysError, match="names is not a file in the archive"):
-        load_arrays(path, "list", ["names"], version=2)
+        load_arrays(path, "list", ["names"])
+    np.savez(path, format="cvtimg list 2", numbers=[1])
+    with pytest.raises(UnfitArraysError, match="but a cvtimg list 2"):
+        load_arrays(path, "list", ["numbers"])
     with pytest.raises(FileNotFoundError):
         load_arrays(tmp_path / "none.npz", "list", [])
 
