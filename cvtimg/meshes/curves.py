@@ -34,5 +34,5 @@ def keep_areas(outline: Outline, mesh: PlaneTriangulation) -> None:
     alone = edges[is_cut & ~free[edges].any(axis=1)]
     free[alone] = ~mesh.corners[alone]
     for _ in range(_ROUNDS if free[edges].any() else 0):
-        moved = outline.areas.kept(mesh.points, edges, of_line, edges[:0, 0], np.flatnonzero(~free))
+        moved = outline.areas.kept(mesh.points, edges, of_line, np.empty(0, np.intp), np.flatnonzero(~free))
         mesh.move(moved - mesh.points, free)
