@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg.batch import Plan, Report, Row
+from cvtimg.batch import Plan, Report, Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy
 from cvtimg.options.record import Given
 
@@ -32,7 +32,10 @@ class JointTable(Report):
             task.name: task.source.name if times[task.source.name] == 1 else task.name for task in plan.tasks
         }
         if given.skip_existing and not given.overwrite and exists(path):
-            self._tables |= _by_image(_read(path))
+            try:
+                self._tables |= _by_image(_read(path))
+            except (KeyError, ValueError) as error:
+                raise WrongUsageError(f"--table: {path} has no rows of images to go on with; --overwrite") from error
             plan.known = [name for name, image in self._names.items() if image in self._tables]
 
     def done(self, row: Row) -> None:

@@ -108,6 +108,8 @@ def test_one_table_has_the_objects_of_all_images_and_a_run_that_goes_on_keeps_it
     assert [row.get("skipped", False) for row in resumed.rows] == [True, True, False]
     if suffix == "csv":
         assert table.read_bytes() == whole
+        Path("other.csv").write_text("a,b\n1,2\n")
+        assert "--table: other.csv has no rows of images" in run(*how[:-1], "other.csv", "--skip-existing").err
         with table.open() as file:
             images = Counter(row["image"] for row in csv.DictReader(file))
         assert images == {"a/one.png": 3, "two.png": 3, "b/one.png": 2}
