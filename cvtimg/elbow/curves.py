@@ -240,10 +240,10 @@ def energy_curve(
         exact = True
     if power:
         scale = Scale(scale.n_values, None)  # weighted energies are not sums over samples
-    found = [points.frame.outward(end.generators) for end in ends]
+    generators = [points.frame.outward(end.generators) for end in ends]
     curve = EnergyCurve(
         np.array([squared * points.frame.energy(end.energies[-1]) for end in ends]),
-        tuple(places if line is None else line.origin + line.direction * places for places in found),
+        tuple(places if line is None else line.origin + line.direction * places for places in generators),
         scale,
     )
     if is_table and not (power or watch.stopped or curve.is_clear) and curve.n_max > 1:
