@@ -38,10 +38,6 @@ class PolygonRegion(Region):
         Coordinates of a ring; of an outer ring and its holes; a GeoJSON mapping, its geometries taken together; or a
         shapely Polygon or MultiPolygon.
 
-    Notes
-    -----
-    Needs shapely: ``pip install 'cvtimg[regions]'``.
-
     Examples
     --------
     >>> from cvtimg.placement import PolygonRegion

@@ -74,7 +74,7 @@ class Placement(ReadOnly):
 
         Notes
         -----
-        Needs shapely: ``pip install 'cvtimg[regions]'``. Cells of the Euclidean metric, for regions of the plane.
+        Cells of the Euclidean metric, for regions of the plane.
 
         Examples
         --------

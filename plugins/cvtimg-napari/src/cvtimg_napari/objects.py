@@ -9,7 +9,7 @@ from napari.qt.threading import FunctionWorker, thread_worker
 from napari.viewer import Viewer
 from numpy.typing import NDArray
 
-from cvtimg.labels import region_table, volume_table
+from cvtimg.labels import region_table
 from cvtimg.pictures import PixelSize
 from cvtimg.segmentation import count_objects
 from cvtimg_napari.planes import Planes, number_apart, placed, shown_part
@@ -69,7 +69,7 @@ def _in_volumes(planes: Planes, layer: Image) -> tuple[list[NDArray[np.int32]], 
     spacing = tuple(map(float, layer.scale[-3:]))
     labels = number_apart(count_objects(volume, spacing=spacing).labels for volume in volumes)
     size = _pixel_size(layer)
-    tables = [volume_table(own, volume, pixel_size=size) for own, volume in zip(labels, volumes, strict=True)]
+    tables = [region_table(own, volume, pixel_size=size) for own, volume in zip(labels, volumes, strict=True)]
     return [plane for own in labels for plane in own], _joined(tables, planes.axes[:-1])
 
 
