@@ -157,6 +157,8 @@ def _around(bands: Floats) -> Floats:
 
 def _stripes(image: Floats) -> Floats:
     """(H, W, C) what offsets of the rows of an image add, or gains, whichever explain more; 0 without evidence."""
+    if min(image.shape[:2]) < 4 * _PART:
+        return np.zeros_like(image)
     least, shift = image.min(), np.ptp(image) / np.float32(64) + np.float32(1e-30)
     logs = np.log(image - least + shift)  # in which gains are offsets
     without = [image - _offsets(image), np.exp(logs - _offsets(logs)) + least - shift]
@@ -167,7 +169,7 @@ def _stripes(image: Floats) -> Floats:
 def _offsets(image: Floats) -> Floats:
     """(H, 1, C) offsets of the rows of an image, (H, W, C), from those around; 0 without evidence."""
     offsets = np.zeros((len(image), 1, image.shape[2]), np.float32)
-    for band in range(image.shape[2] if min(image.shape[:2]) >= 4 * _PART else 0):
+    for band in range(image.shape[2]):
         if _are_of_rows(_departures(image[:, :, band])):
             total = offsets[:, :, band]  # a view
             for _ in range(_ROUNDS):
