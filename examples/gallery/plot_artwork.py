@@ -12,7 +12,7 @@ import numpy as np
 from skimage import data
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 WIDTH = 480
@@ -38,17 +38,17 @@ outlined = cvtimg.mosaic(portrait, 1000)
 cells = cvtimg.mosaic(cup, 1500)
 triangles = cvtimg.mosaic(cup, 1500, shape="triangles")
 
-sheet = contact_sheet(
+sheet = draw_sheet(
     [
         [
-            Panel(equal.draw(scale=WIDTH / 250), ("9,000 dots of equal ink",)),
-            Panel(sized.draw(scale=WIDTH / 250), ("5,000 dots, sized by tone",)),
+            (equal.draw(scale=WIDTH / 250), "9,000 dots of equal ink"),
+            (sized.draw(scale=WIDTH / 250), "5,000 dots, sized by tone"),
         ],
         [
-            Panel(inks.draw(scale=WIDTH / 250), ("16,000 dots in cyan, magenta, yellow and black",)),
-            Panel(outlined.draw(scale=2, outline=0.3), ("1,000 cells with outlines",)),
+            (inks.draw(scale=WIDTH / 250), "16,000 dots in cyan, magenta, yellow and black"),
+            (outlined.draw(scale=2, outline=0.3), "1,000 cells with outlines"),
         ],
-        [Panel(cells.draw(), ("1,500 cells",)), Panel(triangles.draw(), ("1,500 triangles",))],
+        [(cells.draw(), "1,500 cells"), (triangles.draw(), "1,500 triangles")],
     ],
-    panel_width=WIDTH,
+    ".png",
 )

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from skimage import data
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 # %%
 # A part of a portrait (NASA), with stretched tones, so that the background is paper.
@@ -35,16 +35,16 @@ way = Image.new("L", tuple(SCALE * side for side in dots.size[::-1]), 255)
 ImageDraw.Draw(way).line([tuple(point) for point in SCALE * dots.points[dots.order]], fill=0, width=3)
 detail = np.s_[SCALE * 80 : SCALE * 140, SCALE * 82 : SCALE * 142]
 
-sheet = contact_sheet(
+sheet = draw_sheet(
     [
         [
-            Panel(dots.draw(scale=PANEL / 250), (f"{len(dots):,} dots of 0.7 mm on 120 mm",)),
-            Panel(dots.draw(scale=SCALE)[detail], ("a detail, 29 mm wide",)),
+            (dots.draw(scale=PANEL / 250), f"{len(dots):,} dots of 0.7 mm on 120 mm"),
+            (dots.draw(scale=SCALE)[detail], "a detail, 29 mm wide"),
         ],
         [
-            Panel(pens.draw(scale=PANEL / 250), ("12,000 dots of four pens",)),
-            Panel(np.asarray(way)[detail], ("the path of the pen in the detail",)),
+            (pens.draw(scale=PANEL / 250), "12,000 dots of four pens"),
+            (np.asarray(way)[detail], "the path of the pen in the detail"),
         ],
     ],
-    panel_width=PANEL,
+    ".png",
 )
