@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
@@ -109,10 +110,6 @@ class Globe:
 Layer: TypeAlias = Indexed | Pixels | Drawing | Globe
 
 
-#: More columns and rows than any picture has.
-_MUCH = (1 << 62, 1 << 62)
-
-
 def packed(number: int, about: Mapping[str, Any], layer: Layer, window: Window, part: Window | None = None) -> bytes:
     """Pack a reply: the number of the request, the length of the description, the description, the layer.
 
@@ -120,7 +117,7 @@ def packed(number: int, about: Mapping[str, Any], layer: Layer, window: Window, 
     Both numbers are 32-bit, little-endian. The description is JSON, filled with spaces so that colors and indices begin
     at a multiple of four.
     """
-    described, content = layer.cut(window if part is None else Window(0, 0, *_MUCH, 1))
+    described, content = layer.cut(window if part is None else Window(0, 0, sys.maxsize, sys.maxsize, 1))
     text = json.dumps({**about, **described, "window": part or window}, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     return b"".join([struct.pack("<II", number, len(text)), text, *content])
