@@ -67,14 +67,15 @@ def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:
 
 def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges between n points."""
-    return np.sort(edges, axis=1).astype(np.int64) @ np.array([n, 1])
+    a, b = edges.T.astype(np.int64)
+    return np.minimum(a, b) * n + np.maximum(a, b)
 
 
 def find_twins(triangles: NDArray[np.integer[Any]], n: int) -> Triangles:
     """Return the half-edge (T, 3) that leads back along each one; -1 for none, or where an edge has more than two."""
     edges = edges_around(triangles)
     keys = edge_keys(edges, n)
-    order = np.argsort(keys, kind="stable")
+    order = np.argsort(keys)
     same = np.diff(keys[order]) == 0
     alone = same & ~np.append(False, same[:-1]) & ~np.append(same[1:], False)
     pairs = np.stack([order[:-1], order[1:]], axis=1)[alone]
