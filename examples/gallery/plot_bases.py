@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 N_FRAMES = 12  # of each scene
@@ -31,9 +31,9 @@ animation = np.clip(frames, 0, 255).astype(np.uint8)
 # Of 36 frames, three are chosen.
 
 found = cvtimg.reduced_basis(animation, 3, kind="cvt")
-shown = [Panel(animation[number], (f"frame {number}",)) for number in range(0, len(animation), 6)]
+shown = [(animation[number], f"frame {number}") for number in range(0, len(animation), 6)]
 chosen = [
-    Panel(animation[number], (f"frame {number}", f"represents {np.sum(found.labels == scene)} frames"))
+    (animation[number], f"frame {number}\nrepresents {np.sum(found.labels == scene)} frames")
     for scene, number in sorted(enumerate(found.medoids), key=lambda pair: pair[1])
 ]
-sheet = contact_sheet([shown, chosen], panel_width=216)
+figure = draw_sheet([shown, chosen], ".png")

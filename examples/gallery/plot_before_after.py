@@ -8,7 +8,7 @@ A photograph, and the smallest indexed PNG file that is hard to tell from it: a 
 from pathlib import Path
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 path = Path("../../sample_images/coffee.png")
 image = cvtimg.read_image(path)
@@ -20,6 +20,4 @@ result = cvtimg.quantize(image, quality=80)
 n_bytes = len(cvtimg.pictures.encode_image(".png", result.indices, palette=result.palette))
 before = f"{path.stat().st_size / 1000:.0f} kB, {len(cvtimg.colors.color_samples(image).colors):,} colors"
 after = f"{n_bytes / 1000:.0f} kB, {len(result.palette)} colors"
-sheet = contact_sheet(
-    [[Panel(image[40:360, 90:510], (before,)), Panel(result.image[40:360, 90:510], (after,))]], panel_width=420
-)
+figure = draw_sheet([[(image[40:360, 90:510], before), (result.image[40:360, 90:510], after)]], ".png")

@@ -15,7 +15,7 @@ from skimage.metrics import peak_signal_noise_ratio
 from skimage.transform import rotate
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
@@ -47,13 +47,13 @@ merged = cvtimg.denoise(exposures, align=True)
 mean = np.mean(exposures, axis=0).round().astype(np.uint8)
 
 
-def panel(image: NDArray[Any], caption: str) -> Panel:
+def panel(image: NDArray[Any], caption: str) -> tuple[NDArray[Any], str]:
     """Show an image with its quality."""
-    return Panel(image, (caption, f"{peak_signal_noise_ratio(scene, image):.1f} dB"))
+    return image, "\n".join((caption, f"{peak_signal_noise_ratio(scene, image):.1f} dB"))
 
 
 row = [panel(exposures[0], "one of three exposures"), panel(mean, "their mean"), panel(merged.image, "merged")]
 
 # %%
 
-sheet = contact_sheet([[*row, Panel(scene, ("the scene", ""))]], panel_width=256)
+figure = draw_sheet([[*row, (scene, "the scene")]], ".png")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 WIDTH, HEIGHT = 270, 180
@@ -87,15 +87,15 @@ CASES: dict[str, tuple[Callable[[], NDArray[Any]], int]] = {
 METHODS = {"nearest color": None, "floyd-steinberg": "floyd-steinberg", "blue-noise": "blue-noise"}
 
 
-def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[Panel]:
+def panels(name: str, draw: Callable[[], NDArray[Any]], n_colors: int) -> list[tuple[NDArray[Any], str]]:
     """Show an image, and the same in few colors with each method."""
     image = draw()
     results = {
         how: cvtimg.quantize(image, n_colors, dither=method, alpha=image.shape[2:] == (4,))
         for how, method in METHODS.items()
     }
-    shown = [Panel(result.image, (f"{n_colors} colors, {how}",), result.palette) for how, result in results.items()]
-    return [Panel(image, (name,)), *shown]
+    shown = [(result.image, f"{n_colors} colors, {how}") for how, result in results.items()]
+    return [(image, name), *shown]
 
 
-sheet = contact_sheet([panels(name, *case) for name, case in CASES.items()], panel_width=WIDTH)
+figure = draw_sheet([panels(name, *case) for name, case in CASES.items()], ".png")

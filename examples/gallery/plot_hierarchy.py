@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cvtimg
-from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
+from cvtimg.plotting import draw_edges, draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
 
-def panels(image: NDArray[Any]) -> list[Panel]:
+def panels(image: NDArray[Any]) -> list[tuple[NDArray[Any], str]]:
     """Show cuts of an image, and its edges."""
     tree = cvtimg.segment_hierarchy(image)
-    shown = [Panel(draw_edges(image, tree.cut(n), thickness=2), (f"{n} regions",)) for n in (5, 20, 50)]
-    shown.append(Panel(draw_edges(image, tree.cut(), thickness=2), (f"default cut: {tree.n_regions()} regions",)))
+    shown = [(draw_edges(image, tree.cut(n), thickness=2), f"{n} regions") for n in (5, 20, 50)]
+    shown.append((draw_edges(image, tree.cut(), thickness=2), f"default cut: {tree.n_regions()} regions"))
     chances = np.rint(255 * (1 - tree.find_edges(strength=True))).astype(np.uint8)
-    return [*shown, Panel(chances, ("how likely a person draws each edge",))]
+    return [*shown, (chances, "how likely a person draws each edge")]
 
 
 # %%
@@ -31,4 +31,4 @@ def panels(image: NDArray[Any]) -> list[Panel]:
 
 names = ("coffee.png", "chelsea.png", "rocket.jpg")
 rows = [panels(cvtimg.read_image(SAMPLES / name)) for name in names]
-sheet = contact_sheet(rows, panel_width=260)
+figure = draw_sheet(rows, ".png")

@@ -12,7 +12,7 @@ from PIL import Image, ImageOps
 from skimage import data
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 from cvtimg.quantization import main_palette
 
 SAMPLES = Path("../../sample_images")
@@ -26,10 +26,11 @@ images = [cvtimg.read_image(SAMPLES / name) for name in names]
 images += [data.hubble_deep_field(), data.retina()]
 
 
-def panel(image: np.ndarray, palette: np.ndarray, caption: str) -> Panel:
+def panel(image: np.ndarray, palette: np.ndarray, caption: str) -> tuple[np.ndarray, str]:
     """Show an image above some of its colors."""
-    small = ImageOps.fit(Image.fromarray(image), SIZE)
-    return Panel(np.asarray(small), (caption,), palette)
+    small = np.asarray(ImageOps.fit(Image.fromarray(image), SIZE))
+    fields = palette[np.arange(SIZE[0]) * len(palette) // SIZE[0]]
+    return np.concatenate([small, np.broadcast_to(fields, (30, *fields.shape))]), caption
 
 
 # %%
@@ -37,4 +38,4 @@ def panel(image: np.ndarray, palette: np.ndarray, caption: str) -> Panel:
 
 least = [panel(image, cvtimg.find_palette(image, 6).colors, "least error") for image in images]
 main = [panel(image, main_palette(image).colors, "main colors") for image in images]
-sheet = contact_sheet([least, main], panel_width=SIZE[0])
+figure = draw_sheet([least, main], ".png")

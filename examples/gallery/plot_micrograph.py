@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 sys.path.append(str(SAMPLES))
@@ -28,17 +28,17 @@ noisy = (bone + noise).clip(0, 255).astype(np.uint8)
 # An edge weight makes borders short, and ``"auto"`` follows the noise of the image.
 
 
-def panel(caption: str, **options: Any) -> Panel:
+def panel(caption: str, **options: Any) -> tuple[np.ndarray, str]:
     """Show the bright segment in white, and errors in red."""
     found = cvtimg.segment(noisy, 2, **options).labels == 2
     shown = np.where(found[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=2)
     shown[found != truth] = (220, 40, 40)
     right = (found == truth).mean()
-    return Panel(shown, (caption, f"{found.mean():.1%} bone, {right:.1%} of the pixels right"))
+    return shown, "\n".join((caption, f"{found.mean():.1%} bone, {right:.1%} of the pixels right"))
 
 
 row = [
-    Panel(noisy, ("the noisy image", f"truth: {truth.mean():.1%} bone")),
+    (noisy, f"the noisy image\ntruth: {truth.mean():.1%} bone"),
     panel("segment(noisy, 2, edge_weight=0)", edge_weight=0),
     panel("averaging=2", averaging=2),
     panel("segment(noisy, 2, min_size=40)", min_size=40),
@@ -46,4 +46,4 @@ row = [
 
 # %%
 
-sheet = contact_sheet([row], panel_width=256)
+figure = draw_sheet([row], ".png")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
@@ -34,10 +34,10 @@ photograph = cvtimg.read_image(SAMPLES / "chelsea.png")
 small = np.asarray(Image.fromarray(photograph).resize((90, 60), Image.Resampling.BOX))
 
 
-def panel(caption: str, n_colors: int | None = None, **options: Any) -> Panel:
+def panel(caption: str, n_colors: int | None = None, **options: Any) -> tuple[NDArray[Any], str]:
     """Quantize the small image and enlarge it without smoothing."""
     result = cvtimg.quantize(small, n_colors, **options)
-    return Panel(enlarged(result.image), (caption,), result.palette)
+    return enlarged(result.image), caption
 
 
 def enlarged(image: NDArray[Any]) -> NDArray[Any]:
@@ -47,7 +47,7 @@ def enlarged(image: NDArray[Any]) -> NDArray[Any]:
 
 rows = [
     [
-        Panel(enlarged(small), ("90 x 60 pixels",)),
+        (enlarged(small), "90 x 60 pixels"),
         panel("16 colors of its own", 16),
         panel("16 colors of its own, in Oklab", 16, space="oklab"),
     ],
@@ -65,4 +65,4 @@ rows = [
 
 # %%
 
-sheet = contact_sheet(rows, panel_width=360)
+figure = draw_sheet(rows, ".png")

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
@@ -53,7 +53,7 @@ def numbers(content: bytes) -> np.ndarray:
     return values[..., :3]
 
 
-stored = [Panel(numbers(content), (name, "as stored")) for name, content in files.items()]
-read = [Panel(cvtimg.read_image(content), ("as read",)) for content in files.values()]
+stored = [(numbers(content), "\n".join((name, "as stored"))) for name, content in files.items()]
+read = [(cvtimg.read_image(content), "as read") for content in files.values()]
 
-sheet = contact_sheet([stored, read], panel_width=290)
+figure = draw_sheet([stored, read], ".png")

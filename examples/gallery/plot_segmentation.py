@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import cvtimg
 from cvtimg.labels import region_means
-from cvtimg.plotting import Panel, contact_sheet, draw_edges
+from cvtimg.plotting import draw_edges, draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
@@ -27,32 +27,32 @@ def bright(image: NDArray[Any]) -> NDArray[np.uint8]:
     return np.rint(255 * np.sqrt(image / 134)).astype(np.uint8)
 
 
-def in_colors(image: NDArray[np.uint8], n_segments: int) -> Panel:
+def in_colors(image: NDArray[np.uint8], n_segments: int) -> tuple[NDArray[Any], str]:
     """Show segments in their mean colors."""
     result = cvtimg.segment(image, n_segments, edge_weight=0)
     shares = result.masses / result.masses.sum()
     caption = f"{n_segments} segments", "shares: " + " ".join(f"{share:.0%}" for share in shares)
-    return Panel(bright(result.generators[result.labels - 1]), caption)
+    return bright(result.generators[result.labels - 1]), "\n".join(caption)
 
 
 night = cvtimg.read_image(SAMPLES / "europe_night.png")
-first_row = [Panel(bright(night), ("Europe by night (NASA)", "brightened"))]
+first_row = [(bright(night), "Europe by night (NASA)\nbrightened")]
 first_row += [in_colors(night, n_segments) for n_segments in (2, 3, 4)]
 
 # %%
 # Edges of segments, without and with averaging. Averaging removes the specks that noise makes.
 
 
-def in_edges(image: NDArray[np.uint8], n_segments: int, **options: Any) -> Panel:
+def in_edges(image: NDArray[np.uint8], n_segments: int, **options: Any) -> tuple[NDArray[Any], str]:
     """Show the edges of segments over the image."""
     labels = cvtimg.segment(image, n_segments, edge_weight=0, **options).labels
     caption = f"{n_segments} segments" + "".join(f", {name}={value}" for name, value in options.items())
-    return Panel(draw_edges(image, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
+    return draw_edges(image, labels), "\n".join((caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
 
 
 bone = cvtimg.read_image(SAMPLES / "bone_texture.png")
 second_row = [
-    Panel(bone, ("a drawn texture like bone",)),
+    (bone, "a drawn texture like bone"),
     in_edges(bone, 2),
     in_edges(bone, 2, averaging=2),
     in_edges(bone, 3, averaging=2),
@@ -66,12 +66,12 @@ result = cvtimg.segment(coffee, 6, space="oklab")
 means = np.rint(region_means(result.labels, coffee)[1:]).astype(np.uint8)
 cells = cvtimg.superpixels(coffee, 200, space="lab").labels
 third_row = [
-    Panel(coffee, ("a cup of coffee",)),
-    Panel(means[result.labels - 1], ("6 segments in Oklab",)),
-    Panel(~cvtimg.find_edges(result.labels), ("their edges",)),
-    Panel(draw_edges(coffee, cells, color=(255, 255, 255)), (f"{cells.max()} superpixels",)),
+    (coffee, "a cup of coffee"),
+    (means[result.labels - 1], "6 segments in Oklab"),
+    (~cvtimg.find_edges(result.labels), "their edges"),
+    (draw_edges(coffee, cells, color=(255, 255, 255)), f"{cells.max()} superpixels"),
 ]
 
 # %%
 
-sheet = contact_sheet([first_row, second_row, third_row], panel_width=300)
+figure = draw_sheet([first_row, second_row, third_row], ".png")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 from cvtimg.quantization import map_to_palette, shared_palette
 
 SAMPLES = Path("../../sample_images")
@@ -33,7 +33,7 @@ own, common = [], []
 for image in images:
     alone = cvtimg.quantize(image, 32)
     mapped = map_to_palette(image, shared)
-    own.append(Panel(alone.image, ("32 colors of its own", f"{alone.psnr:.1f} dB"), alone.palette))
-    common.append(Panel(mapped.image, ("32 colors for all", f"{psnr(image, mapped.image):.1f} dB"), shared))
+    own.append((alone.image, f"32 colors of its own\n{alone.psnr:.1f} dB"))
+    common.append((mapped.image, f"32 colors for all\n{psnr(image, mapped.image):.1f} dB"))
 
-sheet = contact_sheet([own, common], panel_width=290)
+figure = draw_sheet([own, common], ".png")

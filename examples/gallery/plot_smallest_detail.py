@@ -8,7 +8,7 @@ A photograph in six segments: each pixel on its own, and by default, without det
 from pathlib import Path
 
 import cvtimg
-from cvtimg.plotting import Panel, contact_sheet, draw_edges
+from cvtimg.plotting import draw_edges, draw_sheet
 
 coffee = cvtimg.read_image(Path("../../sample_images") / "coffee.png")
 
@@ -21,12 +21,12 @@ smooth = cvtimg.segment(coffee, 6).labels
 # %%
 # The edges of both, and how many of the pixels they take.
 
-sheet = contact_sheet(
+figure = draw_sheet(
     [
         [
-            Panel(draw_edges(coffee, labels), (caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}"))
+            (draw_edges(coffee, labels), "\n".join((caption, f"edge points: {cvtimg.find_edges(labels).mean():.1%}")))
             for labels, caption in ((plain, "edge_weight=0"), (smooth, "the default"))
         ]
     ],
-    panel_width=600,
+    ".png",
 )

@@ -8,7 +8,7 @@ the planes. Most of the balls touch another.
 
 import numpy as np
 
-from cvtimg.plotting import Panel, contact_sheet, draw_edges
+from cvtimg.plotting import draw_edges, draw_sheet
 from cvtimg.segmentation import count_objects
 
 rng = np.random.default_rng(4)
@@ -29,13 +29,13 @@ stack = stack.clip(0, 255).astype(np.uint8)
 found = count_objects(stack, spacing=(1.5, 0.5, 0.5))
 planes = (4, 8, 12, 16)
 row = [
-    Panel(
+    (
         draw_edges(stack[at].repeat(3, axis=0).repeat(3, axis=1), found.labels[at].repeat(3, axis=0).repeat(3, axis=1)),
-        (f"plane {at + 1} of {len(stack)}", f"{len(np.unique(found.labels[at])) - 1} of {found.n_segments} objects"),
+        f"plane {at + 1} of {len(stack)}\n{len(np.unique(found.labels[at])) - 1} of {found.n_segments} objects",
     )
     for at in planes
 ]
 
 # %%
 
-sheet = contact_sheet([row], panel_width=320)
+figure = draw_sheet([row], ".png")

@@ -10,18 +10,19 @@ areas lose some.
 
 from pathlib import Path
 
+import numpy as np
+
 import cvtimg
 from cvtimg.colors import ColorSamples
-from cvtimg.plotting import Panel, contact_sheet
+from cvtimg.plotting import draw_sheet
 
 SAMPLES = Path("../../sample_images")
 
 
-def panel(samples: ColorSamples, n_colors: int, power: int) -> Panel:
-    """Show the generator of each pixel, and the palette with the share of the pixels of each color."""
+def panel(samples: ColorSamples, n_colors: int, power: int) -> tuple[np.ndarray, str]:
+    """Show the generator of each pixel."""
     result = cvtimg.tessellate(samples, n_colors, volume_power=power, method="transfer", effort="best")
     palette = result.generators.round().astype(samples.colors.dtype)
-    order = result.generators.sum(axis=1).argsort()
     n_pixels = samples.inverse.size
     shares = result.masses / n_pixels
     caption = (
@@ -29,7 +30,7 @@ def panel(samples: ColorSamples, n_colors: int, power: int) -> Panel:
         f"plain energy {result.energy / n_pixels:.4g} per pixel",
         f"weighted energy {result.weighted_energy / n_pixels:.4g} per pixel",
     )
-    return Panel(palette[result.labels[samples.inverse]], caption, palette[order], shares[order])
+    return palette[result.labels[samples.inverse]], "\n".join(caption)
 
 
 # %%
@@ -39,7 +40,7 @@ rows = []
 for name, n_colors in (("rocket.jpg", 6), ("coffee.png", 5)):
     image = cvtimg.read_image(SAMPLES / name)
     samples = cvtimg.colors.color_samples(image)
-    original = Panel(image, ("original", f"{samples.n_colors:,} colors"))
+    original = (image, f"original\n{samples.n_colors:,} colors")
     rows.append([original, *(panel(samples, n_colors, power) for power in (0, 1, 2))])
 
-sheet = contact_sheet(rows, panel_width=260)
+figure = draw_sheet(rows, ".png")
