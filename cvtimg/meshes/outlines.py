@@ -77,8 +77,9 @@ class Outline:
         found[list(self.still)] = True
         found[self.ends[~self.is_closed]] = True
         found |= np.bincount(self.ends.ravel(), minlength=len(found)) > 2
-        starts = np.array([line[[-2, 0, 1]] for line in self.lines])
-        found[self.ends[turns_of(*starts.transpose(1, 0, 2)) > _CLOSED_CORNER, 0]] = True
+        rings = [line[[-2, 0, 1]] for line, closed in zip(self.lines, self.is_closed, strict=True) if closed]
+        turns = turns_of(*np.array(rings).reshape(-1, 3, 2).transpose(1, 0, 2))
+        found[self.ends[self.is_closed, 0][turns > _CLOSED_CORNER]] = True
         return found
 
     @property

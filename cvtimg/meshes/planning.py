@@ -133,7 +133,7 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
     coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1)
     for _ in first_few(range(_SEARCH.rounds), 0.5):
-        plan = place(factor, grade, on_curves, 2 * wanted.n)
+        plan = place(factor, grade, on_curves, wanted.n if on_curves == 2 else 2 * wanted.n)
         ratio = plan.number / wanted.n
         if abs(ratio - 1) < _SEARCH.near and plan.n_on_borders <= wanted.n:
             return plan
