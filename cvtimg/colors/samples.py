@@ -16,10 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.threads import in_stripes
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
-#: Entries of a table of counts, for each pixel, from which sorting is faster.
-_OF_TABLE = 16
+#: Numbers from this size on are sorted: a table of them would take more time and memory.
+_OF_TABLE = 1 << 24
+#: Sorting fewer pixels is faster than a table, of which the places that are read are far apart.
+_SORTED = 1 << 15
+#: Pixels whose numbers stay in the cache while bands are added.
+_BLOCK = 1 << 15
 #: The `inverse` of colors without their pixels.
 NO_PIXELS = np.empty((0, 0), np.int32)
 
@@ -115,9 +120,8 @@ def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | No
         rows = rows + rows.dtype.type(0)  # -0.0 and 0.0 are one color, but not the same bytes
     numbers = _numbers_of(rows)
     in_order = rows.shape[1] <= MAX_ORDERED_DIMS
-    inverse, density = _counted(numbers)
-    colors = np.empty((len(density), rows.shape[1]), rows.dtype)
-    colors[inverse] = rows
+    distinct, inverse, density = _counted(numbers)
+    colors = _rows_of(distinct, rows.dtype, rows.shape[1])
     if in_order and rows.dtype != np.uint8:
         order = along_curve(colors)
         rank = np.empty(len(order), np.int32)
@@ -169,8 +173,12 @@ def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
         values, bits = np.arange(256, dtype=np.uint32)[:, None], np.arange(8)
         spread = ((values >> bits & 1) << n_bytes * bits).sum(axis=1, dtype=np.uint32)
         numbers = np.zeros(len(rows), np.uint32)
-        for band in range(n_bytes):
-            numbers |= (spread << np.uint32(n_bytes - 1 - band))[pixels[:, band]]
+
+        def number(block: slice) -> None:
+            for band in range(n_bytes):
+                numbers[block] |= np.take(spread << np.uint32(n_bytes - 1 - band), pixels[block, band])
+
+        in_stripes(number, len(rows), n_bytes * len(rows), _BLOCK)
         return numbers
     if n_bytes > 8:
         return pixels.view(f"V{n_bytes}")[:, 0]
@@ -179,14 +187,33 @@ def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
     return wide.view(np.uint64)[:, 0]
 
 
-def _counted(numbers: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the (N,) rank of each number among the distinct ones, and how often each of these occurs."""
-    size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else np.inf
-    if size > _OF_TABLE * len(numbers):
-        _, inverse, counts = np.unique(numbers, return_inverse=True, return_counts=True)
-        return inverse.astype(np.int32), counts.astype(np.float64)
-    table = np.bincount(numbers)
-    present = np.flatnonzero(table)
-    ranks = np.empty(len(table), np.int32)
-    ranks[present] = np.arange(len(present), dtype=np.int32)
-    return ranks[numbers], table[present].astype(np.float64)
+def _rows_of(numbers: NDArray[Any], dtype: np.dtype[Any], n_bands: int) -> NDArray[Any]:
+    """Return the (N, C) rows of some numbers: the inverse of `_numbers_of`."""
+    if numbers.dtype != np.uint32:
+        pixels = numbers.view(np.uint8).reshape(len(numbers), -1)
+        return np.ascontiguousarray(pixels[:, : n_bands * dtype.itemsize]).view(dtype)
+    rows = np.zeros((len(numbers), n_bands), np.uint8)
+    for place in range(8 * n_bands):
+        bit, band = divmod(place, n_bands)
+        rows[:, n_bands - 1 - band] |= ((numbers >> np.uint32(place)) & 1).astype(np.uint8) << bit
+    return rows
+
+
+def _counted(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+    """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
+    size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else _OF_TABLE + 1
+    if size > _OF_TABLE or len(numbers) < _SORTED:
+        distinct, ranks, counts = np.unique(numbers, return_inverse=True, return_counts=True)
+        return distinct, ranks.astype(np.int32), counts.astype(np.float64)
+    is_there = np.zeros(size, np.bool_)
+    is_there[numbers] = True
+    distinct = np.flatnonzero(is_there)
+    rank_of = np.empty(size, np.int32)
+    rank_of[distinct] = np.arange(len(distinct), dtype=np.int32)
+    inverse = np.empty(len(numbers), np.int32)
+
+    def rank(block: slice) -> None:
+        np.take(rank_of, numbers[block], out=inverse[block], mode="clip")  # which needs no copy of what comes out
+
+    in_stripes(rank, len(numbers), len(numbers), _BLOCK)
+    return distinct.astype(np.uint32), inverse, np.bincount(inverse).astype(np.float64)
