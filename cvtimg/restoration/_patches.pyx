@@ -1,16 +1,19 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled passes over patches in groups: covariances, filtered patches, the image made of them, groups cut in two.
+"""The compiled passes over patches in groups: covariances, filters, the image made of patches, groups cut in two.
 
 Nothing here checks its arguments or decides. Each argument is marked IN, OUT or INOUT. H x W is the size of an image in
 pixels, N their number, C that of bands, P = 25 C that of the values of a patch and G the number of groups. Each pass
 works on the groups, or rows, from `first` until `last`. To the BLAS, rows are columns.
 
-Of float32 only `sgemm` is called: `ssyrk` is wrong in some versions of OpenBLAS for ARM processors (its issue 5873).
+Of float32 only `sgemm` is called: `ssyrk`, and `spotrf` and `spotri` which call it, are wrong in some versions of OpenBLAS
+for ARM processors (its issue 5873).
 """
+from libc.float cimport FLT_EPSILON
 from libc.math cimport sqrt
 from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy
 from scipy.linalg.cython_blas cimport sgemm
+from scipy.linalg.cython_lapack cimport dpotrf, dpotri
 
 import numpy as np
 
@@ -131,6 +134,34 @@ def measure_groups(
             measure(patches, n, sums, covariances[g])
             for j in range(sums.shape[0]):
                 means[g, j] = <float>sums[j]
+
+
+def make_filters(
+    float[:, :, ::1] matrices,    # INOUT (G, P, P): a covariance C, which becomes the filter I - v (C + v I)^-1
+    const double[::1] variances,  # IN (G,): v, of the noise
+):
+    """Make the Wiener filter of each group: I, where the noise is less than the rounding of C in float32."""
+    cdef int bad, size = <int>matrices.shape[1]
+    cdef double trace
+    cdef double[:, ::1] inverse = np.empty((size, size))
+    cdef Py_ssize_t g, i, j
+    with nogil:
+        for g in range(matrices.shape[0]):
+            trace = 0
+            for i in range(size):
+                for j in range(size):
+                    inverse[i, j] = matrices[g, i, j]
+                trace = trace + inverse[i, i]
+                inverse[i, i] += variances[g]
+            bad = variances[g] <= FLT_EPSILON * trace
+            if not bad:
+                dpotrf("L", &size, &inverse[0, 0], &size, &bad)
+            if not bad:
+                dpotri("L", &size, &inverse[0, 0], &size, &bad)
+            for i in range(size):
+                for j in range(i, size):  # LAPACK has left the other half as it was
+                    matrices[g, i, j] = (i == j) - (0 if bad else <float>(variances[g] * inverse[i, j]))
+                    matrices[g, j, i] = matrices[g, i, j]
 
 
 def filter_groups(

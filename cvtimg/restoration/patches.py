@@ -299,7 +299,7 @@ class _Filters:
                     _lessen_noise(covariances, noise[here], variance)
                 diagonal = np.einsum("gii->gi", covariances)
                 diagonal += np.maximum(_RIDGE * variance, _PRECISE * diagonal.sum(axis=1))[:, None]
-                covariances[:] = _wiener(covariances, variance)
+                _patches.make_filters(covariances, variance)
                 if noisy.shared:
                     covariances[:] = whiten.T @ covariances @ factor.T
 
@@ -328,16 +328,6 @@ class _Filters:
         in_parts(apply, len(groups), work=len(patches) * size**2 / 16)
         in_parts(join, len(sums), work=patches.size)
         return sums, weights
-
-
-def _wiener(covariances: Floats, variances: Doubles) -> Floats:
-    """(G, P, P) filters I - v (C + v I)^-1 for noise of variances v, (G,); I where float32 would round it away."""
-    noisy, own = covariances.astype(np.float64), np.trace(covariances, axis1=1, axis2=2, dtype=np.float64)
-    seen = variances > np.finfo(np.float32).eps * own
-    np.einsum("gii->gi", noisy)[:] += np.where(seen, variances, np.maximum(own, 1.0))[:, None]
-    filters = np.where(seen, -variances, 0)[:, None, None] * np.linalg.inv(noisy)
-    np.einsum("gii->gi", filters)[:] += 1
-    return filters.astype(np.float32)
 
 
 def covariance_of(shared: SharedNoise) -> Doubles:
@@ -377,4 +367,6 @@ def _lessen_noise(covariances: Floats, noise: Doubles, variances: Doubles) -> No
     diagonal += variances[:, None] - noise + _PRECISE * diagonal.sum(axis=1, keepdims=True)
     bends = _BENT * variances
     for _ in range(2):
-        covariances -= bends[:, None, None].astype(np.float32) * _wiener(covariances, bends)
+        filters = covariances.copy()
+        _patches.make_filters(filters, bends)
+        covariances -= bends[:, None, None].astype(np.float32) * filters
