@@ -1,14 +1,116 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops of tours of points.
+"""The compiled loops of artwork: gradients of mosaics; tours of points.
 
-Nothing here checks its arguments or decides how long to go on. Each argument is marked IN, OUT or INOUT.
+Nothing here checks its arguments or decides how long to go on. Each argument is marked IN, OUT or INOUT. In mosaics, K
+is the number of cells, C that of bands.
 """
-from libc.math cimport sqrt
+from libc.math cimport ceil, fabs, sqrt
 from libc.stdint cimport int32_t, uint8_t
 
 #: Points of the longest chain that is moved as a whole.
 cdef enum:
     CHAIN = 3
+
+
+cdef inline double gain(
+    const float *left, const float *right, const double *color, const double *other, Py_ssize_t bands
+) noexcept nogil:
+    """How much farther the middle of two pixels is from one color than from another, squared."""
+    cdef double total = 0, value
+    cdef Py_ssize_t band
+    for band in range(bands):
+        value = 0.5 * (left[band] + right[band])
+        total = total + (2 * value - color[band] - other[band]) * (other[band] - color[band])
+    return total
+
+
+def add_border_gradient(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): nearest generator of each pixel
+    const double[:, ::1] points,      # IN (K, 2): generators
+    const double[:, ::1] colors,      # IN (K, C): mean of each cell
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] gradient,          # INOUT (K, 2)
+):
+    """Add what moving each generator changes in the squared error of Voronoi cells, along their borders.
+
+    A border that runs steeply is met in every row, and a flat one in every column.
+    """
+    cdef Py_ssize_t bands = image.shape[2], height = labels.shape[0], width = labels.shape[1], x, y
+    cdef Py_ssize_t axis, d
+    cdef int32_t i, j
+    cdef double along, across, line, slope
+    cdef double place[2]
+    with nogil:
+        for y in range(first_row, stop_row):
+            for x in range(width):
+                i = labels[y, x]
+                for axis in range(2):  # the pixel to the right, and the one below
+                    if (y + 1 if axis else x + 1) >= (height if axis else width):
+                        continue
+                    j = labels[y + axis, x + 1 - axis]
+                    if i == j:
+                        continue
+                    along = points[j, axis] - points[i, axis]
+                    across = points[j, 1 - axis] - points[i, 1 - axis]
+                    if fabs(along) < fabs(across) or fabs(along) == (fabs(across) if axis else 0):
+                        continue
+                    line = 0.5 + (x if axis else y)
+                    place[axis] = crossing(
+                        along, across, points[i, axis], points[i, 1 - axis], line, 0.5 + (y if axis else x))
+                    place[1 - axis] = line
+                    slope = gain(
+                        &image[y, x, 0], &image[y + axis, x + 1 - axis, 0], &colors[i, 0], &colors[j, 0], bands) / along
+                    for d in range(2):
+                        gradient[i, d] += slope * (place[d] - points[i, d])
+                        gradient[j, d] -= slope * (place[d] - points[j, d])
+
+
+cdef inline double crossing(
+    double along, double across, double own_along, double own_across, double line, double low
+) noexcept nogil:
+    """Where a line meets the border of two cells, between the middles of two pixels."""
+    cdef double at = own_along + 0.5 * along + across * (own_across + 0.5 * across - line) / along
+    return min(max(at, low), low + 1)
+
+
+def add_edge_gradient(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const double[:, ::1] points,      # IN (N, 2): corners
+    const int32_t[:, ::1] edges,      # IN (M, 4): corners a and b, and the cells on both sides of the edge
+    const double[:, ::1] colors,      # IN (K, C): mean of each cell
+    double[:, ::1] gradient,          # INOUT (N, 2)
+):
+    """Add what moving each corner changes in the squared error of triangles, along their edges.
+
+    Seen along the edge from a to b, with y down, the first cell is to the right and the second to the left.
+    """
+    cdef Py_ssize_t bands = image.shape[2], height = image.shape[0], width = image.shape[1], e, n, step, x, y
+    cdef int32_t a, b
+    cdef double run_x, run_y, part, slope, to_a, to_b
+    cdef const float *pixel
+    with nogil:
+        for e in range(edges.shape[0]):
+            a = edges[e, 0]
+            b = edges[e, 1]
+            run_x = points[b, 0] - points[a, 0]
+            run_y = points[b, 1] - points[a, 1]
+            n = <Py_ssize_t>ceil(max(fabs(run_x), fabs(run_y)))
+            to_a = to_b = 0
+            for step in range(n):
+                part = (step + 0.5) / n
+                x = min(max(<Py_ssize_t>(points[a, 0] + part * run_x), 0), width - 1)
+                y = min(max(<Py_ssize_t>(points[a, 1] + part * run_y), 0), height - 1)
+                pixel = &image[y, x, 0]
+                slope = gain(pixel, pixel, &colors[edges[e, 2], 0], &colors[edges[e, 3], 0], bands) / n
+                to_a += (1 - part) * slope
+                to_b += part * slope
+            # (run_y, -run_x) points to the left, and is as long as the edge.
+            gradient[a, 0] += to_a * run_y
+            gradient[a, 1] -= to_a * run_x
+            gradient[b, 0] += to_b * run_y
+            gradient[b, 1] -= to_b * run_x
 
 
 cdef inline double distance(const double[:, ::1] points, int32_t a, int32_t b) noexcept nogil:

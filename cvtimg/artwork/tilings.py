@@ -17,9 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.threads import in_stripes
+from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
 Floats = NDArray[np.float64]
+#: Bands of rows, each with a gradient of its own. They are fixed, so that no bit depends on threads.
+_PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
 #: Rows of pixels whose triangles are looked for at a time.
@@ -67,7 +71,7 @@ def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -
     own, pixels = labels.ravel(), image.reshape(labels.size, -1)
     areas, colors = np.bincount(own, minlength=n_tiles).astype(np.float64), sum_by_label(own, pixels, n_tiles)
     squares = sum_by_label(own, np.einsum("pc,pc->p", pixels, pixels, dtype=np.float64), n_tiles)
-    means = np.where(areas[:, np.newaxis] == 0, colors.sum(axis=0) / labels.size, per_mass(colors, areas))
+    means = np.where(areas[:, np.newaxis] == 0, pixels.mean(axis=0, dtype=np.float64), per_mass(colors, areas))
     return Painted(labels, means, areas, np.maximum(squares - (colors * means).sum(axis=1), 0))
 
 
@@ -90,7 +94,8 @@ def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tu
 def removal_costs(painted: Painted) -> Floats:
     """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
     labels, n_cells = painted.labels, len(painted.areas)
-    pairs = np.concatenate([np.reshape(sides, (2, -1)) for sides in _beside(labels)], axis=1)
+    beside = ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:]))
+    pairs = np.concatenate([np.reshape(sides, (2, -1)) for sides in beside], axis=1)
     pairs = pairs[:, pairs[0] != pairs[1]]
     apart = np.square(painted.colors[pairs[0]] - painted.colors[pairs[1]]).sum(axis=1)
     squares = sum_by_label(pairs.ravel(), np.tile(apart, 2), n_cells)
@@ -177,16 +182,6 @@ def _border_points(density: NDArray[np.float32], n_points: int) -> Floats:
     return np.stack([x, y], axis=1)
 
 
-def _beside(labels: NDArray[Any]) -> tuple[tuple[NDArray[Any], NDArray[Any]], ...]:
-    """Return pixels with those to their right, and with those below."""
-    return (labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])
-
-
-def _nearer(image: Floats, colors: Floats, others: Floats) -> Floats:
-    """(P,) squared distances of (P, C) pixels to colors, less those to others."""
-    return ((2 * image - colors - others) * (others - colors)).sum(axis=1)
-
-
 class VoronoiTiling:
     """Voronoi cells: a tile for each point."""
 
@@ -198,25 +193,17 @@ class VoronoiTiling:
         return pixel_labels(self._shape, points)
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
-        """Differentiate along the borders of cells; steep ones are met in every row, flat ones in columns."""
-        gradient = np.zeros_like(points)
-        for axis, (before, after) in enumerate(_beside(painted.labels)):
-            y, x = np.nonzero(before != after)
-            own, other = before[y, x], after[y, x]
-            steps = np.abs(points[other] - points[own])
-            steep = steps[:, axis] > steps[:, 1 - axis] if axis else (steps[:, 0] >= steps[:, 1]) & (steps[:, 0] > 0)
-            x, y, own, other = x[steep], y[steep], own[steep], other[steep]
-            middles = (image[y, x] + image[y + axis, x + 1 - axis]) / 2
-            steps, pixel = points[other] - points[own], np.stack([x, y], axis=1) + 0.5
-            # Where the middle line of a row or column meets the border, between the middles of the two pixels.
-            along, across = steps[:, axis], steps[:, 1 - axis]
-            aside = points[own, 1 - axis] + across / 2 - pixel[:, 1 - axis]
-            meets = points[own, axis] + along / 2 + across * aside / along
-            pixel[:, axis] = np.clip(meets, pixel[:, axis], pixel[:, axis] + 1)
-            slopes = (_nearer(middles, painted.colors[own], painted.colors[other]) / along)[:, np.newaxis]
-            gradient += sum_by_label(own, slopes * (pixel - points[own]), len(points))
-            gradient -= sum_by_label(other, slopes * (pixel - points[other]), len(points))
-        return gradient
+        """Differentiate along the borders of cells."""
+
+        def of_rows(rows: slice) -> Floats:
+            gradient = np.zeros_like(points)
+            about = image, painted.labels, points, painted.colors
+            _artwork.add_border_gradient(*about, rows.start, rows.stop, gradient)
+            return gradient
+
+        height = self._shape[0]
+        gradients = in_stripes(of_rows, height, 4.0 * painted.labels.size, -(-height // _PARTS))
+        return np.asarray(np.sum(gradients, axis=0))
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of each cell if it were a square."""
@@ -257,17 +244,9 @@ class DelaunayTiling:
         beside = self._mesh.neighbors
         triangle, corner = np.nonzero(beside > np.arange(len(beside))[:, np.newaxis])
         a, b = (self.triangles[triangle, (corner + turn) % 3] for turn in (1, 2))
-        right, left = painted.colors[triangle], painted.colors[beside[triangle, corner]]
-        runs = points[b] - points[a]
-        n_steps = np.ceil(np.abs(runs).max(axis=1)).astype(np.intp)
-        edge = np.repeat(np.arange(len(runs)), n_steps)
-        along = (np.arange(len(edge)) - (np.cumsum(n_steps) - n_steps)[edge] + 0.5) / n_steps[edge]
-        x, y = np.clip(points[a][edge] + along[:, np.newaxis] * runs[edge], 0, self._size - 1).astype(np.intp).T
-        slopes = _nearer(image[y, x], right[edge], left[edge]) / n_steps[edge]
-        gradient, normals = np.zeros_like(points), np.stack([runs[:, 1], -runs[:, 0]], axis=1)  # to the left
-        for ends, share in ((a, 1 - along), (b, along)):
-            pushes = np.bincount(edge, slopes * share, len(runs))[:, np.newaxis] * normals
-            gradient += sum_by_label(ends, pushes, len(points))
+        edges = np.ascontiguousarray(np.stack([a, b, triangle, beside[triangle, corner]], axis=1), np.int32)
+        gradient = np.zeros_like(points)
+        _artwork.add_edge_gradient(image, points, edges, painted.colors, gradient)
         return gradient
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
