@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The compiled loops of artwork: gradients of mosaics; tours of points.
+"""The compiled loops of artwork: sums, gradients and labels of mosaics; tours of points.
 
 Nothing here checks its arguments or decides how long to go on. Each argument is marked IN, OUT or INOUT. In mosaics, K
 is the number of cells, C that of bands.
@@ -10,6 +10,55 @@ from libc.stdint cimport int32_t, uint8_t
 #: Points of the longest chain that is moved as a whole.
 cdef enum:
     CHAIN = 3
+
+
+def add_colors(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] sums,              # INOUT (K, C + 2): sums of bands, of their squares, and pixels
+):
+    """Add up the pixels of each cell."""
+    cdef Py_ssize_t bands = image.shape[2], x, y, band
+    cdef double *cell
+    cdef double value, squared
+    with nogil:
+        for y in range(first_row, stop_row):
+            for x in range(labels.shape[1]):
+                cell = &sums[labels[y, x], 0]
+                squared = 0
+                for band in range(bands):
+                    value = image[y, x, band]
+                    cell[band] += value
+                    squared = squared + value * value
+                cell[bands] += squared
+                cell[bands + 1] += 1
+
+
+def add_moments(
+    const float[:, :, ::1] image,     # IN (H, W, C)
+    const int32_t[:, ::1] labels,     # IN (H, W): cell of each pixel
+    Py_ssize_t first_row,             # IN
+    Py_ssize_t stop_row,              # IN
+    double[:, ::1] sums,              # INOUT (K, 2 C + 6): of 1, x, y and each band, times x and times y
+):
+    """Add up the moments of each cell."""
+    cdef Py_ssize_t bands = image.shape[2], row, column, d, band
+    cdef double *cell
+    cdef double place[2]
+    with nogil:
+        for row in range(first_row, stop_row):
+            place[1] = row + 0.5
+            for column in range(labels.shape[1]):
+                place[0] = column + 0.5
+                cell = &sums[labels[row, column], 0]
+                for d in range(2):
+                    cell[d] += place[d]
+                    cell[2 + d] += place[0] * place[d]
+                    cell[4 + d] += place[1] * place[d]
+                    for band in range(bands):
+                        cell[6 + 2 * band + d] += image[row, column, band] * place[d]
 
 
 cdef inline double gain(

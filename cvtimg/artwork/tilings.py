@@ -10,19 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.progress import part, tell
-from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.threads import of_each
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
 Floats = NDArray[np.float64]
-#: Bands of rows, each with a gradient of its own. They are fixed, so that no bit depends on threads.
+#: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
 _PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
@@ -68,11 +69,23 @@ class Painted:
 
 def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -> Painted:
     """Measure the tiles of an (H, W, C) image."""
-    own, pixels = labels.ravel(), image.reshape(labels.size, -1)
-    areas, colors = np.bincount(own, minlength=n_tiles).astype(np.float64), sum_by_label(own, pixels, n_tiles)
-    squares = sum_by_label(own, np.einsum("pc,pc->p", pixels, pixels, dtype=np.float64), n_tiles)
-    means = np.where(areas[:, np.newaxis] == 0, pixels.mean(axis=0, dtype=np.float64), per_mass(colors, areas))
-    return Painted(labels, means, areas, np.maximum(squares - (colors * means).sum(axis=1), 0))
+    n_bands = image.shape[2]
+    sums = by_rows(partial(_artwork.add_colors, image, labels), labels.shape, (n_tiles, n_bands + 2))
+    areas, colors = sums[:, -1], sums[:, :n_bands]
+    empty = areas == 0
+    means = np.where(empty[:, np.newaxis], colors.sum(axis=0) / areas.sum(), colors / np.maximum(areas, 1)[:, None])
+    errors = np.maximum(sums[:, n_bands] - (colors * means).sum(axis=1), 0)
+    return Painted(labels, means, areas, np.where(empty, 0, errors))
+
+
+def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sums_shape: tuple[int, ...]) -> Floats:
+    """Let parts of the rows add to sums of their own, and add these up in order."""
+    height, width = shape
+    sums = np.zeros((_PARTS, *sums_shape))
+    bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
+
+    of_each(lambda n: add(bounds[n], bounds[n + 1], sums[n]), _PARTS, 4.0 * height * width)
+    return sums.sum(axis=0)
 
 
 def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
@@ -93,13 +106,15 @@ def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tu
 
 def removal_costs(painted: Painted) -> Floats:
     """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
-    labels, n_cells = painted.labels, len(painted.areas)
-    beside = ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:]))
-    pairs = np.concatenate([np.reshape(sides, (2, -1)) for sides in beside], axis=1)
-    pairs = pairs[:, pairs[0] != pairs[1]]
-    apart = np.square(painted.colors[pairs[0]] - painted.colors[pairs[1]]).sum(axis=1)
-    squares = sum_by_label(pairs.ravel(), np.tile(apart, 2), n_cells)
-    lengths = np.bincount(pairs.ravel(), minlength=n_cells)
+    n_cells = len(painted.areas)
+    squares, lengths = np.zeros(n_cells), np.zeros(n_cells)
+    labels = painted.labels
+    for one, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
+        border = one != other
+        apart = np.square(painted.colors[one[border]] - painted.colors[other[border]]).sum(axis=1)
+        for side in (one[border], other[border]):
+            squares += sum_by_label(side, apart, n_cells)
+            lengths += np.bincount(side, minlength=n_cells)
     return painted.areas * squares / np.maximum(lengths, 1)
 
 
@@ -109,10 +124,8 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
     Return the gains (K,), the centers (K, 2) of cells, and the offsets (K, 2) from there to the centers of both halves.
     """
     areas = np.maximum(painted.areas, 1)
-    y, x = np.indices(painted.labels.shape).reshape(2, -1) + 0.5
-    factors = [np.ones_like(x), x, y, *image.reshape(x.size, -1).T]
-    sums = [np.bincount(painted.labels.ravel(), factor * at, len(areas)) for factor in factors for at in (x, y)]
-    found = np.stack(sums, axis=1).reshape(len(areas), -1, 2)
+    add = partial(_artwork.add_moments, image, painted.labels)
+    found = by_rows(add, painted.labels.shape, (len(areas), 2 * image.shape[2] + 6)).reshape(len(areas), -1, 2)
     middles = found[:, 0] / areas[:, np.newaxis]
     means = np.concatenate([middles, painted.colors], axis=1)
     about = found[:, 1:] - (areas[:, np.newaxis] * means)[:, :, np.newaxis] * middles[:, np.newaxis]
@@ -194,16 +207,8 @@ class VoronoiTiling:
 
     def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
         """Differentiate along the borders of cells."""
-
-        def of_rows(rows: slice) -> Floats:
-            gradient = np.zeros_like(points)
-            about = image, painted.labels, points, painted.colors
-            _artwork.add_border_gradient(*about, rows.start, rows.stop, gradient)
-            return gradient
-
-        height = self._shape[0]
-        gradients = in_stripes(of_rows, height, 4.0 * painted.labels.size, -(-height // _PARTS))
-        return np.asarray(np.sum(gradients, axis=0))
+        add = partial(_artwork.add_border_gradient, image, painted.labels, points, painted.colors)
+        return by_rows(add, self._shape, points.shape)
 
     def spacing(self, painted: Painted, n_points: int) -> Floats:
         """Tell the side of each cell if it were a square."""
