@@ -88,6 +88,8 @@ CHANGES = {
     "a frame in a frame": lambda image: np.pad(np.pad(image, 3), 9, constant_values=255),
     "bars above and below": lambda image: np.pad(image, ((20, 30), (0, 0)), constant_values=255),
     "a well in a plate": in_a_well,
+    "shifted": lambda image: np.roll(image, (55, 110), (0, 1)),
+    "cut": lambda image: image[2:-2, 1:-1],
     "turned by a quarter": np.rot90,
     "mirrored": np.fliplr,
     "turned by 30 degrees": lambda image: ndimage.rotate(image.astype(float), 30, order=1, cval=0),

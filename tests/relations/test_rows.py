@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from dask import array as da
 from numpy.typing import NDArray
+from reference import at_threads
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
 from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
@@ -61,6 +62,27 @@ def of_heavy(rows: Rows) -> float:
     return tessellate(rows, 5, density=np.full(len(rows), 1e200)).energy / 1e200
 
 
+def repeated(rows: Rows) -> Rows:
+    """Repeat rows as often as `of_repeated` weighs them."""
+    return np.repeat(rows, 1 + np.arange(len(rows)) % 3, axis=0)
+
+
+def of_repeated(rows: Rows) -> float:
+    return tessellate(rows, 5, density=1.0 + np.arange(len(rows)) % 3).energy
+
+
+def of_another_seed(rows: Rows) -> float:
+    return tessellate(rows, 5, rng=7).energy
+
+
+def labels_of(rows: Rows) -> Any:
+    return tessellate(rows, 5).labels
+
+
+def of_threads(rows: Rows) -> Any:
+    return at_threads(lambda: labels_of(rows))[1]
+
+
 def curve_at(k: int) -> Callable[[Rows], float]:
     return lambda rows: float(energy_curve(rows, 8).energies[k - 1])
 
@@ -74,6 +96,9 @@ _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("a scale", clusters, energy, lambda rows: rows * 1024, times(2.0**20), None),
     ("another order of rows", clusters, energy, lambda rows: rows[order(rows)], close(1e-9), None),
     ("weights of 1e200", clusters, energy, lambda rows: rows, close(1e-9), of_heavy),
+    ("weights as repetition", clusters, of_repeated, repeated, close(1e-6), energy),
+    ("another seed", clusters, energy, lambda rows: rows, close(1e-6), of_another_seed),
+    ("three threads", tables, labels_of, lambda rows: rows, equal, of_threads),
     ("each row twice", clusters, energy, lambda rows: np.repeat(rows, 2, axis=0), times(2), None),
     ("a row at -9999", clusters, energy, with_far(-9999), close(1e-6), energy_of_six),
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),
