@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_positive
 from cvtimg._shared.notebooks import drawn
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, equals
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
@@ -168,6 +168,11 @@ class SphereGrid(SavedGrid):
     energy: float
     offset: float
     fixed: NDArray[np.bool_]
+
+    def _claims(self) -> Claims:
+        yield "areas add up to the sphere", equals(self.areas.sum(), 4 * np.pi)
+        yield "points are on the sphere", np.isclose(np.square(self.points).sum(axis=1), 1)
+        yield "triangles close", len(self.triangles) == 2 * len(self.points) - 4
 
     @property
     def lon(self) -> NDArray[np.float64]:

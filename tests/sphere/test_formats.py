@@ -28,7 +28,15 @@ def spiral(n: int, seed: int = 0, noise: float = 0.02) -> NDArray[np.float64]:
 
 def grid_of(points: NDArray[np.float64]) -> SphereGrid:
     density = np.linspace(1, 2, len(points))
-    return SphereGrid(points, triangulate(points), np.ones(len(points)), density, 1.0, 0.0, np.zeros(len(points), bool))
+    return SphereGrid(
+        points,
+        triangulate(points),
+        np.full(len(points), 4 * np.pi / len(points)),
+        density,
+        1.0,
+        0.0,
+        np.zeros(len(points), bool),
+    )
 
 
 def content(points: NDArray[np.float64], radius: float = 1.0) -> GridContent:
