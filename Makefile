@@ -39,7 +39,7 @@ $(VENV)/extra-%: $(VENV)/installed
 	$(UV) -r pyproject.toml --extra $*
 	touch $@
 
-demo: $(VENV)/installed
+demo: $(VENV)/extra-plot
 	$(BIN)/python sample_images/demo.py out
 
 # The quick tests; TESTS=all runs the slow ones too.

@@ -14,12 +14,12 @@ GALLERY = figures.DOCS.parent / "examples" / "gallery"
 
 
 def main(names: list[str]) -> None:
-    """Run the scripts, and write the `sheet` or the `figure` (of matplotlib, or bytes of a PNG) that each defines."""
+    """Run the scripts, and write the `figure` (of matplotlib, or bytes of a PNG) that each defines."""
     drawn = [path.stem for path in sorted(figures.DOCS.glob("*.webp")) if (GALLERY / f"plot_{path.stem}.py").exists()]
     for name in names or drawn:
         with contextlib.chdir(GALLERY):
             left = runpy.run_path(f"plot_{name}.py")
-        figures.write(name, left["figure"] if "figure" in left else left["sheet"])
+        figures.write(name, left["figure"])
 
 
 if __name__ == "__main__":

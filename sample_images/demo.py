@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cvtimg import mosaic, quantize, read_image, restore, segment, stipple, superpixels, write_image
 from cvtimg.colors import color_samples
-from cvtimg.plotting.sheets import Panel, contact_sheet, draw_edges
+from cvtimg.plotting import draw_edges, draw_sheet
 from cvtimg.quantization import Quantized
 
 FOLDER = Path(__file__).resolve().parent
@@ -33,9 +33,8 @@ PICTURES = (
     "drawing.png",
 )
 N_COLORS = (4, 16, 64, 256)
-#: Number of colors in the strip below an original.
-N_SHOWN = 1024
-TITLE = "cvtimg: images reduced to 4, 16, 64 and 256 colors"
+#: An image with its caption.
+Panel = tuple[NDArray[Any], str]
 
 HEADER = ("image", "size", "colors", "KB", "k", "energy", "PSNR", "ms", "KB")
 COLUMNS = "{:<14} {:>9} {:>9} {:>6} {:>6} {:>9} {:>9} {:>7} {:>6}"
@@ -90,13 +89,13 @@ def run(out: Path) -> None:
         rows.append([original_panel(Path(name).stem, image)])
         rows[-1] += [panel(k, outcome) for k, outcome in zip(N_COLORS, outcomes, strict=True)]
     sheet = out / "sheet.png"
-    write_image(sheet, contact_sheet(rows, title=TITLE), overwrite=True)
+    sheet.write_bytes(draw_sheet(rows, ".png"))
     print(
         "\nenergy: squared error per pixel, summed over the channels; ms: time to quantize, without reading and writing"
     )
     print(f"{len(PICTURES) * len(N_COLORS)} images are in {out}; {sheet} shows them side by side")
     uses = out / "uses.png"
-    write_image(uses, contact_sheet([segmented("coffee.png"), restored(), art()]), overwrite=True)
+    uses.write_bytes(draw_sheet([segmented("coffee.png"), restored(), art()], ".png"))
     print(f"{uses} shows segments, superpixels, a restored image, stipples and mosaics")
 
 
@@ -107,10 +106,10 @@ def segmented(name: str) -> list[Panel]:
     segments = segment(image, 6, space="lab", components=True, min_size=100)
     cells = superpixels(image, 400)
     return [
-        Panel(image, (Path(name).stem,)),
-        Panel(few.image, (f"{len(few.palette)} colors, from the elbow",), few.palette),
-        Panel(draw_edges(image, segments.labels), (f"{segments.labels.max()} regions in 6 colors",)),
-        Panel(draw_edges(image, cells.labels), (f"{cells.labels.max()} superpixels",)),
+        (image, Path(name).stem),
+        (few.image, f"{len(few.palette)} colors, from the elbow"),
+        (draw_edges(image, segments.labels), f"{segments.labels.max()} regions in 6 colors"),
+        (draw_edges(image, cells.labels), f"{cells.labels.max()} superpixels"),
     ]
 
 
@@ -118,8 +117,8 @@ def restored() -> list[Panel]:
     """Show three damaged versions of a drawing, and the restored image."""
     versions = [read_image(FOLDER / f"drawing_{number}.png") for number in (1, 2, 3)]
     result = restore(versions, 6)
-    shown = [Panel(version, ("noise, holes and a gap",)) for version in versions]
-    return [*shown, Panel(result.image, ("restored",), result.colors.astype(np.uint8))]
+    shown = [(version, "noise, holes and a gap") for version in versions]
+    return [*shown, (result.image, "restored")]
 
 
 def art() -> list[Panel]:
@@ -128,12 +127,9 @@ def art() -> list[Panel]:
     dots = stipple(portrait, 8000)
     inks = stipple(cup, 20000, dots="sized", layers="cmyk")
     return [
-        Panel(dots.draw(scale=2), (f"{len(dots):,} dots",)),
-        Panel(inks.draw(scale=2), (f"{len(inks):,} dots in four inks",)),
-        *(
-            Panel(mosaic(cup, 800, shape=shape).draw(), (f"a mosaic of 800 {shape}",))
-            for shape in ("cells", "triangles")
-        ),
+        (dots.draw(scale=2), f"{len(dots):,} dots"),
+        (inks.draw(scale=2), f"{len(inks):,} dots in four inks"),
+        *((mosaic(cup, 800, shape=shape).draw(), f"a mosaic of 800 {shape}") for shape in ("cells", "triangles")),
     ]
 
 
@@ -161,12 +157,10 @@ def print_rows(source: Path, image: NDArray[Any], outcomes: list[Outcome]) -> No
 
 
 def original_panel(name: str, image: NDArray[Any]) -> Panel:
-    """Show an original image above a selection of its colors, from dark to bright."""
+    """Show an original image."""
     height, width = image.shape[:2]
-    colors = color_samples(image).colors
-    ordered = colors[np.argsort(colors.sum(axis=1, dtype=np.int64), kind="stable")]
-    some = ordered[np.linspace(0, len(ordered) - 1, min(len(ordered), N_SHOWN)).astype(int)]
-    return Panel(image, (name.replace("_", " "), f"original, {width} x {height}, {len(colors):,} colors"), some)
+    n_colors = color_samples(image).n_colors
+    return image, f"{name.replace('_', ' ')}\noriginal, {width} x {height}, {n_colors:,} colors"
 
 
 def panel(n_colors: int, outcome: Outcome) -> Panel:
@@ -175,7 +169,7 @@ def panel(n_colors: int, outcome: Outcome) -> Panel:
     figures = f"energy {outcome.energy} per pixel, {outcome.psnr}"
     if outcome.exact:
         figures = f"exact: the image has {result.n_distinct} colors"
-    return Panel(result.image, (f"{n_colors} colors", figures), result.palette)
+    return result.image, f"{n_colors} colors\n{figures}"
 
 
 if __name__ == "__main__":

@@ -66,9 +66,14 @@ def draw_sheet(rows: Sequence[Sequence[tuple[Any, str]]], suffix: str) -> bytes:
         (H, W) or (H, W, C) arrays with captions. Those of a row that are not of 8 bits are stretched alike from black
         to white, so that they can be compared.
     """
-    n_columns = max(map(len, rows))
-    with figure_file(3.2 * n_columns, 3.2 * len(rows), suffix) as (figure, content):
-        grid = figure.subplots(len(rows), n_columns, squeeze=False)
+    n_columns, width = max(map(len, rows)), 3.2
+    # As high as the highest image of a row, and the lines of its captions.
+    heights = [
+        max(width * image.shape[0] / image.shape[1] + 0.25 * (1 + caption.count("\n")) for image, caption in row)
+        for row in rows
+    ]
+    with figure_file(width * n_columns, sum(heights), suffix) as (figure, content):
+        grid = figure.subplots(len(rows), n_columns, squeeze=False, height_ratios=heights)
         for row, line in zip(rows, grid, strict=True):
             images = [np.reshape(image, (*image.shape[:2], -1)) for image, _ in row]
             limits = limits_to_show(images)
