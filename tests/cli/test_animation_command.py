@@ -107,10 +107,3 @@ def test_an_animation_keeps_its_metadata(film: Frames, suffix: str) -> None:
     assert main([*arguments, "--keep-metadata"]) == 0
     assert read_metadata(f"out{suffix}").icc == picture_files.SRGB
     assert read_frames(f"out{suffix}").durations == film.durations
-
-
-def test_optimizing_makes_a_file_smaller_and_loses_nothing(tagged: NDArray[np.uint8]) -> None:
-    assert main(["quantize", "a.jpg", "-k", "20", "-o", "a.png", "--quiet"]) == 0
-    assert main(["quantize", "a.jpg", "-k", "20", "-o", "b.png", "--optimize", "--quiet"]) == 0
-    assert Path("b.png").stat().st_size < Path("a.png").stat().st_size
-    np.testing.assert_array_equal(read_image("a.png"), read_image("b.png"))

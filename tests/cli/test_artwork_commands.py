@@ -12,7 +12,6 @@ import pytest
 from commands import RowOf
 
 from cvtimg import read_image, write_image
-from cvtimg.cli.app import main
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (50, 1))
 
@@ -57,14 +56,3 @@ def test_mosaic_is_written_as_pixels_and_polygons(picture: Path, row_of: RowOf) 
     row_of("mosaic", picture, "-n", 60, "--shape", "triangles", "-k", 4, "-o", output)
     fills = {feature["properties"]["fill"] for feature in json.loads(output.read_text())["features"]}
     assert len(fills) == 4
-
-
-@pytest.mark.parametrize("command", ["stipple", "mosaic"])
-def test_one_bad_image_stops_no_other(command: str, picture: Path, tmp_path: Path) -> None:
-    (tmp_path / "bad.png").write_bytes(b"no image")
-    out = tmp_path / "out"
-    assert main([command, str(tmp_path), "-n", "30", "--out-dir", str(out), "--quiet", "--jobs", "1"]) == 1
-    assert [path.stem for path in out.iterdir()] == ["ramp"]
-    before = next(out.iterdir()).stat().st_mtime_ns
-    assert main([command, str(picture), "-n", "30", "--out-dir", str(out), "--skip-existing", "--quiet"]) == 0
-    assert next(out.iterdir()).stat().st_mtime_ns == before

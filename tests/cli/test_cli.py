@@ -18,7 +18,6 @@ import pytest
 import reference
 from commands import Run
 from numpy.typing import NDArray
-from PIL import Image
 
 import cvtimg
 from cvtimg import read_image, write_image
@@ -30,7 +29,6 @@ from cvtimg.options import PANELS, options_of
 from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Choice
 from cvtimg.pictures import files as io
-from cvtimg.pictures import image_info
 from cvtimg.quantization import remapping
 from cvtimg.quantization.dithering import DITHERS
 from cvtimg.restoration import RENORMALIZATIONS
@@ -116,23 +114,6 @@ def test_json_has_the_keys_that_are_documented_in_order(run: Run, here: Path) ->
     assert (row["input"], row["output"]) == ("pictures/rgb.png", "pictures/rgb-quantized.png")
     assert row["converged"] is True
     assert row["n_iter"] > 0
-
-
-@pytest.mark.parametrize(
-    ("name", "n_colors", "bits"),
-    [("rgb", 2, 1), ("grey", 3, 2), ("rgba", 4, 2), ("grey", 16, 4), ("rgb", 17, 8), ("rgb", 300, 8)],
-)
-def test_output_is_an_indexed_png_of_the_fewest_bits(run: Run, here: Path, name: str, n_colors: int, bits: int) -> None:
-    assert run("quantize", f"pictures/{name}.png", "-k", str(n_colors), "-o", "out.png").status == 0
-    header = image_info("out.png")
-    assert (header.format, header.mode, header.bits) == ("PNG", "P" if n_colors <= 256 else "RGB", bits)
-
-
-@pytest.mark.parametrize("suffix", ["png", "tif", "webp", "gif", "bmp", "ppm"])
-def test_a_picture_of_few_colors_comes_back_exactly(run: Run, here: Path, suffix: str) -> None:
-    (row,) = run("quantize", "pictures/few.png", "-k", "7", "-o", f"out.{suffix}", "--json").rows
-    np.testing.assert_array_equal(read_image(f"out.{suffix}"), FEW)
-    assert (row["k"], row["energy"], row["psnr"], row["n_iter"], row["converged"]) == (7, 0, None, 0, True)
 
 
 def test_names_of_outputs(run: Run, here: Path) -> None:
@@ -223,58 +204,17 @@ def test_info_tells_what_is_in_the_file(run: Run, here: Path) -> None:
 # Bad files
 
 
-def damage(path: Path, kind: str) -> None:
-    """Put something there that is no picture."""
-    if kind == "text":
-        path.write_text("This is no picture.\n")
-    elif kind == "empty":
-        path.touch()
-    elif kind == "directory":
-        path.mkdir()
-    elif kind == "truncated":
-        Image.fromarray(np.tile(RGB, (9, 9, 1))).save(path, "JPEG")
-        path.write_bytes(path.read_bytes()[:-2000])
-    else:
-        assert kind == "missing"
-
-
-BAD = {
-    "missing": "no such file",
-    "directory": "no images in this folder",
-    "text": "cannot be read: unknown image format",
-    "empty": "is empty",
-    "truncated": "is truncated",
-}
-
-
-@pytest.mark.parametrize("command", [["info"], ["quantize", "-k", "4", "--out-dir", "out"]])
-@pytest.mark.parametrize(("kind", "reason"), BAD.items())
-def test_a_bad_file_is_named_in_one_line_and_nothing_is_written(
-    run: Run, here: Path, kind: str, reason: str, command: list[str]
-) -> None:
-    damage(here / "bad.png", kind)
-    before = listing(here)
-    outcome = run(*command, "bad.png")
-    assert (outcome.status, outcome.out) == (1, "")
-    assert_one_line(outcome.err, reason)
-    assert outcome.err.count("bad.png") == 1
-    assert listing(here) == before
-
-
 def test_one_bad_picture_does_not_stop_the_others(run: Run, here: Path) -> None:
-    for kind in BAD:
-        damage(here / f"pictures/{kind}.jpg", kind)
-    inputs = sorted(Path("pictures").iterdir())
-    outcome = run("quantize", *inputs, "pictures/missing.jpg", "-k", "4", "--out-dir", "out", "--json")
+    Path("pictures/empty.jpg").touch()
+    inputs = [*sorted(Path("pictures").iterdir()), "pictures/missing.jpg"]
+    outcome = run("quantize", *inputs, "-k", "4", "--out-dir", "out", "--json")
     assert outcome.status == 1
-    assert sorted(path.name for path in Path("out").iterdir()) == [
-        f"{name}.png" for name in ("deep", "few", "grey", "rgb", "rgba")
-    ]
-    failed = {Path(row["input"]).stem: row["error"] for row in outcome.rows if "error" in row}
-    assert set(failed) == set(BAD)
-    assert all(BAD[kind] in reason for kind, reason in failed.items())
-    assert len(outcome.err.splitlines()) == len(BAD)
-    assert len(outcome.rows) == len(BAD) + 5
+    names = ("deep", "few", "grey", "rgb", "rgba")
+    assert sorted(path.name for path in Path("out").iterdir()) == [f"{name}.png" for name in names]
+    failed = {row["input"]: row["error"] for row in outcome.rows if "error" in row}
+    assert list(failed) == ["pictures/empty.jpg", "pictures/missing.jpg"]
+    assert len(outcome.err.splitlines()) == 2
+    assert len(outcome.rows) == 7
 
 
 @pytest.mark.parametrize(
@@ -297,63 +237,6 @@ def test_the_unexpected_is_one_line_too(
     outcome = run("quantize", "pictures/rgb.png", "-k", "4")
     assert outcome.status == 1
     assert outcome.err == f"cvtimg: pictures/rgb.png: {reason}\n"
-
-
-# Outputs that cannot be
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        (["-o", "file/out.png"], "file/out.png"),
-        (["-o", "nowhere/out.png"], "nowhere/out.png"),
-        (["-o", "exists.png"], "exists.png: exists already"),
-        (["--out-dir", "file"], "cvtimg: file: "),
-        (["--out-dir", "file/below"], "cvtimg: file/below: "),
-        (["-o", "fine.png", "--save-palette", "exists.gpl"], "exists.gpl: exists already"),
-        (["-o", "fine.png", "--save-palette", "file/a.gpl"], "file/a.gpl"),
-    ],
-)
-def test_an_output_that_cannot_be_is_told_before_any_work(
-    run: Run, here: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], named: str
-) -> None:
-    for name in ("file", "exists.png", "exists.gpl"):
-        Path(name).write_text("mine")
-    before = listing(here)
-    monkeypatch.setattr(cvtimg, "quantize", lambda *_, **__: pytest.fail("worked in vain"))
-    outcome = run("quantize", "pictures/rgb.png", "-k", "4", *options)
-    assert (outcome.status, outcome.out) == (1, "")
-    assert_one_line(outcome.err, named)
-    assert listing(here) == before
-
-
-def test_overwrite_replaces_what_exists(run: Run, here: Path) -> None:
-    for name in ("out.png", "out.gpl"):
-        Path(name).write_text("old")
-    options = ["-o", "out.png", "--save-palette", "out.gpl", "--overwrite"]
-    assert run("quantize", "pictures/few.png", "-k", "7", *options).status == 0
-    np.testing.assert_array_equal(read_image("out.png"), FEW)
-    assert Path("out.gpl").read_text().startswith("GIMP Palette")
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["a.png", "-o", "a.png"],
-        ["a.png", "-o", "./pictures/../a.png"],
-        ["a.png", "-o", "link.png"],
-        ["a.png", "--out-dir", "."],
-        ["a.png", "pictures/rgb.png", "--out-dir", "pictures/.."],
-    ],
-)
-def test_an_input_is_never_replaced(run: Run, here: Path, arguments: list[str]) -> None:
-    write_image("a.png", RGB)
-    Path("link.png").symlink_to("a.png")
-    before = listing(here)
-    outcome = run("quantize", *arguments, "-k", "4", "--overwrite")
-    assert outcome.status == 2
-    assert_one_line(outcome.err, "is an input, which is never replaced")
-    assert listing(here) == before
 
 
 # Wrong usage
@@ -493,12 +376,6 @@ def test_completion_is_installed_for_the_shell_that_is_named(tmp_path: Path) -> 
     done = process("--install-completion", "fish", env={**os.environ, "HOME": str(tmp_path)})
     assert done.returncode == 0
     assert "_CVTIMG_COMPLETE" in (tmp_path / ".config/fish/completions/cvtimg.fish").read_text()
-
-
-def test_version_is_that_of_the_package(run: Run) -> None:
-    outcome = run("--version")
-    assert outcome.status == 0
-    assert re.fullmatch(r"cvtimg \d+\.\d+\.\d+\S*\n", outcome.out)
 
 
 # The process

@@ -39,17 +39,6 @@ def test_files_have_named_axes_within_their_bounds(row_of: RowOf, here: Path) ->
     assert "heat" in (here / "runs.svg").read_text()
 
 
-def test_points_that_exist_are_taken_into_account() -> None:
-    options = ["--bounds", "bounds.csv", "--effort", "fast", "--quiet"]
-    assert main(["design", "-n", "8", *options, "-o", "runs.csv"]) == 0
-    assert main(["design", "-n", "8", *options, "--existing", "runs.csv", "-o", "more.npy"]) == 0
-    old = np.loadtxt("runs.csv", delimiter=",", skiprows=1)
-    unit = (np.concatenate([old, np.load("more.npy")]) - [0, 20]) / [30, 70]
-    assert (np.load("more.npy") != old).any(axis=1).all()
-    nearest = np.sqrt(((unit[:8, None] - unit[8:]) ** 2).sum(axis=2)).min()
-    assert nearest > 0.08
-
-
 FACTORS = "name,low,high,kind,levels,unit\nheat,20,90,,,C\nrounds,1,4,integer,,\nalloy,,,,A|B|C,\n"
 
 

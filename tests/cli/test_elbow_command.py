@@ -59,17 +59,6 @@ def test_one_plot_has_all_curves(run: Run, suffix: str) -> None:
             assert image.width == 1200
 
 
-def test_nothing_is_overwritten_unasked(run: Run) -> None:
-    Path("curves.csv").write_text("mine")
-    outcome = run("elbow", "drawing.png", "--csv", "curves.csv")
-    assert (outcome.status, "curves.csv" in outcome.err, Path("curves.csv").read_text()) == (1, True, "mine")
-    assert run("elbow", "drawing.png", "--csv", "curves.csv", "--overwrite", "--quiet").status == 0
-    assert Path("curves.csv").read_text() != "mine"
-    before = Path("drawing.png").read_bytes()
-    assert run("elbow", ".", "--csv", "drawing.png", "--overwrite").status == 2
-    assert Path("drawing.png").read_bytes() == before
-
-
 def test_tables_are_read_as_cluster_reads_them(row_of: RowOf) -> None:
     rng = np.random.default_rng(0)
     rows = np.concatenate([rng.normal(center, 0.3, (50, 2)) for center in ([0, 0], [5, 1000], [2, 7000])])

@@ -67,9 +67,3 @@ def test_contours_by_chance_are_lines_that_tell_it(small: NDArray[Any], row_of: 
     assert Path("photo-contours.svg").read_text().count("data-chance=") == len(found.lines)
     row_of("--strongest", "3", "--contours", "lines.svg", "--simplify", "1")
     assert Path("lines.svg").read_text().count("data-chance=") == 3
-
-
-@pytest.mark.parametrize("output", [("--contours", "lines.zip"), ("--overlay", "lines.png")])
-def test_chances_need_contours_that_can_tell_them(small: NDArray[Any], row_of: RowOf, output: tuple[str, str]) -> None:
-    with pytest.raises(AssertionError, match=r"--strongest needs --contours as \.svg or \.geojson"):
-        row_of("--strongest", "3", *output)

@@ -176,12 +176,3 @@ def test_a_type_that_a_format_cannot_hold_is_said(few: RowOf) -> None:
     np.testing.assert_array_equal(
         read_image("out.png"), quantize(COLORS[..., 0].astype(np.int16), 4).image.astype(np.uint16), strict=True
     )
-
-
-def test_a_page_takes_the_page_of_the_mask_with_its_number(few: RowOf) -> None:
-    write_pages("pages.tif", [COLORS[..., 0]] * 3)
-    masks = np.arange(24)[:, None] > np.zeros((3, 24, 32)) + np.arange(3)[:, None, None]
-    write_pages("masks.tif", masks.astype(np.uint8))
-    for page in (1, 2, 3):
-        row = few("pages.tif", "--page", page, "-k", "4", "--mask", "masks.tif", "-o", "out.png")
-        assert row["left_out"] == page * COLORS.shape[1]

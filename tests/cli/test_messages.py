@@ -28,7 +28,6 @@ quantize a.png -k 4 --colour red | No such option: --colour
 help quantise | No such command 'quantise'; did you mean quantize?
 quantize a.png -k abc | '-k': 'abc' must be auto or a whole number in 1..65536
 quantize a.png -k 0 | '0' must be auto or a whole number in 1..65536
-quantize a.png -k 2.5 | '2.5' must be auto or a whole number in 1..65536
 quantize a.png -k 4 --seed -1 | '--seed': '-1' must be a whole number in 0..
 quantize a.png --psnr -1 | '-1' must be a number >= 0
 quantize a.png -k 2 --volume-power nan | 'nan' must be a number >= 0
@@ -39,7 +38,6 @@ quantize a.png --color-bits 0 | '0' must be a number of bits in 1..8, or three s
 quantize a.png -k 4 --lock loud | 'loud' must be a color such as '#rgb', '#rrggbb' or '#rrggbbaa', or a name
 quantize a.png --goal error | one of -k, --quality, --psnr, --max-bytes and --palette must be given
 quantize a.png -k 4 -o out.xyz | 'out.xyz' must end in one of .png,
-quantize a.png -k 4 -o out | 'out' must end in one of .png,
 quantize a.png -k 4 --save-palette p.xyz | 'p.xyz' must end in one of .gpl, .json
 quantize a.png -k 4 --ext .jpg | 'NAME.jpg' must end in one of .png,
 quantize a.png -k 4 -o - --json | --json needs standard output for itself; name the output by -o FILE
@@ -48,12 +46,15 @@ quantize - -k 4 --shared-palette -o x.png | --shared-palette reads each input tw
 quantize a.png -k 4 --optimize -o a.tif | --optimize is for .png, and not for a.tif
 quantize a.png b.png -k 4 | 2 inputs need --out-dir DIR
 quantize a.png b.png -k 4 -o x.png | -o is for one input, and these are 2: use --out-dir DIR for several
-quantize a.png none.png -k 4 -o out.png | -o is for one input, and these are 2
 quantize a.png b.png -k 4 --out-dir out --save-palette p.gpl | --save-palette is for one input
 quantize a.png more/a.tif -k 4 --out-dir out --overwrite | a.png and more/a.tif would both become out/a.png
 quantize a.png --palette wrong.gpl | --palette: wrong.gpl:
 quantize a.png --palette b.png -o b.png --overwrite | b.png is an input, which is never replaced
-quantize a.png -k 4 --weight-map land.png -o land.png --overwrite | land.png is an input
+quantize a.png -k 4 -o a.png --overwrite | a.png is an input, which is never replaced
+quantize a.png -k 4 -o more/../a.png --overwrite | is an input, which is never replaced
+quantize a.png -k 4 -o link.png --overwrite | is an input, which is never replaced
+quantize a.png -k 4 --out-dir . --overwrite | is an input, which is never replaced
+quantize a.png b.png -k 4 --out-dir more/.. --overwrite | is an input, which is never replaced
 quantize a.png -k 4 --weight-map none.png | --weight-map: none.png: no such file
 quantize a.png -k 3 --weight-map pages.tif | has 3 pages, where one image is expected
 quantize a.png -k 4 --weight-map a.png | --weight-map: a.png: must be a gray image
@@ -70,7 +71,6 @@ restore a.png b.png -k 2 -o out.png --weights 1,-2 | '1,-2' must be numbers > 0
 restore a.png b.png -k 2 -o out.png --edge-weight x | 'x' must be auto or a number >= 0
 restore a.png b.png -k 2 -o out.png --mask black.png | --mask is given 1 times, for 2 versions
 restore a.png b.png -k 2 -o b.png --overwrite | b.png is an input
-restore a.png b.png -k 2 --mask land.png --mask land.png -o land.png --overwrite | land.png is an input
 restore a.png b.png -k 2 -o out.png --labels out.png | would both become out.png
 segment a.png -k 3 --track -o l.tif | --track needs --objects
 cluster trees.csv | Missing option '--clusters' / '-k'
@@ -95,6 +95,8 @@ sphere -n 99 -o a.nc --region 1,2 | --region 1,2 must be WEST,SOUTH,EAST,NORTH
 sphere -n 99 -o a.nc --radius moon | 'moon' must be a number > 0, or mpas, cesm
 segment a.png --edge-weight 3 | --edge-weight needs -k
 segment a.png -k 3 --write tree | 'tree' must be one of
+segment a.png --hierarchy --strongest 3 --contours a.zip | --strongest needs --contours as .svg or .geojson
+segment a.png --hierarchy --strongest 3 --overlay c.png | --strongest needs --contours as .svg or .geojson
 segment a.png -k 3 --hierarchy --threshold 0.4 | --threshold and -k N exclude each other
 mesh a.png -n 9 -o a.txt | .vtu
 mesh a.png --edge-length 0 | --edge-length
@@ -110,7 +112,6 @@ stipple a.png -n 9 -o a.xyz | must end in one of .svg
 mosaic a.png -n 9 -o a.csv | must end in one of .svg
 mosaic a.png -n 9 --shape squares | squares
 stipple a.png -n 50 --dots sized --radius-range 3 1 -o a.svg | --radius-range: A and B must be > 0, the least first
-stipple a.png --width 0 -o a.svg | '0' must be a length > 0 such as 200mm, 20cm or 8in
 explore --port 65536 | '65536' must be a whole number in 0..65535
 quantise | No such command 'quantise'; did you mean quantize?
 """
@@ -118,17 +119,30 @@ quantise | No such command 'quantise'; did you mean quantize?
 FAILED = """
 mesh noise.png -o a.vtu | is no mask and no labels; divide it first: cvtimg segment noise.png
 info trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto reads it
-palette trees.csv | is a table and not an image; cvtimg cluster trees.csv -k auto
 quantize wrong.geojson -k 4 | is no image; if it has outlines, cvtimg mesh wrong.geojson
 info bare.nc | bare.nc: has arrays by name and is no image; save one of them as .npy or .tif
 info ball.stl | is a surface and not an image; cvtimg surface ball.stl
 info wrong.gpl | is a palette and not an image; cvtimg palette wrong.gpl
 cluster a.png -k 2 | is not text; for images there is cvtimg segment
 quantize none.png -k 4 | none.png: no such file
+info empty.png | empty.png: is empty
+info text.png | text.png: cannot be read: unknown image format
+info cut.jpg | cut.jpg: is truncated
+info nothing | nothing: no images in this folder
+quantize empty.png -k 4 --out-dir out | empty.png: is empty
+quantize text.png -k 4 --out-dir out | text.png: cannot be read: unknown image format
+quantize cut.jpg -k 4 --out-dir out | cut.jpg: is truncated
+quantize nothing -k 4 --out-dir out | nothing: no images in this folder
+quantize a.png -k 4 -o wrong.gpl/out.png | wrong.gpl/out.png
+quantize a.png -k 4 -o nowhere/out.png | nowhere/out.png
+quantize a.png -k 4 -o b.png | b.png: exists already
+quantize a.png -k 4 --out-dir wrong.gpl | cvtimg: wrong.gpl:
+quantize a.png -k 4 --out-dir wrong.gpl/below | cvtimg: wrong.gpl/below:
+quantize a.png -k 4 -o c.png --save-palette wrong.gpl | wrong.gpl: exists already
+quantize a.png -k 4 -o c.png --save-palette wrong.gpl/a.gpl | wrong.gpl/a.gpl
+elbow a.png --csv far.csv | far.csv: exists already
 quantize a.png -k 300 -o a.gif | a.png: .gif holds images of at most 256 colors, and this one has 300
 quantize a.png -k 4 --mask black.png | the mask black.png must have 32 x 24 pixels, as the image, and has 40 x 20
-quantize a.png --max-bytes 9 | --max-bytes 9 must be at least
-quantize a.png --psnr 70 -k 8 | --psnr 70.0 must be at most
 quantize a.png --quality 98-99 -k 8 --effort fast | at its lower end, which 8 colors reach
 quantize film.png -k 5 --depth 16 | film.png: is an animation, which --depth 16 cannot be used for
 quantize film.png -k auto | is an animation, which -k auto cannot be used for
@@ -151,24 +165,17 @@ segment pages.tif --objects --track -o l.tif | without T to track objects along
 segment series.tif --objects --track -o l.tif | objects are tracked with --volume, or in one plane, --z N
 segment clear.png -k 2 | clear.png: has no pixel that counts: all are transparent
 restore a.png black.png -k 2 -o out.png | black.png has size (20, 40) and a.png has (24, 32)
-restore a.png b.png -k 2 -o out.png --weights 1 | weights of shape (1,) must be (2,)
-restore a.png wrong.gpl -k 2 -o out.png | wrong.gpl: is a palette and not an image
 restore a.png b.png --mask black.png --mask black.png -k 2 -o out.png | black.png of shape (20, 40)
 restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
 restore pages.tif -k 3 --merge T -o r.tif | without T to --merge
 palette six.tif | has 6 bands, which are not colors
 elbow a.png --columns a | --columns must not be given for images
-elbow a.png --max-pixels 99 | has over 99 pixels
-cluster trees.csv -k 3 --columns site | trees.csv: line 2, column 'site': 'S0' is not a number
 cluster trees.csv -k 41 --columns height | n_generators=41 must be in 1..4, the number of samples
 design -n 3 --bounds none.csv | none.csv: no such file
-design -n 3 -d 2 --existing none.csv -o a.csv | none.csv: no such file
 design -n 3 --bounds trees.csv | trees.csv: must have the columns name, low and high
 design -n 3 --bounds odd.csv | odd.csv: a of kind odd must be
 design -n 5 -d 2 --feasible 'speed < 1' | --feasible 'speed < 1' has no axis 'speed'; there are x1, x2
 design -n 5 -d 2 --density 'exp(' | --density 'exp(' cannot be computed
-design -n 3 -d 2 --existing far.csv | x1 of existing[0]=5.0 must be within its bounds, 0..1
-sphere -o a.nc --cell-width -3 | width=-3.0 must be a finite number > 0, in km
 sphere -o a.nc --cell-width bare.nc | it has no lon
 sphere -n 99 -o a.nc --region no.geojson | --region no.geojson: no such file
 sphere -n 99 -o a.nc --land land.png --strait 1,2,3 | --strait 1,2,3 must be LON,LAT
@@ -177,7 +184,6 @@ sphere -n 100 -o a.nc --density black.png | --density black.png must not be 0 ev
 sphere -n 100 -o a.nc --refine black.png,3 | --refine black.png must not be 0 everywhere
 sphere -n 100 -o a.nc --density nan.tif | --density nan.tif must be finite
 sphere -n 100 -o a.nc --coast black.png | --coast black.png must not be 0 everywhere
-sphere -n 9 -o a.nc --parent few.csv --within 0,0,60 | must have at least 4 points
 sphere -n 9 -o a.nc --parent off.csv --within 0,0,60 | on a sphere: point 1 is 3 from the
 sphere -n 9 -o a.nc --parent trees.csv --within 0,0,9 | neither an MPAS mesh
 mesh wrong.geojson -n 9 | wrong.geojson: is not a .geojson file of polygons
@@ -186,10 +192,7 @@ mesh a.wkt -n 9 --label 1 | a.wkt: has polygons; --label is for images of labels
 mesh labels.png -n 90 --label 9 -o b.vtu | labels.png: holds no label 9
 mesh disc.png --keep-points | disc.png: has pixels; --keep-points is for polygons
 mesh a.wkt --name a=1 --name b=1 | --name must have each name and each label once
-mesh black.png -n 9 | the region is empty
 surface ball.stl -n 50 --density quality | ball.stl: vertex properties must be in a PLY file, not .stl
-basis film.png -n 2 -o a.npz --passes 3 | --passes 3 must be an even number in 2..64
-basis film.png -n 99 -o a.npz | -n 99 must be in 1..2, for 3 snapshots
 explore --no-browser none.png | none.png: no such file
 """
 
@@ -198,7 +201,8 @@ explore --no-browser none.png | none.png: no such file
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with files of all kinds, most of them of little use."""
     made = tmp_path_factory.mktemp("files")
-    (made / "more").mkdir()
+    for name in ("more", "nothing"):
+        (made / name).mkdir()
     for name in ("a.png", "b.png", "more/a.tif"):
         write_image(made / name, RGB)
     write_image(made / "clear.png", np.zeros((6, 6, 4), np.uint8))
@@ -226,15 +230,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "wrong.geojson": "{",
         "a.wkt": "POLYGON ((0 0, 2 0, 2 1, 0 1, 0 0))",
         "trees.csv": "site,height,girth,count\nS0,1,5,1\nS1,2,6,1\nS2,9,4,2\nS3,8,7,3\n",
-        "numbers.csv": "1,2\n3,4\n5,7\n",
         "box.csv": "name,low,high\nspeed,0,30\nheat,20,90\n",
         "odd.csv": "name,low,high,kind,levels,unit\na,0,1,odd,,\n",
         "far.csv": "x1,x2\n5,5\n",
-        "few.csv": "x,y,z\n1,0,0\n0,1,0\n0,0,1\n",
+        "empty.png": "",
+        "text.png": "This is no picture.\n",
         "off.csv": "x,y,z\n1,0,0\n0,3,0\n0,0,1\n-1,0,0\n0,-1,0\n0,0,-1\n",
     }
     for name, text in texts.items():
         (made / name).write_text(text)
+    (made / "link.png").symlink_to("a.png")
+    Image.fromarray(np.tile(RGB, (9, 9, 1))).save(made / "cut.jpg")
+    (made / "cut.jpg").write_bytes((made / "cut.jpg").read_bytes()[:-2000])
     return made
 
 

@@ -172,19 +172,6 @@ def test_sizes_can_have_units(text: str, size: int) -> None:
     assert n_bytes(text) == size
 
 
-@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
-def test_a_run_that_is_resumed_adds_to_its_report(here: Path, suffix: str) -> None:
-    write_image("b.png", RGB)
-    options = ["-k", "4", "--out-dir", "out", "--quiet", "--report", f"r.{suffix}"]
-    assert cli.main(["quantize", "a.png", *options]) == 0
-    first = Path(f"r.{suffix}").read_text()
-    assert cli.main(["quantize", "a.png", "b.png", *options, "--skip-existing"]) == 0
-    both = Path(f"r.{suffix}").read_text()
-    assert both.startswith(first)
-    assert both.count("done") == 2
-    assert "skipped" not in both
-
-
 @pytest.mark.parametrize("given", ["proj", "proj/*.png", "proj/a.png"])
 def test_in_place_replaces_no_file_elsewhere_through_a_link(
     here: Path, capsys: pytest.CaptureFixture[str], given: str

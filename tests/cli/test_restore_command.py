@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import Run
 from damaging import card, damage, psnr
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
@@ -19,25 +20,18 @@ from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
 from cvtimg.pictures import Frames, Pages, read_frames, read_pages, write_frames, write_pages
 
-Run = Callable[..., tuple[int, str, str]]
 CLEAN = card(64)[0]
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(run: Run) -> Run:
     """Run the command in a folder with three damaged versions and their masks."""
     versions, known = damage.damaged_versions(CLEAN, 3, damage.Damage(noise=0.1, holes=0.2, blocks=1), seed=0)
     for number, (version, mask) in enumerate(zip(versions, known, strict=True), start=1):
-        damage.save(tmp_path / f"v_{number}.png", version, mask)
-        write_image(tmp_path / f"rgb_{number}.png", read_image(tmp_path / f"v_{number}.png")[:, :, :3].copy())
-        write_image(tmp_path / f"mask_{number}.png", mask)
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        status = cli.main(["restore", *arguments])
-        return status, *capsys.readouterr()
-
-    return run
+        damage.save(Path(f"v_{number}.png"), version, mask)
+        write_image(f"rgb_{number}.png", read_image(f"v_{number}.png")[:, :, :3].copy())
+        write_image(f"mask_{number}.png", mask)
+    return lambda *arguments: run("restore", *arguments)
 
 
 def test_it_writes_what_the_function_returns(run: Run) -> None:
@@ -98,11 +92,8 @@ def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: N
     write_image("upright.png", photograph)
     write_image("upside_down.png", photograph[::-1])
     status, _, err = run("upright.png", "upside_down.png", "-k", "4", "-o", "a.png")
-    assert (status, "upside_down.png cannot be laid over " in err, "upright.png and is left out" in err) == (
-        0,
-        True,
-        True,
-    )
+    assert status == 0
+    assert re.search(r"upside_down\.png cannot be laid over .*upright\.png and is left out", err)
 
 
 def test_photographs_are_recognized_and_both_options_force(run: Run, photograph: NDArray[Any]) -> None:

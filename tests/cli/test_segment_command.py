@@ -207,26 +207,6 @@ def test_labels_and_reduced_colors_of_a_geotiff_lie_where_it_does(run: Run) -> N
 # How it is segmented
 
 
-def test_options_reach_the_segmentation(run: Run) -> None:
-    noisy = np.clip(RGB + RNG.normal(0, 40, RGB.shape), 0, 255).astype(np.uint8)
-    write_image("noisy.png", noisy)
-
-    def n_pieces(*arguments: str) -> int:
-        (row,) = run("noisy.png", "-k", "3", "-o", "l.npy", "--overwrite", "--components", *arguments).rows
-        assert row["k"] == np.load("l.npy").max()
-        return int(row["k"])
-
-    plain = n_pieces("--edge-weight", "0")
-    for calmer in (
-        [],
-        ["--edge-weight", "0", "--averaging", "2"],
-        ["--edge-weight", "1000", "--edge-radius", "2"],
-        ["--edge-weight", "0", "--min-size", "10"],
-    ):
-        assert n_pieces(*calmer) < 0.5 * plain
-    assert np.bincount(np.load("l.npy").ravel())[1:].min() >= 10
-
-
 @pytest.fixture
 def micrograph(run: Run) -> NDArray[np.uint16]:
     """Write stack.tif as ImageJ does: two channels in three planes, with pixels of 0.5 um."""

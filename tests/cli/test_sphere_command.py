@@ -107,21 +107,6 @@ def test_files_say_what_made_them_and_from_what(row_of: RowOf) -> None:
         assert whole not in (part.file_id, parent.file_id)
 
 
-def test_a_nested_grid_keeps_the_points_outside(row_of: RowOf) -> None:
-    row_of("sphere", "-n", "642", "-o", "parent.nc")
-    row = row_of("sphere", "-n", "200", "--parent", "parent.nc", "--within", "0,90,20", "-o", "nested.nc")
-    parent, nested = read_grid_points(Path("parent.nc")), read_grid_points(Path("nested.nc"))
-    kept = parent[parent[:, 2] <= np.cos(np.radians(20))]
-    assert row["fixed"] == len(kept)
-    assert (nested[: len(kept)] == kept).all()
-
-
-def test_points_lie_on_the_coast_of_a_map(row_of: RowOf) -> None:
-    row_of("sphere", "-n", "642", "--coast", "north.png", "-o", "grid.csv")
-    heights = np.abs(read_grid_points(Path("grid.csv"))[:, 2])
-    assert (heights < 0.01).sum() > 20
-
-
 @pytest.mark.slow
 def test_plots_are_maps_or_globes(row_of: RowOf, here: Path) -> None:
     row_of("sphere", "-n", "200", "-o", "a.csv", "--plot", "map.png", "--over", "north.png")
