@@ -38,7 +38,7 @@ outlined = cvtimg.mosaic(portrait, 1000)
 cells = cvtimg.mosaic(cup, 1500)
 triangles = cvtimg.mosaic(cup, 1500, shape="triangles")
 
-sheet = draw_sheet(
+figure = draw_sheet(
     [
         [
             (equal.draw(scale=WIDTH / 250), "9,000 dots of equal ink"),

@@ -35,7 +35,7 @@ way = Image.new("L", tuple(SCALE * side for side in dots.size[::-1]), 255)
 ImageDraw.Draw(way).line([tuple(point) for point in SCALE * dots.points[dots.order]], fill=0, width=3)
 detail = np.s_[SCALE * 80 : SCALE * 140, SCALE * 82 : SCALE * 142]
 
-sheet = draw_sheet(
+figure = draw_sheet(
     [
         [
             (dots.draw(scale=PANEL / 250), f"{len(dots):,} dots of 0.7 mm on 120 mm"),
