@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 PLOT_SUFFIXES = (".png", ".svg")
 #: More axes would leave no room for their pairs, and more levels on an axis none for their names.
 _MOST = 8
+#: Dots per inch of a chart.
+_DPI = 150
 #: Rows of a table that are drawn; and polygons from which an SVG file would be slower to show than pixels.
 _MANY = 20_000
 #: The quality from which the color map of triangles begins; few are worse.
@@ -78,7 +80,8 @@ def draw_sheet(rows: Sequence[Sequence[tuple[Any, str]]], suffix: str) -> bytes:
             images = [np.reshape(image, (*image.shape[:2], -1)) for image, _ in row]
             limits = limits_to_show(images)
             for image, (_, caption), axes in zip(images, row, line, strict=False):
-                axes.imshow(shown(image, limits))
+                # Pixels of small images are seen as they are.
+                axes.imshow(shown(image, limits), interpolation="nearest" if image.shape[1] < width * _DPI else None)
                 axes.set_title(caption, fontsize=8)
         for axes in grid.flat:
             axes.set(xticks=[], yticks=[], visible=bool(axes.images))
@@ -294,4 +297,4 @@ def figure_file(width: float, height: float, suffix: str) -> Iterator[tuple[Figu
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, content
         metadata = {"Date": None} if suffix == ".svg" else None
-        figure.savefig(content, format=suffix[1:], dpi=150, metadata=metadata)
+        figure.savefig(content, format=suffix[1:], dpi=_DPI, metadata=metadata)
