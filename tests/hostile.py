@@ -1,24 +1,20 @@
 """Files that were damaged, or made to harm, and what cvtimg makes of each.
 
-Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process, and many also through their standard
-input. It must end in a right result or in an error of one line: no traceback, no warning, no crash, no hang, and no
-file left over.
+Every file goes through ``cvtimg info`` and ``cvtimg quantize`` in this process. It must end in a right result or in an
+error of one line: no traceback, no warning, no crash, no hang, and no file left over.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import re
 import struct
-import sys
 import time
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout, suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -246,19 +242,17 @@ def made() -> Iterator[File]:
     yield "script.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(%pipe%touch x) (w) file\n"
 
 
-def judge(path: Path, *, piped: bool = False) -> str:
-    """Return what became of a file, given by its name or through a pipe: "right", "error", or what was wrong."""
+def judge(path: Path) -> str:
+    """Return what became of a file: "right", "error", or what was wrong."""
     # PNG holds neither bands nor pages.
-    suffix = ".tif" if path.suffix in (".tif", ".npy", ".fits") and not piped else ".png"
+    suffix = ".tif" if path.suffix in (".tif", ".npy", ".fits") else ".png"
     out = path.with_name(f"out{suffix}")
     out.unlink(missing_ok=True)  # left by a file that took too long
     before = set(path.parent.iterdir())
-    source = "-" if piped else str(path)
     verdict, rows = "right", list[dict[str, Any]]()
-    for arguments in (["info", source, "--json"], ["quantize", source, "-k", "4", "-o", str(out), "--json"]):
+    for arguments in (["info", str(path), "--json"], ["quantize", str(path), "-k", "4", "-o", str(out), "--json"]):
         start = time.process_time()
-        with standard_input(path) if piped else nullcontext():
-            verdict, rows = outcome(arguments)
+        verdict, rows = outcome(arguments)
         if time.process_time() - start > LIMIT:
             return f"took {time.process_time() - start:.0f} seconds"
         if verdict not in ("right", "error"):
@@ -289,25 +283,6 @@ def compare(out: Path, row: dict[str, Any]) -> str:
             n_colors = len(opened.convert("RGBA").getcolors(1 << 24) or ())
     right = found == shape and 1 <= n_colors <= 4
     return "right" if right else f"wrong result: {found} and not {shape}, {n_colors} colors"
-
-
-@contextmanager
-def standard_input(path: Path) -> Iterator[None]:
-    """Let the content of a file come through a pipe."""
-    reader, writer = os.pipe()
-
-    def feed() -> None:
-        with suppress(BrokenPipeError), os.fdopen(writer, "wb") as stream:
-            stream.write(path.read_bytes())
-
-    feeding, usual = Thread(target=feed), sys.stdin
-    feeding.start()
-    try:
-        with os.fdopen(reader) as sys.stdin:
-            yield
-    finally:
-        sys.stdin = usual
-        feeding.join()
 
 
 def outcome(arguments: list[str]) -> tuple[str, list[dict[str, Any]]]:

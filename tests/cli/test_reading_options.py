@@ -57,6 +57,7 @@ COMMANDS = {
 }
 WHOLE = encode_image(".png", PAGES[0].astype(np.uint8))
 BAD = {"cut short": WHOLE[: len(WHOLE) // 2], "huge": huge_png(), "empty": b"", "text": b"not an image"}
+BAD["bands, which no PNG holds"] = encode_image(".tif", PAGES.transpose(1, 2, 0)[..., [0, 1, 2, 0, 1]])
 
 
 @pytest.mark.parametrize(

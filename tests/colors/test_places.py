@@ -77,15 +77,6 @@ def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, pho
     assert (result.image[weights == 0] == 0).all()
 
 
-def test_invisible_colors_cost_nothing() -> None:
-    hidden = with_hidden_colors()
-    one, other = quantize(SCENE, 16), quantize(hidden, 16)
-    np.testing.assert_array_equal(one.palette, other.palette)
-    np.testing.assert_array_equal(one.indices, other.indices)
-    assert one.energy == pytest.approx(other.energy)
-    assert one.energy == pytest.approx(reference.seen_energy(hidden, other.image))
-
-
 @pytest.mark.parametrize(
     ("n_colors", "space", "dither"),
     [(k, space, None) for k in (2, 3, 9, 40) for space in SPACES] + [(9, "oklab", dither) for dither in DITHERS],
@@ -148,18 +139,6 @@ def test_weights_of_nothing_opaque_leave_opaque_pixels_opaque() -> None:
     result = quantize(SCENE, 6, weights=np.where(OPAQUE, 0, 1))
     assert (result.image[OPAQUE][:, 3] == 255).all()
     assert (result.image[CLEAR] == 0).all()
-
-
-def test_fewer_colors_than_opaque_and_transparent_pixels_need_are_refused() -> None:
-    with pytest.raises(ValueError, match="n_colors=1 must be an integer >= 2, for locked colors, opaque"):
-        quantize(SCENE, 1)
-    with pytest.raises(ValueError, match="n_colors=3 must be an integer >= 4"):
-        quantize(SCENE, 3, locked=[[1, 2, 3, 9], [3, 2, 1, 9]])
-
-
-def test_alpha_of_floating_point_out_of_range_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"alpha in 0\.\.2 must be in 0\.\.1"):
-        quantize(scene(np.float64) * [1, 1, 1, 2], 4, alpha=True)
 
 
 def test_weighted_cells_stay_so_with_transparency() -> None:

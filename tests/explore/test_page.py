@@ -217,8 +217,6 @@ def test_the_energy_curve_answers_to_keys_and_to_the_mouse(visit: Go) -> None:
 
 
 def test_a_color_is_locked_in_the_picture_by_click_and_by_keys(visit: Go, folder: Path) -> None:
-    from PIL import Image
-
     one = visit()
     page = one.page
     one.settled()
@@ -596,8 +594,6 @@ def test_a_mask_drawn_by_brush_is_left_out(visit: Go) -> None:
 
 
 def test_frames_are_scrubbed(visit: Go, folder: Path) -> None:
-    from PIL import Image
-
     with Image.open(folder / "photo.png") as photo:
         frames = [photo.rotate(30 * turn) for turn in range(4)]
     frames[0].save(folder / "spin.png", save_all=True, append_images=frames[1:], duration=80)

@@ -544,13 +544,6 @@ def test_drafts_of_large_pictures_are_made_of_few_pixels(
     assert (scaled["min_size"], scaled["smallest_detail"]) == (100, 1)
 
 
-def test_the_picture_itself_is_sent_as_it_is(page: TestClient, photograph: NDArray[Any]) -> None:
-    picture = opened(page, png(photograph))["id"]
-    reply = request(page, picture, lane="before")
-    pixels = np.frombuffer(reply.content, np.uint8).reshape(256, 256, 4)
-    assert np.array_equal(pixels[..., :3], photograph)
-
-
 def test_of_a_large_picture_the_part_that_is_seen_is_sent(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cvtimg.explore.channel.EXACT_PIXELS", 10_000)
     pixels = np.arange(400 * 300, dtype=np.uint32).view(np.uint8).reshape(300, 400, 4)[..., :3]

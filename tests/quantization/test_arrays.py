@@ -135,20 +135,3 @@ def test_negative_values_come_back() -> None:
 def test_booleans_are_black_and_white() -> None:
     result = quantize(np.array([[True, False]]), 2)
     assert result.palette.ravel().tolist() == [0, 255]
-
-
-def test_objects_that_hold_arrays_are_images(photograph: NDArray[Any]) -> None:
-    class OfArray:
-        def __array__(self, dtype: Any = None, copy: Any = None) -> NDArray[Any]:
-            return photograph
-
-    class OfDlpack:
-        def __dlpack__(self, **options: Any) -> Any:
-            return photograph.copy().__dlpack__(**options)
-
-        def __dlpack_device__(self) -> Any:
-            return photograph.__dlpack_device__()
-
-    expected = quantize(photograph, 4)
-    for image in (OfArray(), OfDlpack()):
-        np.testing.assert_array_equal(quantize(image, 4).image, expected.image)

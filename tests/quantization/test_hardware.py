@@ -101,18 +101,3 @@ def test_locked_colors_stay_if_the_hardware_has_them(photograph: NDArray[Any]) -
     assert [255, 0, 36] in result.palette.tolist()
     with pytest.raises(ValueError, match=r"locked=\[254, 0, 36\] must be \[255, 0, 36\], the nearest color"):
         quantize(photograph, 8, color_bits=3, locked=[[254, 0, 36]])
-
-
-@pytest.mark.parametrize("bits", [0, 9, (5, 5), (5, 5, 0), (5, 5, 5, 5), 2.5])
-def test_bits_out_of_range_are_refused(bits: Any, photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=r"color_bits=.* must be a number of bits in 1..8, or three of them"):
-        quantize(photograph, 8, color_bits=bits)
-
-
-def test_what_has_no_bits_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(TypeError, match="float64 must be unsigned integers"):
-        quantize(photograph / 255, 8, color_bits=5)
-    with pytest.raises(ValueError, match="palette must not be given with color_bits"):
-        quantize(photograph, palette=[[0, 0, 0]], color_bits=5)
-    with pytest.raises(ValueError, match="an image"):
-        quantize(np.zeros((3, 3, 5), np.uint8), 2, color_bits=5)

@@ -53,16 +53,3 @@ def test_pictures_of_any_shape_get_at_most_the_colors_asked(picture: NDArray[Any
     n_left = len(np.unique(result.image.reshape(picture.shape[0] * picture.shape[1], -1), axis=0))
     assert n_left <= min(n_colors, result.n_distinct)
     assert result.energy == pytest.approx(reference.seen_energy(picture, result.image), rel=1e-5, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("n_colors", "error", "message"),
-    [
-        (0, ValueError, r"n_colors=0 must be in 1\.\.65536, the size of the largest palette"),
-        (65537, ValueError, r"n_colors=65537 must be in 1\.\.65536"),
-        ("4", TypeError, "n_colors='4' must be an integer"),
-    ],
-)
-def test_a_wrong_number_of_colors_is_named(n_colors: Any, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        quantize(np.zeros((2, 2), np.uint8), n_colors)

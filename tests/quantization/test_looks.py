@@ -188,21 +188,6 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"goal": "ears"}, "goal='ears' must be one of"),
-        ({"quality": 70, "psnr": 30}, "psnr=30 cannot be combined with goal='eyes' or quality"),
-        ({"goal": "eyes", "space": "lab"}, "space='lab' cannot be combined"),
-        ({"quality": 70, "dither": "floyd-steinberg"}, "dither='floyd-steinberg' must be 'compact'"),
-        ({"n_colors": 300, "dither": "compact"}, "at most 256 colors with dither='compact'"),
-    ],
-)
-def test_what_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        cvtimg.quantize(COFFEE[:80, :80], **{**FAST, **options})
-
-
 def test_a_gradient_of_many_colors_is_written_as_it_is_and_small(tmp_path: Path) -> None:
     y, x = np.mgrid[:1:120j, :1:160j]
     smooth = np.rint(np.dstack([90 + 80 * x, 140 + 60 * y, 180 + 40 * x * y])).astype(np.uint8)

@@ -68,23 +68,6 @@ def test_grey_stays_grey_unless_a_locked_color_is_none(photograph: NDArray[Any])
     assert (np.ptp(result.palette.astype(int), axis=1) == 0).sum() == 3
 
 
-@pytest.mark.parametrize(
-    ("locked", "message"),
-    [
-        ([[1, 2, 300]], r"locked must be whole numbers in 0\.\.255, as the image is of uint8"),
-        ([[1, 2, -3]], "locked must be whole numbers"),
-        ([[1, 2, 3.5]], "locked must be whole numbers"),
-        ([[1, 2, np.nan]], "locked must be whole numbers"),
-        (np.zeros((2, 5)), "palette of 5 channels must have"),
-        (np.zeros((0, 3)), r"locked of shape \(0, 3\)"),
-        ([["a"]], "locked of shape"),
-    ],
-)
-def test_wrong_locked_colors_are_refused(locked: Any, message: str, photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=message):
-        quantize(photograph[:8, :8], 4, locked=locked)
-
-
 @pytest.mark.parametrize("space", ["linear", "lab", "oklab"])
 def test_a_space_is_best_by_its_own_distances(space: str, photograph: NDArray[Any]) -> None:
     picture = photograph[::2, ::2]
@@ -133,20 +116,6 @@ def test_what_has_no_weight_gets_no_colors(photograph: NDArray[Any]) -> None:
     assert len(result.palette) == 32
 
 
-@pytest.mark.parametrize(
-    ("weights", "message"),
-    [
-        (np.ones((3, 3)), r"weights of shape \(3, 3\) must be \(8, 8\), one weight for each pixel"),
-        (np.zeros((8, 8)), "weights must be finite and >= 0, and not all 0"),
-        (-np.ones((8, 8)), "weights must be finite and >= 0"),
-        (np.full((8, 8), np.nan), "weights must be finite"),
-    ],
-)
-def test_wrong_weights_are_refused(weights: NDArray[Any], message: str, photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=message):
-        quantize(photograph[:8, :8], 4, weights=weights)
-
-
 def test_samples_that_differ_in_kind_do_not_merge() -> None:
     with pytest.raises(ValueError, match="must have one type and number of channels, not uint16 x 3, uint8 x 3"):
         merge_samples([color_samples(np.zeros((2, 2, 3), dtype)) for dtype in (np.uint8, np.uint16)])
@@ -176,18 +145,6 @@ def test_deep_grey_is_mapped_exactly_to_thousands_of_levels(n_colors: int) -> No
     nearest = np.minimum(np.abs(palette[above] - picture), np.abs(palette[above - 1] - picture))
     np.testing.assert_array_equal(np.abs(result.image.astype(int) - picture), nearest)
     assert result.indices.dtype == np.uint16
-
-
-@pytest.mark.parametrize("name", ["psnr", "locked", "weights", "effort"])
-def test_a_given_palette_leaves_nothing_to_find(name: str, photograph: NDArray[Any]) -> None:
-    value = {"psnr": 30, "locked": LOCKED, "weights": np.ones((8, 8)), "effort": "best"}[name]
-    with pytest.raises(ValueError, match=f"palette must not be given with {name}"):
-        quantize(photograph[:8, :8], palette=LOCKED, **{name: value})
-
-
-def test_something_must_tell_the_number_of_colors() -> None:
-    with pytest.raises(TypeError, match="n_colors, psnr or palette must be given"):
-        quantize(np.zeros((2, 2), np.uint8))
 
 
 def test_a_result_tells_what_files_hold(photograph: NDArray[Any]) -> None:
@@ -239,11 +196,6 @@ def test_the_best_colors_of_a_palette_have_the_least_error_of_all_choices(space:
     errors = ((places[:, None] - ends) ** 2).sum(axis=2)
     best = min(combinations(range(8), 3), key=lambda chosen: errors[:, chosen].min(axis=1).sum())
     np.testing.assert_array_equal(result.palette, palette[list(best)])
-
-
-def test_more_colors_than_a_palette_has_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"n_colors=4 must be .*1\.\.3"):
-        quantize(np.zeros((2, 2, 3), np.uint8), 4, palette=np.eye(3, dtype=np.uint8))
 
 
 def rust_and_roses() -> NDArray[np.uint8]:

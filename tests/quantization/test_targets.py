@@ -58,11 +58,6 @@ def test_no_fewer_colors_reach_the_quality(psnr: float, options: Any, photograph
     np.testing.assert_array_equal(result.image, quantize(picture, n_colors, **options).image)
 
 
-def test_a_quality_out_of_reach_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=r"psnr=60 must be at most \d\d\.\d\d dB, which 16 colors reach"):
-        quantize(photograph[::4, ::4], 16, psnr=60)
-
-
 def test_locked_and_transparent_colors_are_counted(photograph: NDArray[Any]) -> None:
     picture = np.dstack([photograph[::8, ::8], np.full((32, 32), 255, np.uint8)])
     picture[:4, :, 3] = 0
@@ -81,13 +76,3 @@ def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDA
     result = quantize(picture, max_bytes=n_bytes)
     assert size(result) <= n_bytes < size(quantize(picture, len(result.palette) + 1))
     assert len(quantize(picture, 2, max_bytes=n_bytes).palette) == 2
-
-
-def test_a_size_too_small_for_the_fewest_colors_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match=r"max_bytes=4 must be at least \d+, for the fewest colors, 1"):
-        quantize(photograph, max_bytes=4)
-
-
-def test_a_limit_below_what_must_be_in_the_palette_is_refused(photograph: NDArray[Any]) -> None:
-    with pytest.raises(ValueError, match="n_colors=2 must be an integer >= 3, for locked colors"):
-        quantize(photograph, 2, psnr=30, locked=[[1, 2, 3], [4, 5, 6], [7, 8, 9]])

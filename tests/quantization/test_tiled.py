@@ -113,37 +113,15 @@ def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
     assert [1, 2, 3] in result.palette.tolist()
 
 
-def test_large_tiffs_go_by_tiles_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_tiffs_go_by_tiles_by_themselves_and_tell_whether_all_colors_were_told_apart(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     write(PICTURE, tile=(64, 64))
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     monkeypatch.setattr(tiles, "_LARGE", 1000)
-    assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--save-palette", "p.gpl", "--quiet"]) == 0
+    assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--save-palette", "p.gpl", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["exact"] is True
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
-
-
-def test_only_a_limit_that_is_given_holds_by_tiles(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write(PICTURE, tile=(64, 64))
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
-    how = ["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--quiet", "--max-pixels"]
-    assert cli.main([*how, "359999"]) == 1
-    assert "a.tif: has over 359999 pixels" in capsys.readouterr().err
-    assert cli.main([*how, "360000"]) == 0
-    monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
-    assert cli.main([*how[:-1], "--overwrite"]) == 0
-
-
-def test_the_row_tells_whether_all_colors_were_told_apart(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write(PICTURE.astype(np.uint16), tile=(64, 64))
-    monkeypatch.setattr(tiles, "_LARGE", 1000)
-    for exact in (True, False):
-        if not exact:
-            monkeypatch.setattr(counting, "MOST_COLORS", 2000)
-        assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--json", "--overwrite"]) == 0
-        assert json.loads(capsys.readouterr().out)["exact"] is exact
 
 
 def test_profile_and_place_on_earth_stay() -> None:

@@ -36,9 +36,7 @@ def read(file: Path, text: str | bytes, **options: Any) -> Table:
 @pytest.mark.parametrize(
     ("text", "names"),
     [
-        ("a,b\n1,2\n3,4\n", ("a", "b")),
         ('"a"," b "\n"1","2"\n3,4\n', ("a", "b")),
-        ("a, b\n1, 2\n 3 , 4 \n", ("a", "b")),
         ('"a, or ""A""";b\n1;2\n3;4\n', ('a, or "A"', "b")),
         ('"a\nand more",b\n1,2\n3,4\n', ("a\nand more", "b")),
         ("\n\na,b\n\n1,2\n3,4\n\n", ("a", "b")),

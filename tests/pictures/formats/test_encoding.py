@@ -24,17 +24,10 @@ from cvtimg.pictures.files import Metadata, encode_image, image_info, read_image
 LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"]
 
 
-@pytest.mark.parametrize(
-    ("suffix", "image"),
-    [(suffix, RGB) for suffix in LOSSLESS if suffix != ".gif"]
-    + [(suffix, GREY) for suffix in (".png", ".tif", ".bmp", ".pgm")]
-    + [(suffix, RGBA) for suffix in (".png", ".tif", ".webp")]
-    + [(suffix, DEEP) for suffix in (".png", ".tif", ".pgm")],
-)
-def test_a_lossless_format_gives_the_array_back(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
-    path = tmp_path / f"a{suffix.upper()}"
-    write_image(path, image)
-    np.testing.assert_array_equal(read_image(path), image, strict=True)
+@pytest.mark.parametrize(("name", "image"), [("a.TIFF", RGB), ("a.PGM", DEEP), ("a.PNG", RGBA)])
+def test_a_suffix_may_be_in_capitals(tmp_path: Path, name: str, image: NDArray[Any]) -> None:
+    write_image(tmp_path / name, image)
+    np.testing.assert_array_equal(read_image(tmp_path / name), image, strict=True)
 
 
 def test_views_are_written_as_they_look_and_bool_as_one_bit(tmp_path: Path) -> None:
