@@ -16,12 +16,16 @@ BEGIN, END = "<!-- relations -->\n", "<!-- end of relations -->\n"
 
 def table() -> str:
     """Return all relations in Markdown: a row for each verb, with how its input is changed and since when."""
+    from relations.relation import QUICK, WIDE  # which the path has been set for
+
     rows: dict[str, dict[str, str]] = defaultdict(dict)
+    n_inputs = 0
     for path in sorted(HERE.glob("test_*.py")):
         for relation in getattr(import_module(f"relations.{path.stem}"), "RELATIONS", ()):
             change = re.sub(r", \w+_picture$", "", relation.change)  # whatever the picture
             rows[relation.verb].setdefault(change, relation.since)
-    lines = ["| verb | what is changed in its input | since |", "|---|---|---|"]
+            n_inputs += QUICK + WIDE
+    lines = [f"{n_inputs:,} inputs are tried.", "", "| verb | what is changed in its input | since |", "|---|---|---|"]
     for verb, changes in sorted(rows.items()):
         lines.append(f"| `{verb}` | {'; '.join(sorted(changes))} | {min(changes.values())} |")
     return "\n".join(lines) + "\n"
