@@ -17,6 +17,7 @@ from PIL import Image
 
 from cvtimg import read_image, write_image
 
+pytestmark = pytest.mark.usefixtures("here")
 ROOT = Path(__file__).parents[1]
 #: What the extras install.
 OPTIONAL = (
@@ -69,11 +70,6 @@ print(json.dumps(outcomes))
     done = bare(script, *lines)
     assert (done.returncode, done.stderr) == (0, "")
     return dict(zip(lines, map(tuple, json.loads(done.stdout)), strict=True))
-
-
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.slow

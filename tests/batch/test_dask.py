@@ -44,12 +44,11 @@ def scheduler() -> Iterator[str]:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def folder(here: Path) -> Path:
     Path("in").mkdir()
     for number, picture in enumerate(PICTURES):
         write_image(f"in/{number}.png", picture)
-    return tmp_path
+    return here
 
 
 @pytest.mark.parametrize("options", [[], ["--shared-palette"]])

@@ -41,9 +41,8 @@ PICTURES = {name: RNG.integers(0, 256, (9, 12, 3), np.uint8) for name in ("a.png
 
 
 @pytest.fixture
-def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
+def memory(here: Path) -> Iterator[object]:
     """Put pictures into a file system in memory; work in an empty folder."""
-    monkeypatch.chdir(tmp_path)
     files = fsspec.filesystem("memory")
     for name, picture in PICTURES.items():
         write_image(f"x{Path(name).suffix}", picture, overwrite=True)
@@ -179,9 +178,8 @@ def test_designs_and_grids_go_on_from_tables_elsewhere(memory: object) -> None:
     assert read_grid_points(Path("memory://grid.csv")).shape == (2, 3)
 
 
-def test_a_server_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_is_read(here: Path) -> None:
     pytest.importorskip("aiohttp")
-    monkeypatch.chdir(tmp_path)
     Path("site").mkdir()
     write_image("site/a.png", PICTURES["a.png"])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from commands import RowOf, Run
 from images import discs
 
 from cvtimg import read_image, segment, write_image
-from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
 from cvtimg.segmentation import Objects
 
@@ -29,9 +27,7 @@ def cells() -> np.ndarray[Any, np.dtype[np.uint8]]:
     return image
 
 
-def test_objects_are_split_and_the_background_is_in_no_table(
-    cells: np.ndarray[Any, Any], row_of: RowOf, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_objects_are_split_and_the_background_is_in_no_table(cells: np.ndarray[Any, Any], row_of: RowOf) -> None:
     how = ["cells.png", "-k", "2", "--edge-weight", "auto", "--objects", "--properties", "eccentricity, solidity"]
     outputs = ["-o", "l.png", "--table", "t.csv", "--overlay", "o.png", "--contours", "c.svg"]
     row = row_of("segment", *how, *outputs)
@@ -44,9 +40,8 @@ def test_objects_are_split_and_the_background_is_in_no_table(
     assert all(float(row["eccentricity"]) < 0.6 and float(row["solidity"]) > 0.9 for row in rows)
     drawn = (read_image("o.png") == [255, 255, 0]).all(axis=2)
     assert drawn.sum() > 3 * 40  # the rims of all three, though their other side has label 0
-    assert cli.main(["segment", *how, "--neck-depth", "9", "--json", "-o", "m.png"]) == 0
-    assert json.loads(capsys.readouterr().out)["k"] == 2
-    assert cli.main(["segment", *how, "--object-border", "own", "-o", "own.png"]) == 0
+    assert row_of("segment", *how, "--neck-depth", 9, "-o", "m.png")["k"] == 2
+    row_of("segment", *how, "--object-border", "own", "-o", "own.png")
     expected = segment(cells, 2, edge_weight="auto", objects=Objects(border="own")).labels
     np.testing.assert_array_equal(read_labels("own.png"), expected)
 
@@ -68,25 +63,18 @@ def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], row_of: RowO
     ("measure", "columns"),
     [("all", ["mean_DAPI", "mean_GFP"]), ("GFP", ["mean_GFP"]), ("2,DAPI", ["mean_GFP", "mean_DAPI"])],
 )
-def test_one_channel_is_segmented_and_others_are_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measure: str, columns: list[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_one_channel_is_segmented_and_others_are_measured(run: Run, measure: str, columns: list[str]) -> None:
     down, right = np.mgrid[:60, :90]
     nuclei = np.uint8(20 + 150 * ((np.hypot(down - 30, right - 25) < 9) | (np.hypot(down - 30, right - 65) < 9)))
-    tifffile.imwrite(
-        "a.tif",
-        np.stack([nuclei, right.astype(np.uint8)]),
-        imagej=True,
-        metadata={"axes": "CYX", "Labels": ["DAPI", "GFP"]},
-    )
+    metadata = {"axes": "CYX", "Labels": ["DAPI", "GFP"]}
+    tifffile.imwrite("a.tif", np.stack([nuclei, right.astype(np.uint8)]), imagej=True, metadata=metadata)
     how = ["--objects", "--channel", "DAPI", "--measure", measure, "--table", "t.csv", "--quiet"]
-    assert cli.main(["segment", "a.tif", *how]) == 0
+    assert run("segment", "a.tif", *how).status == 0
     header, *rows = (line.split(",") for line in Path("t.csv").read_text().splitlines())
     assert [name for name in header if name.startswith("mean")] == columns
     means = sorted(float(row[header.index("mean_GFP")]) for row in rows)
     assert means == pytest.approx([25, 65], abs=0.5)
-    assert cli.main(["segment", "a.tif", *how[:4], "RFP", "--table", "u.csv", "--quiet"]) == 1
+    assert run("segment", "a.tif", *how[:4], "RFP", "--table", "u.csv").status == 1
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

@@ -32,9 +32,8 @@ SIZES = {"PhysicalSizeX": 0.325, "PhysicalSizeY": 0.325, "PhysicalSizeZ": 1.5}
 
 
 @pytest.fixture(params=["imagej", "ome"])
-def stack(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def stack(request: pytest.FixtureRequest, here: Path) -> str:
     """Write the frames as a program does, and segment them."""
-    monkeypatch.chdir(tmp_path)
     if request.param == "imagej":
         metadata: dict[str, Any] = {"axes": "TZYX", "unit": "um", "spacing": 1.5}
         tifffile.imwrite("s.tif", FRAMES, imagej=True, resolution=(1 / 0.325,) * 2, metadata=metadata)
@@ -83,8 +82,7 @@ def test_bioio_reads_the_axes_and_sizes_of_labels(stack: str) -> None:
     assert tuple(image.physical_pixel_sizes) == pytest.approx((1.5, 0.325, 0.325))
 
 
-def test_masks_of_an_image_are_gray_levels_in_16_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_masks_of_an_image_are_gray_levels_in_16_bits(here: Path) -> None:
     Image.fromarray(FRAMES[0, 0]).save("a.png")
     assert main(["segment", "a.png", "--objects", "--masks", "a_cp_masks.png", "-o", "l.png", "--quiet"]) == 0
     with Image.open("a_cp_masks.png") as image:
@@ -92,9 +90,8 @@ def test_masks_of_an_image_are_gray_levels_in_16_bits(tmp_path: Path, monkeypatc
         np.testing.assert_array_equal(np.array(image), np.array(Image.open("l.png")))
 
 
-def test_regions_at_fractions_of_pixels_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_regions_at_fractions_of_pixels_and_in_pieces(here: Path) -> None:
     roifile = pytest.importorskip("roifile")
-    monkeypatch.chdir(tmp_path)
     Image.fromarray(FRAMES[0, 0]).save("a.png")
     assert main(["segment", "a.png", "-k", "2", "--subpixel", "--contours", "a.zip", "--quiet"]) == 0
     with ZipFile("a.zip") as archive:

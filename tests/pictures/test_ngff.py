@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import RowOf
 
 from cvtimg import read_image
-from cvtimg.cli.app import main
 from cvtimg.pictures import PixelSize, image_info, read_pages
 from cvtimg.pictures.formats.opening import Selection, selecting
 
@@ -63,18 +62,13 @@ def test_an_image_without_other_axes_is_one_page(tmp_path: Path) -> None:
     assert image_info(path).frames == 1
 
 
-def test_commands_take_it_as_a_stack(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    name = written(tmp_path, "0.4").name
-    command = ["segment", name, "--t", "1", "-k", "2", "-o", "l.tif", "--table", "t.csv", "--json"]
-    assert main(command) == 0
-    assert json.loads(capsys.readouterr().out)["pages"] == 3
+def test_commands_take_it_as_a_stack(here: Path, row_of: RowOf) -> None:
+    name = written(here, "0.4").name
+    assert row_of("segment", name, "--t", 1, "-k", 2, "-o", "l.tif", "--table", "t.csv")["pages"] == 3
     labels = image_info("l.tif")
     assert (labels.axes, labels.pixel_size) == ("ZYX", PixelSize(0.5, 0.5, "um", 2.0))
     assert {"z", "mean_DAPI", "std_GFP", "area_um2"} <= {*Path("t.csv").read_text().splitlines()[0].split(",")}
-    assert main(["quantize", name, "--channel", "GFP", "-k", "3", "-o", "q.tif", "--quiet"]) == 0
+    row_of("quantize", name, "--channel", "GFP", "-k", 3, "-o", "q.tif")
     assert image_info("q.tif").axes == "TZYX"
 
 

@@ -16,12 +16,8 @@ from cvtimg.quantization import QuantizeOptions, Reading, UnfitOptionError, Writ
 
 RNG = np.random.default_rng(5)
 PICTURE = RNG.integers(0, 256, (30, 40, 3), np.uint8)
+pytestmark = pytest.mark.usefixtures("here")
 STACK = RNG.integers(0, 256, (3, 20, 24, 3), np.uint8)
-
-
-@pytest.fixture(autouse=True)
-def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def test_each_file_goes_its_way() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import Run
 
 from cvtimg import find_palette, read_image, write_image
 from cvtimg._shared.pixels import AlphaArray
@@ -18,12 +19,11 @@ PICTURES = [RNG.normal(center, 25, (20, 30, 3)).clip(0, 255).astype(np.uint8) fo
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def folder(here: Path) -> Path:
     Path("in").mkdir()
     for number, picture in enumerate(PICTURES):
         write_image(f"in/{number}.png", picture)
-    return tmp_path
+    return here
 
 
 def test_it_is_the_palette_of_one_picture_with_all_pixels() -> None:
@@ -76,14 +76,12 @@ def test_files_are_the_same_whatever_the_jobs_and_hold_the_palette(folder: Path)
     assert len(Path("p.gpl").read_text().splitlines()) == 4 + len(palette)
 
 
-def test_a_bad_picture_is_named_once_and_the_others_share(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_picture_is_named_once_and_the_others_share(folder: Path, run: Run) -> None:
     Path("in/bad.png").write_text("no picture")
     options = ["quantize", "-k", "9", "--shared-palette", "--quiet"]
-    assert cli.main([*options, "in", "--out-dir", "out"]) == 1
-    assert capsys.readouterr().err.count("in/bad.png") == 1
+    assert run(*options, "in", "--out-dir", "out").err.count("in/bad.png") == 1
     assert len(list(Path("out").iterdir())) == len(PICTURES)
-    assert cli.main([*options, "in/bad.png", "-o", "no.png"]) == 1
-    assert capsys.readouterr().err.count("in/bad.png") == 1
+    assert run(*options, "in/bad.png", "-o", "no.png").err.count("in/bad.png") == 1
 
 
 @pytest.mark.parametrize("others", [["--psnr", "30"], ["--max-bytes", "900"], ["--palette", "in/0.png"], []])

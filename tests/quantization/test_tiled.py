@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
+from commands import RowOf
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvtimg import find_palette, quantize, read_image, write_image
-from cvtimg.cli import app as cli
 from cvtimg.colors import counting
 from cvtimg.colors.counting import Count
 from cvtimg.colors.samples import color_samples
@@ -37,9 +36,8 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(autouse=True)
-def small_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def small_bands(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several bands in a picture."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tiles, "BAND_PIXELS", 40_000)
 
 
@@ -113,14 +111,11 @@ def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
     assert [1, 2, 3] in result.palette.tolist()
 
 
-def test_large_tiffs_go_by_tiles_by_themselves_and_tell_whether_all_colors_were_told_apart(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_large_tiffs_go_by_tiles_by_themselves_and_say_that_this_is_exact(monkeypatch: Any, row_of: RowOf) -> None:
     write(PICTURE, tile=(64, 64))
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     monkeypatch.setattr(tiles, "_LARGE", 1000)
-    assert cli.main(["quantize", "a.tif", "-k", "12", "-o", "b.tif", "--save-palette", "p.gpl", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["exact"] is True
+    assert row_of("quantize", "a.tif", "-k", 12, "-o", "b.tif", "--save-palette", "p.gpl")["exact"] is True
     np.testing.assert_array_equal(tifffile.imread("b.tif"), quantize(PICTURE, 12).indices)
 
 

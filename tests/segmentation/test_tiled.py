@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
+from commands import Run
 from numpy.typing import NDArray
 
 from cvtimg import segment, write_image
-from cvtimg.cli import app as cli
 from cvtimg.colors import counting
 from cvtimg.labels import region_means
 from cvtimg.pictures import image_info, tiles
@@ -24,9 +23,8 @@ zarr = pytest.importorskip("zarr")
 
 
 @pytest.fixture(autouse=True)
-def small_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def small_strips(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in an empty folder, with several strips in a picture."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tiles, "BAND_PIXELS", 20_000)
     monkeypatch.setattr(tiled_segmentation, "STRIP_PIXELS", 4000)
 
@@ -137,16 +135,13 @@ def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exceptio
 # The command
 
 
-def test_large_tiffs_go_by_tiles_by_themselves(
-    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_large_tiffs_go_by_tiles_by_themselves(photograph: NDArray[Any], monkeypatch: Any, run: Run) -> None:
     scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
     write(photograph, extratags=[(42113, 2, 2, "7", True), (33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
     monkeypatch.setattr(tiles, "_LARGE", 1000)
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     how = ["segment", "a.tif", "-k", "4", "--edge-weight", "8", "--space", "oklab", "-o", "b.tif", "--json"]
-    assert cli.main(how) == 0
-    row = json.loads(capsys.readouterr().out)
+    (row,) = run(*how).rows
     known = (photograph != 7).any(axis=2)
     expected = segment(photograph, 4, edge_weight=8, space="oklab", mask=known)
     assert np.mean(tifffile.imread("b.tif") == expected.labels) > 0.999
@@ -155,39 +150,34 @@ def test_large_tiffs_go_by_tiles_by_themselves(
     with tifffile.TiffFile("b.tif") as tiff:
         assert (tiff.pages.first.dtype, tiff.pages.first.is_tiled) == (np.uint8, True)
     assert row["energy"] == pytest.approx(expected.energy, rel=1e-4)
-    assert cli.main(how) == 1
-    assert "exists already" in capsys.readouterr().err
-    assert cli.main([*how, "--overwrite", "--max-pixels", "65535"]) == 1
-    assert "has over 65535 pixels" in capsys.readouterr().err
+    assert "exists already" in run(*how).err
+    assert "has over 65535 pixels" in run(*how, "--overwrite", "--max-pixels", "65535").err
     monkeypatch.setattr("PIL.Image.MAX_IMAGE_PIXELS", 1000)
-    assert cli.main([*how, "--overwrite"]) == 0
+    assert run(*how, "--overwrite").status == 0
 
 
-def test_zarr_goes_by_tiles(photograph: NDArray[Any], capsys: pytest.CaptureFixture[str]) -> None:
+def test_zarr_goes_by_tiles(photograph: NDArray[Any], run: Run) -> None:
     source = zarr.create_array("a.zarr", shape=photograph.shape, chunks=(128, 128, 3), dtype=np.uint8)
     source[:] = photograph
-    assert cli.main(["segment", "a.zarr", "-k", "3", "-o", "b.zarr", "--quiet"]) == 0
+    assert run("segment", "a.zarr", "-k", 3, "-o", "b.zarr").status == 0
     assert np.mean(zarr.open_array("b.zarr", mode="r")[:] == segment(photograph, 3).labels) > 0.999
-    assert cli.main(["segment", "a.zarr", "-k", "300", "--edge-weight", "0", "-o", "many.zarr", "--quiet"]) == 0
+    assert run("segment", "a.zarr", "-k", 300, "--edge-weight", 0, "-o", "many.zarr").status == 0
     many = zarr.open_array("many.zarr", mode="r")[:]
     assert (many.dtype, many.max()) == (np.uint16, 300)
     for outputs in (["--edges", "e.png"], ["-o", "c.zarr", "--mean", "m.png"]):
-        assert cli.main(["segment", "a.zarr", "-k", "3", *outputs]) == 1
-        assert "a.zarr is read and written in tiles, and only labels can be" in capsys.readouterr().err
+        said = run("segment", "a.zarr", "-k", 3, *outputs).err
+        assert "a.zarr is read and written in tiles, and only labels can be" in said
     write_image("a.png", photograph)
-    assert cli.main(["segment", "a.png", "-k", "3", "-o", "c.zarr"]) == 1
-    assert capsys.readouterr().err.startswith("cvtimg: a.png: ")
+    assert run("segment", "a.png", "-k", 3, "-o", "c.zarr").err.startswith("cvtimg: a.png: ")
     assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr", "many.zarr", "a.png"}
 
 
-def test_what_needs_the_whole_picture_is_refused(
-    photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_needs_the_whole_picture_is_refused(photograph: NDArray[Any], monkeypatch: Any, run: Run) -> None:
     write(photograph[:96, :96])
     monkeypatch.setattr(tiles, "_LARGE", 1000)
     for options in (["--components"], ["--averaging", "2"], ["--superpixels"], ["-k", "auto"]):
-        assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.tif", *options]) == 1
         option = "-k auto" if "auto" in options else options[0]
-        assert f"is read in tiles, and {option} needs the whole image" in capsys.readouterr().err
+        said = run("segment", "a.tif", "-k", 4, "-o", "b.tif", *options).err
+        assert f"is read in tiles, and {option} needs the whole image" in said
         assert not Path("b.tif").exists()
-    assert cli.main(["segment", "a.tif", "-k", "4", "-o", "b.png", "--components", "--quiet"]) == 0
+    assert run("segment", "a.tif", "-k", 4, "-o", "b.png", "--components").status == 0

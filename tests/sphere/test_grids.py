@@ -11,7 +11,8 @@ from reference import at_threads, sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
-from cvtimg.sphere import Refinement, SphereGrid
+from cvtimg.halfedges import measure_triangles
+from cvtimg.sphere import Refinement, SphereGrid, measure_grid, triangulate
 from cvtimg.sphere.densities import fibonacci, from_degrees
 from cvtimg.sphere.geodesic import Lattice, nearest_twelve
 from cvtimg.sphere.starts import drawn
@@ -145,3 +146,22 @@ def test_a_density_of_any_size_makes_the_same_grid(factor: float) -> None:
 def test_a_density_of_0_on_a_part_is_warned_of() -> None:
     with pytest.warns(UserWarning, match="the density is 0 on 50% of the sphere"):
         sphere_grid(300, density=lambda p: (p[:, 2] > 0).astype(float), effort="fast")
+
+
+def test_measures_agree_with_their_definitions() -> None:
+    points = unit(np.random.default_rng(2).normal(size=(40, 3)))
+    triangles = triangulate(points)
+    measures = measure_grid(points, triangles)
+    each = measure_triangles(points, triangles)
+    assert (measures.least_angle, measures.largest_angle) == (each.angles.min(), each.angles.max())
+    assert measures.n_obtuse == (each.angles > 90).sum()
+    assert (measures.least_quality, measures.mean_quality) == (each.qualities.min(), each.qualities.mean())
+    neighbors = [set(triangles[(triangles == i).any(axis=1)].ravel()) - {i} for i in range(40)]
+    gaps = [[np.linalg.norm(points[i] - points[j]) for j in near] for i, near in enumerate(neighbors)]
+    assert measures.uniformity == pytest.approx(min(min(gap) / max(gap) for gap in gaps))
+    assert measures.shortest_edge == pytest.approx(2 * np.arcsin(min(map(min, gaps)) / 2))
+    assert measures.longest_edge == pytest.approx(2 * np.arcsin(max(map(max, gaps)) / 2))
+    sizes = [len(near) for near in neighbors]
+    assert [sizes.count(5), sizes.count(6), sizes.count(7)] == [
+        measures.n_pentagons, measures.n_hexagons, measures.n_heptagons,
+    ]  # fmt: skip
