@@ -57,6 +57,29 @@ class Visit:
         self.result()
         self.until("!/working|reading/.test(document.getElementById('facts').textContent)")
 
+    def command(self) -> str:
+        """Return the command that is shown once nothing is under way."""
+        self.settled()
+        return str(self.page.inner_text("#command"))
+
+    def at(self, address: str) -> Visit:
+        """Open the page."""
+        self.page.goto(address)
+        self.until("document.body.dataset.ready === 'true'")
+        return self
+
+    def place(self, right: float, down: float) -> tuple[float, float]:
+        """Return where on the page a place of the stage is, in shares of its width and height."""
+        box = self.page.locator("#stage").bounding_box()
+        return box["x"] + right * box["width"], box["y"] + down * box["height"]
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Drag the mouse from one place to another."""
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=8)
+        self.page.mouse.up()
+
     def choose(self, tab: str, **values: str) -> None:
         """Go to a tab and choose values of controls."""
         self.page.click(f"#tab-{tab}")

@@ -74,9 +74,7 @@ def visit(chromium: Any, address: str) -> Iterator[Callable[..., Visit]]:
             stack.callback(context.close)
             made = Visit(context.new_page())
             visits.append(made)
-            made.page.goto(address)
-            made.until("document.body.dataset.ready === 'true'")
-            return made
+            return made.at(address)
 
         yield go
         own = (address.partition("/enter")[0], "ws" + address.partition("/enter")[0][4:], "blob:http://127.0.0.1")
