@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
@@ -169,8 +170,9 @@ def reason(path: str | Path, error: Exception) -> str:
 
 
 def complain(text: str) -> None:
-    """Print an error to stderr in one line."""
-    print(f"cvtimg: {' '.join(text.splitlines())}", file=sys.stderr, flush=True)
+    """Print an error to stderr in one line, which names the option where the message names it beside an argument."""
+    line = re.sub(r"\S+ \((--[^()]+)\)", r"\1", " ".join(text.splitlines()))
+    print(f"cvtimg: {line}", file=sys.stderr, flush=True)
 
 
 @contextmanager

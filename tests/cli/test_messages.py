@@ -135,7 +135,7 @@ quantize cut.jpg -k 4 --out-dir out | cut.jpg: is truncated
 quantize nothing -k 4 --out-dir out | nothing: no images in this folder
 quantize a.png -k 4 -o wrong.gpl/out.png | wrong.gpl/out.png
 quantize a.png -k 4 -o nowhere/out.png | nowhere/out.png
-quantize a.png -k 4 -o b.png | b.png: exists already
+quantize a.png -k 4 -o b.png | b.png: exists already; pass --overwrite to replace it
 quantize a.png -k 4 --out-dir wrong.gpl | cvtimg: wrong.gpl:
 quantize a.png -k 4 --out-dir wrong.gpl/below | cvtimg: wrong.gpl/below:
 quantize a.png -k 4 -o c.png --save-palette wrong.gpl | wrong.gpl: exists already
