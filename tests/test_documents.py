@@ -138,6 +138,18 @@ def test_the_commands_have_the_options_that_are_named() -> None:
             assert set(re.findall(r"(?<!\S)--?[a-z][a-z-]*", rest)) <= known[name] | {"--help", "-h"}, line
 
 
+def test_commands_that_are_typed_one_after_another_write_files_of_their_own() -> None:
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
+    option = r" (?:-o|--(?:out-dir|report|table|plot|csv|overlay|contours|save-palette|sheet|histograms)) ([\w./-]+)"
+    written: list[str] = []
+    for page in pages:
+        lines = "\n".join(blocks(page, "sh", "console")).replace("\\\n", " ").splitlines()
+        commands = [line for line in lines if "--skip-existing" not in line or "--report" in line]
+        written += [name for line in commands for name in re.findall(option, line)]
+        written += re.findall(r"(?:\.save|write_\w+)\(\"([^\"]+)\"", "\n".join(blocks(page, "python")))
+    assert {name for name in written if written.count(name) > 1} == set()
+
+
 def anchors(page: Path) -> set[str]:
     """Return the names by which the headings of a page are linked."""
     headings = re.findall(r"^#+ (.*)$", BLOCK.sub("", page.read_text()), flags=re.MULTILINE)
