@@ -201,11 +201,6 @@ def test_edge_weight_finds_the_number_that_noise_hides() -> None:
     assert result.n_segments == result.curve.elbow() == 4
 
 
-def test_segments_without_options_are_plain_cells() -> None:
-    result = segment(flat_picture(5, 2, 4), "auto")
-    assert result.n_segments == 5
-
-
 @pytest.mark.parametrize("n_dims", [1, 2, 10])
 @pytest.mark.parametrize("kind", ["normal", "uniform", "exponential"])
 def test_rows_without_clusters_have_no_elbow(kind: str, n_dims: int) -> None:

@@ -17,9 +17,10 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage import measure
 
-from cvtimg import find_contours
+from cvtimg import find_contours, find_edges
 from cvtimg.labels import Contours
 from cvtimg.labels.contours import CLEARANCE
+from cvtimg.labels.edges import EDGE_MODES
 
 LABELS = arrays(np.int32, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(0, 3))
 RNG = np.random.default_rng(5)
@@ -184,3 +185,33 @@ def test_contours_and_polygons_are_shown_in_a_line() -> None:
     contours = find_contours([[1, 1, 1], [1, 2, 1], [1, 1, 1]])
     assert repr(contours) == "Contours(2 polygons, 5 lines of 13 points)"
     assert repr(contours.polygons[0]) == "Polygon(label=1, rings=2, 10 points, area=8)"
+
+
+def by_hand(labels: NDArray[Any], mode: str, ignore: int | None) -> NDArray[np.bool_]:
+    """Look at every pixel and each of its neighbours."""
+    edges = np.zeros(labels.shape, bool)
+    for (row, column), label in np.ndenumerate(labels):
+        for (i, j), other in np.ndenumerate(labels):
+            if abs(row - i) + abs(column - j) == 1 and ignore not in (label, other):
+                wanted = {"inner": label > other, "outer": label < other, "thick": label != other}
+                edges[row, column] |= wanted[mode]
+    return edges
+
+
+@given(LABELS, st.sampled_from(list(EDGE_MODES)), st.sampled_from([None, 0, 2]))
+@settings(max_examples=60)
+def test_an_edge_point_has_a_neighbour_in_another_segment(labels: NDArray[Any], mode: str, ignore: int | None) -> None:
+    found = find_edges(labels, mode=mode, ignore=ignore)
+    assert found.dtype == np.bool_
+    np.testing.assert_array_equal(found, by_hand(labels, mode, ignore))
+
+
+def test_labels_and_options_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"mode='wide' must be one of inner, outer, thick"):
+        find_edges([[1, 2]], mode="wide")
+    with pytest.raises(ValueError, match=r"labels of shape \(2,\)"):
+        find_edges([1, 2])
+    with pytest.raises(ValueError, match=r"labels in -1\.\.2 must be in 0\.\."):
+        find_edges([[-1, 2]])
+    with pytest.raises(TypeError, match="labels of type float64 must be integers"):
+        find_edges([[0.5, 2]])

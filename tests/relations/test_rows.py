@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ from sklearn.cluster import KMeans
 from cvtimg import CVT, energy_curve, tessellate
 
 Rows = NDArray[np.float64]
+#: How often each of 200 rows stands in a table.
+TIMES = 1 + np.arange(200) % 3
+TAKEN_AS_OFTEN = partial(np.repeat, repeats=TIMES, axis=0)
 
 
 def clusters(rng: np.random.Generator) -> Rows:
@@ -28,8 +32,8 @@ def with_far(value: float, n_rows: int = 1) -> Callable[[Rows], Rows]:
     return lambda rows: np.vstack([rows, np.full((n_rows, rows.shape[1]), value)])
 
 
-def energy(rows: Rows) -> float:
-    return tessellate(rows, 5).energy
+def energy(rows: Rows, **how: Any) -> float:
+    return tessellate(rows, 5, **how).energy
 
 
 def energy_of_six(rows: Rows) -> float:
@@ -50,10 +54,6 @@ def one_start(rows: Rows) -> float:
     return float(KMeans(5, n_init=1, random_state=0).fit(rows).inertia_)
 
 
-def order(rows: Rows) -> NDArray[np.intp]:
-    return np.random.default_rng(1).permutation(len(rows))
-
-
 def times(factor: float) -> Callable[[float, float], None]:
     return lambda before, after: close(1e-9)(before * factor, after)
 
@@ -62,25 +62,8 @@ def of_heavy(rows: Rows) -> float:
     return tessellate(rows, 5, density=np.full(len(rows), 1e200)).energy / 1e200
 
 
-def repeated(rows: Rows) -> Rows:
-    """Repeat rows as often as `of_repeated` weighs them."""
-    return np.repeat(rows, 1 + np.arange(len(rows)) % 3, axis=0)
-
-
-def of_repeated(rows: Rows) -> float:
-    return tessellate(rows, 5, density=1.0 + np.arange(len(rows)) % 3).energy
-
-
-def of_another_seed(rows: Rows) -> float:
-    return tessellate(rows, 5, rng=7).energy
-
-
 def labels_of(rows: Rows) -> Any:
     return tessellate(rows, 5).labels
-
-
-def of_threads(rows: Rows) -> Any:
-    return at_threads(lambda: labels_of(rows))[1]
 
 
 def curve_at(k: int) -> Callable[[Rows], float]:
@@ -94,11 +77,11 @@ def in_blocks(rows: Rows) -> Any:
 _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("an offset", clusters, energy, lambda rows: rows + 1e7, close(1e-6), None),
     ("a scale", clusters, energy, lambda rows: rows * 1024, times(2.0**20), None),
-    ("another order of rows", clusters, energy, lambda rows: rows[order(rows)], close(1e-9), None),
+    ("another order of rows", clusters, energy, np.random.default_rng(1).permutation, close(1e-9), None),
     ("weights of 1e200", clusters, energy, lambda rows: rows, close(1e-9), of_heavy),
-    ("weights as repetition", clusters, of_repeated, repeated, close(1e-6), energy),
-    ("another seed", clusters, energy, lambda rows: rows, close(1e-6), of_another_seed),
-    ("three threads", tables, labels_of, lambda rows: rows, equal, of_threads),
+    ("weights as repetition", clusters, partial(energy, density=TIMES), TAKEN_AS_OFTEN, close(1e-6), energy),
+    ("another seed", clusters, energy, lambda rows: rows, close(1e-6), partial(energy, rng=7)),
+    ("three threads", tables, labels_of, lambda rows: rows, equal, lambda r: at_threads(lambda: labels_of(r))[1]),
     ("each row twice", clusters, energy, lambda rows: np.repeat(rows, 2, axis=0), times(2), None),
     ("a row at -9999", clusters, energy, with_far(-9999), close(1e-6), energy_of_six),
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),

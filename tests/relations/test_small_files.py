@@ -11,7 +11,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
-from skimage.filters import gaussian
+from relations.test_pictures import gray_picture
 
 import cvtimg
 from cvtimg.quantization import QuantizeOptions, quantize_file
@@ -37,13 +37,6 @@ def opaque(rng: np.random.Generator) -> Pixels:
     pixels = logo(rng).astype(float)
     share = pixels[..., 3:] / 255
     return np.rint(pixels[..., :3] * share + 255 * (1 - share)).astype(np.uint8)
-
-
-def photograph(rng: np.random.Generator) -> Pixels:
-    """Return patches of light with grain, gray, (64, 64)."""
-    patches = gaussian(rng.normal(size=(64, 64)), 5)
-    levels = np.interp(patches, (patches.min(), patches.max()), (20, 235))
-    return np.clip(levels + rng.normal(0, 3, levels.shape), 0, 255).astype(np.uint8)
 
 
 def shown(pixels: Pixels) -> Pixels:
@@ -97,7 +90,7 @@ def same(pixels: Pixels) -> Pixels:
     return pixels
 
 
-TOLD = "2026-11-27"
+TOLD, PHOTOGRAPH = "2026-11-27", partial(gray_picture, shape=(64, 64))
 RELATIONS = [
     Relation("quantize for eyes", "other colors of clear pixels", logo, shown, repainted, equal, TOLD),
     *(
@@ -109,8 +102,8 @@ RELATIONS = [
     Relation(
         "quantize_file", "its own output", opaque, fed_back, same, not_above(), TOLD, "", lambda a: len(file_of(a))
     ),
-    Relation("quantize_file", "the file", photograph, lambda a: len(file_of(a)), same, not_above(), TOLD, "", lossless),
+    Relation("quantize_file", "the file", PHOTOGRAPH, lambda a: len(file_of(a)), same, not_above(), TOLD, "", lossless),
     Relation("content_quality", "a canvas", lambda rng: on_canvas(opaque(rng)), loss, on_canvas, close(2e-2), TOLD),
-    Relation("content_quality", "three equal bands", photograph, loss, lambda a: np.dstack([a] * 3), close(1e-3), TOLD),
+    Relation("content_quality", "three equal bands", PHOTOGRAPH, loss, lambda a: np.dstack([a] * 3), close(1e-3), TOLD),
 ]
 test_a_result_follows_its_input, test_a_result_follows_any_input = quick_and_wide(RELATIONS)

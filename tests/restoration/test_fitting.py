@@ -82,12 +82,6 @@ def test_versions_that_fit_have_no_misfit_whatever_noise_gaps_and_exposure(photo
     assert misfit(np.full((40, 50), 9, np.uint8), np.full((40, 50), 99, np.uint8)).max() == 0
 
 
-@pytest.mark.parametrize("shape", [(20, 30), (20, 30, 3)])
-def test_an_array_in_place_of_a_list_is_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(TypeError, match=r"images of shape \(20, 30.* must be a list of versions"):
-        restore(np.zeros(shape, np.uint8), 2)  # type: ignore[arg-type]
-
-
 def test_a_version_without_a_known_pixel_is_no_hang() -> None:
     image = RNG.integers(0, 256, (30, 40), np.uint8)
     result = restore([image, image], 3, masks=[None, np.zeros((30, 40))], align=True)
@@ -105,11 +99,6 @@ def test_a_copy_is_told_and_counts_once_for_detail(photograph: NDArray[Any]) -> 
     with pytest.warns(UserWarning, match=r"images\[1\] is a copy of images\[0\] and counts once"):
         twice = denoise([image, image], effort="fast")
     np.testing.assert_array_equal(twice.image, denoise([image], effort="fast").image)
-
-
-@pytest.mark.parametrize("size", [1, 3])
-def test_detail_takes_images_of_few_pixels(size: int) -> None:
-    assert denoise([noisy(np.full((size, size), 90))]).image.shape == (size, size)
 
 
 def test_small_versions_of_another_image_are_told(photograph: NDArray[Any]) -> None:
