@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
@@ -12,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import RowOf
+from commands import RowOf, Run
 from numpy.typing import NDArray
 
-from cvtimg.cli import app as cli
 from cvtimg.files.remote import local_copy
 
 pytest.importorskip("dask")
@@ -40,7 +38,7 @@ def write_tables(folder: Path, rows: NDArray[Any] = ROWS) -> None:
     np.savetxt(folder / "a.csv", columns, "%.17g", ",", header="x,y,n", comments="")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def here(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr("cvtimg.tables.blocked._LARGE_BYTES", 1000)
     monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 200 * 24)
@@ -99,9 +97,7 @@ def test_labels_are_those_of_the_nearest_means(here: Path, cluster: RowOf) -> No
         np.testing.assert_array_equal(labels_in(Path(f"out.{suffix}")), nearest)
 
 
-def test_rows_without_a_value_are_dropped_or_named(
-    here: Path, cluster: RowOf, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rows_without_a_value_are_dropped_or_named(here: Path, cluster: RowOf, run: Run) -> None:
     holed = ROWS.copy()
     holed[5, 0] = holed[300:400, 0] = np.nan
     write_tables(here, holed)
@@ -110,40 +106,35 @@ def test_rows_without_a_value_are_dropped_or_named(
         assert (row["rows"], row["left_out"]) == (len(ROWS) - 101, 101)
         dropped = np.flatnonzero(np.array(labels_in(Path(f"{name}.csv"))) < 0)
         assert dropped.tolist() == [5, *range(300, 400)]
-    assert cli.main(["cluster", FILES[0], "-k", "3", "-o", "none.csv"]) == 1
-    assert capsys.readouterr().err.startswith(f"cvtimg: {FILES[0]}: block 0: ")
+    assert run("cluster", FILES[0], "-k", "3", "-o", "none.csv").err.startswith(f"cvtimg: {FILES[0]}: block 0: ")
     assert not Path("none.csv").exists()
 
 
-def test_weights_that_are_all_zero_are_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_weights_that_are_all_zero_are_refused(run: Run) -> None:
     parquet.write_table(pa.table({"x": ROWS[:, 0], "n": 0 * WEIGHTS}), "zero.parquet")
-    assert cli.main(["cluster", "zero.parquet", "-k", "3", "--weight", "n", "--standardize"]) == 1
     message = "cvtimg: zero.parquet: at least one row must be complete and of positive weight\n"
-    assert capsys.readouterr().err == message
+    assert run("cluster", "zero.parquet", "-k", "3", "--weight", "n", "--standardize") == (1, "", message)
 
 
 @pytest.mark.slow
-def test_the_number_is_read_from_a_sample(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["cluster", "a.parquet", "-k", "auto", "--columns", "x,y", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["k"] == 3
+def test_the_number_is_read_from_a_sample(row_of: RowOf) -> None:
+    assert row_of("cluster", "a.parquet", "-k", "auto", "--columns", "x,y")["k"] == 3
 
 
-def test_folders_of_tables(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders_of_tables(here: Path, run: Run) -> None:
     (here / "many.parquet").mkdir()
     for number, part in enumerate(np.array_split(ROWS, 3)):
         parquet.write_table(pa.table({"x": part[:, 0], "y": part[:, 1]}), here / "many.parquet" / f"{number}.parquet")
     for name in FILES[2:]:
         Path(name).unlink()
     shutil.copytree("many.parquet", ".hidden/many.parquet")
-    assert cli.main(["cluster", ".", "-k", "3", "--out-dir", "out", "--json"]) == 0
-    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [(row["input"], row["rows"]) for row in rows] == [
-        (name, len(ROWS)) for name in ("a.parquet", "a.zarr", "many.parquet")
-    ]
+    rows = run("cluster", ".", "-k", "3", "--out-dir", "out", "--json").rows
+    assert [row["input"] for row in rows] == ["a.parquet", "a.zarr", "many.parquet"]
+    assert {row["rows"] for row in rows} == {len(ROWS)}
 
 
 def test_tables_elsewhere_are_read_in_parts(
-    here: Path, memory: Any, cluster: RowOf, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    memory: Any, cluster: RowOf, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copied = []
 
@@ -154,9 +145,9 @@ def test_tables_elsewhere_are_read_in_parts(
     monkeypatch.setattr("cvtimg.batch.runner.local_copy", spy)
     for name in FILES:
         memory.put(name, f"/in/{name}", recursive=True)
-    assert cli.main(["cluster", "memory://in", "-k", "3", "--out-dir", "memory://out", "--json"]) == 0
+    outcome = run("cluster", "memory://in", "-k", "3", "--out-dir", "memory://out", "--json")
     assert sorted(copied) == ["a.csv", "a.npy"]
-    rows = {row["input"]: row for row in map(json.loads, capsys.readouterr().out.splitlines())}
+    rows = {row["input"]: row for row in outcome.rows}
     assert list(rows) == [f"memory://in/{name}" for name in sorted(FILES)]
     for name in FILES:
         local = cluster(name)
@@ -167,8 +158,8 @@ def test_tables_elsewhere_are_read_in_parts(
         Path(local["output"]).unlink()
     with memory.open("/in/broken.parquet", "wb") as file:
         file.write(b"no table")
-    assert cli.main(["cluster", "memory://in/broken.parquet", "-k", "3", "-o", "b.csv"]) == 1
-    assert capsys.readouterr().err.startswith("cvtimg: memory://in/broken.parquet: ")
+    broken = "memory://in/broken.parquet"
+    assert run("cluster", broken, "-k", "3", "-o", "b.csv").err.startswith(f"cvtimg: {broken}: ")
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+import trimesh
 from commands import RowOf, Run
 
 import cvtimg
 from cvtimg.meshes import mesh_volume
 from cvtimg.pictures import write_pages
+from cvtimg.surfaces import torus
 
 SQUARE = {"type": "Polygon", "coordinates": [[[0, 0], [2, 0], [2, 1], [0, 1], [0, 0]]]}
 
@@ -111,3 +113,44 @@ def test_properties_of_features_name_regions(row_of: RowOf) -> None:
     for words, names in (([], {"North_Sea": 1, "land": 2}), (["--name-by", "kind"], {"metal": 1})):
         assert row_of("mesh", "map.geojson", "-n", 60, "-o", "b.msh", "--overwrite", *words)["names"] == names
         assert {name: number for name, (number, kind) in meshio.read("b.msh").field_data.items() if kind == 2} == names
+
+
+# Surfaces
+
+
+@pytest.fixture
+def ring() -> None:
+    cvtimg.surface_points(torus(), 800, effort="fast").save("ring.stl")
+
+
+@pytest.mark.usefixtures("ring")
+def test_a_surface_is_remeshed_as_by_the_function(row_of: RowOf) -> None:
+    row = row_of("surface", "ring.stl", "-n", "300", "-o", "a.obj", "--plot", "a.png")
+    wanted = cvtimg.surface_points("ring.stl", 300)
+    assert (row["n"], row["triangles"], row["euler_characteristic"], row["is_closed"]) == (300, 600, 0, True)
+    assert row["energy"] == pytest.approx(wanted.energy)
+    assert row["area"] == pytest.approx(4 * np.pi**2 * 0.4, rel=0.02)
+    assert row["output"] == "a.obj"
+    assert Path("a.obj").read_text().count("\nf ") == 600
+    assert cvtimg.read_image("a.png").std() > 20
+
+
+@pytest.mark.usefixtures("ring")
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", [pytest.param("ascii", marks=pytest.mark.slow), "binary"])
+def test_points_gather_by_a_property_of_vertices(run: Run, encoding: str) -> None:
+    ring = trimesh.load_mesh("ring.stl")
+    ring.vertex_attributes["want"] = np.where(ring.vertices[:, 0] > 0, 16.0, 1.0)
+    ring.vertex_attributes["less"] = -np.ones(len(ring.vertices))
+    Path("ring.ply").write_bytes(ring.export(file_type="ply", encoding=encoding))
+    assert run("surface", "ring.ply", "-n", "400", "--density", "want", "-o", "a.off").status == 0
+    points = trimesh.load_mesh("a.off").vertices
+    assert (points[:, 0] > 0).mean() == pytest.approx(0.8, abs=0.05)
+    for name, message in (
+        ("none", "vertex property='none' must be one of x, y, z, want, less"),
+        ("less", "values must be finite and >= 0"),
+    ):
+        outcome = run("surface", "ring.ply", "-n", "400", "--density", name, "-o", "b.off")
+        assert message in outcome.err
+        assert outcome.err.count("\n") == outcome.status == 1
+    assert not Path("b.off").exists()

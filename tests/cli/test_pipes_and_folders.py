@@ -8,17 +8,15 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from commands import RowOf
+from commands import RowOf, Run
 from PIL import Image
 
 from cvtimg import quantize, quantize_frames, read_image, write_image
-from cvtimg.cli import app as cli
 from cvtimg.options.common import n_bytes
 from cvtimg.pictures import Frames, image_info, read_frames
 
@@ -28,20 +26,10 @@ RGB = RNG.integers(0, 256, (24, 32, 3), np.uint8)
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
 
 
-@pytest.fixture
-def here(here: Path) -> Path:
+@pytest.fixture(autouse=True)
+def picture(here: Path) -> None:
     """Work in an empty folder but for a.png."""
     write_image("a.png", RGB)
-    return here
-
-
-def piped(command: list[str], content: bytes) -> subprocess.CompletedProcess[bytes]:
-    whole = [sys.executable, "-P", "-m", "cvtimg", *command]
-    return subprocess.run(whole, input=content, capture_output=True, check=False, timeout=60)
-
-
-def table() -> bytes:
-    return b"x,y\n0,0\n0,1\n9,9\n9,8\n"
 
 
 # Pipes
@@ -49,38 +37,30 @@ def table() -> bytes:
 
 @pytest.mark.slow
 @posix
-def test_dev_stdin_is_standard_input(here: Path) -> None:
+def test_dev_stdin_is_standard_input(run: Run) -> None:
     content = Path("a.png").read_bytes()
-    assert cli.main(["quantize", "-k", "5", "a.png", "-o", "b.png"]) == 0
-    assert piped(["quantize", "/dev/stdin", "-k", "5"], content).stdout == Path("b.png").read_bytes()
+    assert run("quantize", "-k", "5", "a.png", "-o", "b.png").status == 0
+    command = [sys.executable, "-P", "-m", "cvtimg", "quantize", "/dev/stdin", "-k", "5"]
+    assert subprocess.run(command, input=content, capture_output=True).stdout == Path("b.png").read_bytes()
 
 
-Fed = Callable[[list[str], bytes], tuple[int, str, str]]
-
-
-@pytest.fixture
-def fed(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Fed:
-    """Return a function that runs a command of this process on standard input: status, output and errors."""
-
-    def run(command: list[str], content: bytes) -> tuple[int, str, str]:
+def test_tables_arrays_and_figures_are_read_from_standard_input(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fed(content: bytes, *command: str) -> str:
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
-        return cli.main(command), *capsys.readouterr()
+        outcome = run(*command)
+        assert outcome.status == 0
+        return outcome.out
 
-    return run
-
-
-def test_tables_arrays_and_figures_are_read_from_standard_input(fed: Fed) -> None:
-    head, *labels = fed(["cluster", "-", "-k", "2", "--labels-only"], table())[1].split()
+    table = b"x,y\n0,0\n0,1\n9,9\n9,8\n"
+    head, *labels = fed(table, "cluster", "-", "-k", "2", "--labels-only").split()
     assert head == "label"
     assert labels in (["0", "0", "1", "1"], ["1", "1", "0", "0"])
     buffer = io.BytesIO()
     np.save(buffer, RGB.astype(np.float32))
-    row = json.loads(fed(["info", "-", "--json"], buffer.getvalue())[1])
+    row = json.loads(fed(buffer.getvalue(), "info", "-", "--json"))
     assert (row["input"], row["width"], row["height"]) == ("-", 32, 24)
     for command in (["palette", "-", "-k", "3"], ["elbow", "-", "--k-max", "4"]):
-        status, out, _ = fed(command, Path("a.png").read_bytes())
-        assert status == 0
-        assert out.startswith(("-: 3 of", "input"))
+        assert fed(Path("a.png").read_bytes(), *command).startswith(("-: 3 of", "input"))
 
 
 # Folders
@@ -90,42 +70,42 @@ def names(folder: str) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in Path(folder).rglob("*") if path.is_file())
 
 
-def test_inputs_that_differ_in_their_suffix_alone_keep_it(here: Path) -> None:
+def test_inputs_that_differ_in_their_suffix_alone_keep_it(run: Run) -> None:
     Path("in").mkdir()
     for name in ("a.png", "a.webp", "a.tif", "b.webp"):
         write_image(f"in/{name}", RGB)
-    assert cli.main(["quantize", "in", "-k", "4", "--out-dir", "out", "--quiet"]) == 0
+    assert run("quantize", "in", "-k", "4", "--out-dir", "out", "--quiet").status == 0
     assert names("out") == ["a.png", "a.tif.png", "a.webp.png", "b.png"]
 
 
-def test_ext_ends_the_names_of_outputs_beside_their_inputs(here: Path) -> None:
+def test_ext_ends_the_names_of_outputs_beside_their_inputs(run: Run) -> None:
     write_image("b.png", RGB)
-    assert cli.main(["quantize", "a.png", "b.png", "-k", "4", "--ext", "-small.webp", "--quiet"]) == 0
+    assert run("quantize", "a.png", "b.png", "-k", "4", "--ext", "-small.webp", "--quiet").status == 0
     assert names(".") == ["a-small.webp", "a.png", "b-small.webp", "b.png"]
-    assert cli.main(["quantize", "a.png", "-k", "4", "--ext", ".tif", "--out-dir", "out", "--quiet"]) == 0
+    assert run("quantize", "a.png", "-k", "4", "--ext", ".tif", "--out-dir", "out", "--quiet").status == 0
     assert names("out") == ["a.tif"]
 
 
-def test_gifs_of_a_folder_stay_animated_gifs(here: Path) -> None:
+def test_gifs_of_a_folder_stay_animated_gifs(run: Run) -> None:
     Path("in").mkdir()
     frames = tuple(np.roll(RGB, number, axis=0) for number in range(3))
     quantize_frames(Frames(frames, (40.0,) * 3, 0), 200).save("in/film.gif")
     write_image("in/still.webp", RGB)
-    assert cli.main(["quantize", "in", "-k", "8", "--out-dir", "out", "--quiet"]) == 0
+    assert run("quantize", "in", "-k", "8", "--out-dir", "out", "--quiet").status == 0
     assert names("out") == ["film.gif", "still.png"]
     assert len(read_frames("out/film.gif").images) == 3
 
 
-def test_in_place_replaces_each_input_by_a_whole_output(here: Path) -> None:
+def test_in_place_replaces_each_input_by_a_whole_output(run: Run) -> None:
     write_image("b.webp", RGB)
-    assert cli.main(["quantize", "a.png", "b.webp", "-k", "4", "--in-place", "--quiet"]) == 0
+    assert run("quantize", "a.png", "b.webp", "-k", "4", "--in-place", "--quiet").status == 0
     expected = quantize(RGB, 4).image
     for name in ("a.png", "b.webp"):
         np.testing.assert_array_equal(read_image(name), expected)
     assert names(".") == ["a.png", "b.webp"]
 
 
-def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_place_keeps_the_original_of_what_fails(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     before = Path("a.png").read_bytes()
 
     def fail(*_: object, **__: object) -> None:
@@ -133,30 +113,26 @@ def test_in_place_keeps_the_original_of_what_fails(here: Path, monkeypatch: pyte
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shutil.copyfileobj", fail)
-    assert cli.main(["quantize", "a.png", "-k", "4", "--in-place", "--quiet"]) == 130
+    assert run("quantize", "a.png", "-k", "4", "--in-place", "--quiet").status == 130
     assert Path("a.png").read_bytes() == before
     assert names(".") == ["a.png"]
     Image.fromarray(RGB).save("photo.jpg")
-    assert cli.main(["quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet"]) == 1
+    assert run("quantize", "photo.jpg", "-k", "4", "--in-place", "--quiet").status == 1
 
 
-def test_outputs_that_are_no_smaller_are_not_written(
-    here: Path, row_of: RowOf, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_outputs_that_are_no_smaller_are_not_written(run: Run, row_of: RowOf) -> None:
     row = row_of("quantize", "a.png", "-k", "4", "-o", "small.png", "--skip-if-larger")
     assert row["output_bytes"] == Path("small.png").stat().st_size < row["input_bytes"]
     options = ["-k", "256", "--skip-if-larger", "--json", "--report", "r.csv"]
-    assert cli.main(["quantize", "small.png", *options, "-o", "again.png"]) == 0
-    row = json.loads(capsys.readouterr().out)
+    (row,) = run("quantize", "small.png", *options, "-o", "again.png").rows
     assert (row["output"], row["skipped"]) == (None, "output not smaller")
     assert not Path("again.png").exists()
     assert "skipped,small.png" in Path("r.csv").read_text()
 
 
-def test_sizes_are_in_table_json_and_report(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "o.png", "--report", "r.jsonl"]) == 0
-    head, line = (row.split() for row in capsys.readouterr().out.splitlines())
-    shown = dict(zip(head, line, strict=True))
+def test_sizes_are_in_table_json_and_report(run: Run) -> None:
+    outcome = run("quantize", "a.png", "-k", "4", "-o", "o.png", "--report", "r.jsonl")
+    shown = dict(zip(*(row.split() for row in outcome.out.splitlines()), strict=True))
     row = json.loads(Path("r.jsonl").read_text())
     assert row["input_bytes"] == Path("a.png").stat().st_size
     assert row["output_bytes"] == Path("o.png").stat().st_size
@@ -173,53 +149,54 @@ def test_sizes_can_have_units(text: str, size: int) -> None:
 
 
 @pytest.mark.parametrize("given", ["proj", "proj/*.png", "proj/a.png"])
-def test_in_place_replaces_no_file_elsewhere_through_a_link(
-    here: Path, capsys: pytest.CaptureFixture[str], given: str
-) -> None:
+def test_in_place_replaces_no_file_elsewhere_through_a_link(run: Run, given: str) -> None:
     Path("proj").mkdir()
     Path("orig").mkdir()
     write_image("orig/master.png", read_image("a.png"))
     Path("proj/a.png").symlink_to("../orig/master.png")
     before = Path("orig/master.png").read_bytes()
-    assert cli.main(["quantize", given, "-k", "4", "--in-place", "--yes", "--quiet"]) == 2
-    assert re.search(r"proj/a\.png is a link to .*/orig/master\.png, a file elsewhere", capsys.readouterr().err)
+    outcome = run("quantize", given, "-k", "4", "--in-place", "--yes", "--quiet")
+    assert outcome.status == 2
+    assert re.search(r"proj/a\.png is a link to .*/orig/master\.png, a file elsewhere", outcome.err)
     assert Path("orig/master.png").read_bytes() == before
 
 
-def test_in_place_follows_links_within_a_folder_that_is_given(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_in_place_follows_links_within_a_folder_that_is_given(run: Run) -> None:
     Path("proj/store").mkdir(parents=True)
     write_image("proj/store/b.png", read_image("a.png"))
     Path("proj/store/b.png").rename("proj/store/b.data")
     Path("proj/a.png").symlink_to("store/b.data")
-    assert cli.main(["quantize", "proj", "-k", "4", "--in-place", "--yes", "--quiet"]) == 0
+    assert run("quantize", "proj", "-k", "4", "--in-place", "--yes", "--quiet").status == 0
     assert len(image_info("proj/store/b.data").bands) == 1
     assert Path("proj/a.png").is_symlink()
     Path("proj/store/b.data").rename("proj/store/b.png")
     Path("proj/a.png").unlink()
     Path("proj/a.png").symlink_to("store/b.png")
-    assert cli.main(["quantize", "proj", "-k", "2", "--in-place", "--yes", "--quiet"]) == 2
-    assert "proj/a.png and proj/store/b.png would both become" in capsys.readouterr().err
+    outcome = run("quantize", "proj", "-k", "2", "--in-place", "--yes", "--quiet")
+    assert outcome.status == 2
+    assert "proj/a.png and proj/store/b.png would both become" in outcome.err
 
 
 @pytest.mark.parametrize(
     "outputs", [["--out-dir", "out"], ["-o", "out/a.png"], ["-o", "b.png", "--report", "out/r.csv"]]
 )
-def test_outputs_replace_no_file_elsewhere_through_a_link(
-    here: Path, capsys: pytest.CaptureFixture[str], outputs: list[str]
-) -> None:
+def test_outputs_replace_no_file_elsewhere_through_a_link(run: Run, outputs: list[str]) -> None:
     Path("out").mkdir()
     for name in ("a.png", "r.csv"):
         Path("orig").mkdir(exist_ok=True)
         Path("orig", name).write_text("mine")
         Path("out", name).symlink_to(f"../orig/{name}")
-    assert cli.main(["quantize", "a.png", "-k", "4", "--overwrite", "--quiet", *outputs]) == 2
-    assert "a file elsewhere, which is not replaced" in capsys.readouterr().err
+    outcome = run("quantize", "a.png", "-k", "4", "--overwrite", "--quiet", *outputs)
+    assert outcome.status == 2
+    assert "a file elsewhere, which is not replaced" in outcome.err
     assert [Path("orig", name).read_text() for name in ("a.png", "r.csv")] == ["mine"] * 2
 
 
-def test_links_in_a_circle_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_links_in_a_circle_are_named(run: Run) -> None:
     Path("self.png").symlink_to("self.png")
-    assert cli.main(["quantize", "a.png", "-k", "4", "-o", "self.png", "--quiet"]) == 1
-    assert capsys.readouterr().err.startswith("cvtimg: a.png: self.png: ")
-    assert cli.main(["quantize", "a.png", "self.png", "-k", "4", "--out-dir", "out", "--quiet"]) == 1
-    assert "self.png: no such file" in capsys.readouterr().err
+    outcome = run("quantize", "a.png", "-k", "4", "-o", "self.png", "--quiet")
+    assert outcome.status == 1
+    assert outcome.err.startswith("cvtimg: a.png: self.png: ")
+    outcome = run("quantize", "a.png", "self.png", "-k", "4", "--out-dir", "out", "--quiet")
+    assert outcome.status == 1
+    assert "self.png: no such file" in outcome.err

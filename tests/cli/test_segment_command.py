@@ -13,6 +13,7 @@ import tifffile
 from commands import RowOf, Run
 from images import discs
 from numpy.typing import NDArray
+from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import find_contours, find_edges, read_image, segment_hierarchy, write_image
@@ -21,6 +22,7 @@ from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
 from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
+from cvtimg.segmentation import RegionHierarchy
 
 RNG = np.random.default_rng(6)
 #: Soft blots of three colors.
@@ -270,3 +272,59 @@ def test_where_light_is_uneven_a_warning_names_shading(run: Run) -> None:
     write_image("lit.png", np.uint8(np.where((down // 10 + right // 10) % 3, 200, 120) * (0.3 + right / 115)))
     assert "--shading" in run("lit.png", "-k", "2", "-o", "l.png").rows[0]["warning"]
     assert "warning" not in run("lit.png", "-k", "2", "-o", "m.png", "--shading").rows[0]
+
+
+# Hierarchies
+
+
+@pytest.fixture
+def small(photograph: NDArray[Any]) -> NDArray[Any]:
+    image = np.asarray(Image.fromarray(photograph).resize((96, 80)))
+    write_image("photo.png", image)
+    return image
+
+
+@pytest.fixture
+def tree(run: Run) -> RowOf:
+    """Run ``cvtimg segment --hierarchy``."""
+    return lambda *arguments: run("photo.png", "--hierarchy", *arguments).rows[0]
+
+
+def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], tree: RowOf) -> None:
+    row = tree("-k", "7", "--write", "labels.npy,table,tree,strengths,strengths.npy,overlay")
+    hierarchy = segment_hierarchy(small)
+    assert row["k"] == 7
+    np.testing.assert_array_equal(np.load("photo-labels.npy"), hierarchy.cut(7))
+    np.testing.assert_array_equal(RegionHierarchy.load("photo-tree.npz").cut(30), hierarchy.cut(30))
+    strengths = np.load("photo-strengths.npy")
+    np.testing.assert_array_equal(strengths, hierarchy.find_edges(strength=True))
+    np.testing.assert_array_equal(read_image("photo-strengths.png"), np.rint(255 * strengths))
+    assert Path("photo-table.csv").read_text().count("\n") == 8
+
+
+def test_a_space_that_is_named_is_taken(small: NDArray[Any], tree: RowOf) -> None:
+    cuts = {}
+    for space in ("rgb", "lab"):
+        tree("-k", "7", "--space", space, "-o", f"{space}.npy")
+        cuts[space] = segment_hierarchy(small, space=space).cut(7)
+        np.testing.assert_array_equal(np.load(f"{space}.npy"), cuts[space])
+    assert (cuts["rgb"] != cuts["lab"]).any()
+
+
+def test_auto_cuts_at_the_threshold(small: NDArray[Any], tree: RowOf) -> None:
+    hierarchy = segment_hierarchy(small)
+    for number in (["-k", "auto"], []):
+        assert tree(*number, "-o", "a.png", "--overwrite")["k"] == hierarchy.n_regions()
+        row = tree(*number, "--threshold", "0.6", "-o", "b.png", "--overwrite")
+        assert row["k"] == hierarchy.n_regions(0.6)
+
+
+def test_contours_by_chance_are_lines_that_tell_it(small: NDArray[Any], tree: RowOf) -> None:
+    tree("--chance", "0.2", "--contours", "lines.geojson", "--write", "contours.svg")
+    found = segment_hierarchy(small).find_lines(0.2)
+    features = json.loads(Path("lines.geojson").read_text())["features"]
+    assert [feature["geometry"]["coordinates"] for feature in features] == [line.tolist() for line in found.lines]
+    np.testing.assert_allclose([feature["properties"]["chance"] for feature in features], found.chances, atol=1e-4)
+    assert Path("photo-contours.svg").read_text().count("data-chance=") == len(found.lines)
+    tree("--strongest", "3", "--contours", "lines.svg", "--simplify", "1")
+    assert Path("lines.svg").read_text().count("data-chance=") == 3
