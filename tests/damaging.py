@@ -27,6 +27,10 @@ def load() -> Any:
 damage = load()
 
 
+def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
 def two_phases(side: int = 96) -> NDArray[np.float64]:
     """(H, W, 1) a ring and a bar, 1, on a background, 0."""
     down, right = np.mgrid[:side, :side] / side

@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
@@ -75,3 +76,11 @@ SRGB = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 def save(path: Path, image: Image.Image | NDArray[Any], **options: Any) -> Path:
     (image if isinstance(image, Image.Image) else Image.fromarray(image)).save(path, **options)
     return path
+
+
+def write_tiff(image: NDArray[Any], **layout: Any) -> None:
+    """Write a.tif."""
+    rgb = image.ndim == 3 and image.shape[2] in (3, 4)
+    if image.ndim == 3:
+        layout = {"planarconfig": "contig", **layout}
+    tifffile.imwrite("a.tif", image, photometric="rgb" if rgb else "minisblack", metadata=None, **layout)

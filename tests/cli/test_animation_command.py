@@ -16,8 +16,6 @@ from cvtimg import quantize_frames, read_image, read_palette
 from cvtimg.cli.app import main
 from cvtimg.pictures import Frames, read_frames, read_metadata, write_frames
 
-Run = Any
-
 
 @pytest.fixture
 def film(photograph: NDArray[np.uint8]) -> Frames:

@@ -8,20 +8,16 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-
-from cvtimg.cli.app import main
+from commands import SAMPLES, Run
 
 pytest.importorskip("starlette")
-
-SAMPLE = Path(__file__).parent.parent.parent / "sample_images" / "drawing.png"
 
 
 @pytest.fixture
 def program() -> Iterator[subprocess.Popen[str]]:
-    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", str(SAMPLE)]
+    words = [sys.executable, "-P", "-m", "cvtimg", "explore", "--no-browser", str(SAMPLES / "drawing.png")]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as started:
         yield started
         started.kill()
@@ -56,12 +52,12 @@ def test_a_server_that_nobody_uses_ends(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().out.startswith("http://127.0.0.1:")
 
 
-def test_a_port_that_is_taken_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_named(run: Run) -> None:
     import socket
 
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        assert main(["explore", "--no-browser", "--port", str(port)]) == 1
-    assert capsys.readouterr().err == f"cvtimg: port {port}: address already in use\n"
+        outcome = run("explore", "--no-browser", "--port", port)
+    assert outcome == (1, "", f"cvtimg: port {port}: address already in use\n")

@@ -72,8 +72,6 @@ def test_stacks_of_voxels_are_filled_with_tetrahedra(name: str, run: Run, row_of
     row = row_of("mesh", name, "-n", "400", "--label", "2", "-o", "a.vtu")
     wanted = mesh_volume(ball, n=400)
     assert (row["n"], row["tetrahedra"]) == (len(wanted.points), len(wanted.tetrahedra))
-    assert row["volume"] == pytest.approx(ball.sum(), rel=0.01)
-    assert row["is_manifold"]
     row = row_of("mesh", name, "-n", "900", "-o", "b.vtu", "--measures")
     assert [row["labels"][tag]["volume"] for tag in "12"] == pytest.approx(np.bincount(stack.ravel())[1:], rel=0.003)
     assert min(one["least_angle"] for one in row["labels"].values()) == row["least_angle"] > 14

@@ -12,7 +12,7 @@ import tifffile
 from commands import RowOf
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from picture_files import write_tiff
 
 from cvtimg import find_palette, quantize, read_image, write_image
 from cvtimg.colors import counting
@@ -48,16 +48,9 @@ def quantize_file(
     return files.quantize_file(source, target, QuantizeOptions(n_colors, **how), **given)
 
 
-def write(image: NDArray[Any], **layout: Any) -> None:
-    rgb = image.ndim == 3 and image.shape[2] in (3, 4)
-    if image.ndim == 3:
-        layout = {"planarconfig": "contig", **layout}
-    tifffile.imwrite("a.tif", image, photometric="rgb" if rgb else "minisblack", metadata=None, **layout)
-
-
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_by_tiles_is_as_in_one_piece(layout: dict[str, Any]) -> None:
-    write(PICTURE, **layout)
+    write_tiff(PICTURE, **layout)
     result = quantize_file("a.tif", "b.tif", 12)
     whole = quantize(PICTURE, 12)
     np.testing.assert_array_equal(read_image("b.tif"), whole.image)
@@ -91,7 +84,7 @@ KINDS = {
 )
 def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
     image = KINDS[name]
-    write(image, tile=(64, 64))
+    write_tiff(image, tile=(64, 64))
     quantize_file("a.tif", target, 9)
     after = read_image(target) if target == "b.tif" else zarr.open_array(target, mode="r")[:]
     expected = quantize(image, 9, alpha=name == "rgba")
@@ -103,7 +96,7 @@ def test_every_kind_of_samples_goes_by_tiles(name: str, target: str) -> None:
 
 
 def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
-    write(PICTURE, tile=(64, 64))
+    write_tiff(PICTURE, tile=(64, 64))
     palette = [[0, 0, 0], [255, 255, 255], [200, 30, 30]]
     quantize_file("a.tif", "b.tif", palette=palette, space="oklab")
     np.testing.assert_array_equal(read_image("b.tif"), map_to_palette(PICTURE, palette, space="oklab").image)
@@ -112,7 +105,7 @@ def test_a_given_palette_a_space_and_locked_colors_go_by_tiles() -> None:
 
 
 def test_large_tiffs_go_by_tiles_by_themselves_and_say_that_this_is_exact(monkeypatch: Any, row_of: RowOf) -> None:
-    write(PICTURE, tile=(64, 64))
+    write_tiff(PICTURE, tile=(64, 64))
     monkeypatch.setattr("cvtimg.read_image", lambda path: pytest.fail("read in one piece"))
     monkeypatch.setattr(tiles, "_LARGE", 1000)
     assert row_of("quantize", "a.tif", "-k", 12, "-o", "b.tif", "--save-palette", "p.gpl")["exact"] is True
@@ -122,7 +115,7 @@ def test_large_tiffs_go_by_tiles_by_themselves_and_say_that_this_is_exact(monkey
 def test_profile_and_place_on_earth_stay() -> None:
     scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
     geo = [(33550, 12, 3, scale, True), (33922, 12, 6, points, True)]
-    write(PICTURE, tile=(64, 64), extratags=geo, iccprofile=b"profile" * 30)
+    write_tiff(PICTURE, tile=(64, 64), extratags=geo, iccprofile=b"profile" * 30)
     quantize_file("a.tif", "b.tif", 4)
     with tifffile.TiffFile("b.tif") as tiff:
         page = tiff.pages.first
@@ -131,7 +124,7 @@ def test_profile_and_place_on_earth_stay() -> None:
 
 
 def test_what_cannot_be_read_in_tiles_says_why() -> None:
-    write(np.moveaxis(PICTURE, 2, 0), planarconfig="separate", tile=(64, 64))
+    write_tiff(np.moveaxis(PICTURE, 2, 0), planarconfig="separate", tile=(64, 64))
     with pytest.raises(OSError, match=r"a\.tif: cannot be read in tiles|holds"):
         quantize_file("a.tif", "b.tif", 4)
     write_image("a.png", PICTURE)
@@ -145,7 +138,7 @@ def test_what_cannot_be_read_in_tiles_says_why() -> None:
 
 
 def test_a_damaged_tile_leaves_no_output() -> None:
-    write(PICTURE, tile=(64, 64), compression="adobe_deflate")
+    write_tiff(PICTURE, tile=(64, 64), compression="adobe_deflate")
     content = bytearray(Path("a.tif").read_bytes())
     content[len(content) // 2 : len(content) // 2 + 500] = bytes(500)
     Path("a.tif").write_bytes(content)
@@ -188,7 +181,7 @@ def test_of_too_many_colors_neighbours_are_taken_together(dtype: type, monkeypat
 
 
 def test_a_folder_is_replaced_only_by_a_whole_one() -> None:
-    write(PICTURE, tile=(64, 64))
+    write_tiff(PICTURE, tile=(64, 64))
     quantize_file("a.tif", "b.zarr", 4)
     before = zarr.open_array("b.zarr", mode="r")[:]
     shutil.copy("a.tif", "c.tif")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SAMPLES
-from damaging import card, psnr
+from damaging import as_bytes, card, psnr
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import median_filter
@@ -20,10 +20,6 @@ from cvtimg.restoration.versions import stack_versions
 def part(side: int = 128) -> NDArray[np.uint8]:
     """The middle of a photograph."""
     return np.ascontiguousarray(read_image(SAMPLES / "coffee.png")[60 : 60 + side, 80 : 80 + side])
-
-
-def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 def peppered(image: NDArray[np.uint8], share: float, ends: tuple[int, ...] = (0, 255)) -> NDArray[np.uint8]:

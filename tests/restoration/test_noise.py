@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import SAMPLES
-from damaging import card, psnr
+from damaging import as_bytes, card, psnr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -23,10 +23,6 @@ from cvtimg.restoration.noise import Noise, SharedNoise, lines_of, shared_noise
 from cvtimg.restoration.patches import covariance_of
 from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
 from cvtimg.segmentation import estimate_noise
-
-
-def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 def noisy(clean: NDArray[Any], sigma: float, seed: int = 0) -> NDArray[np.uint8]:

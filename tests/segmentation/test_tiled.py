@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 import tifffile
 from commands import Run
 from numpy.typing import NDArray
+from picture_files import write_tiff
 
 from cvtimg import segment, write_image
 from cvtimg.colors import counting
@@ -29,12 +31,7 @@ def small_strips(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiled_segmentation, "STRIP_PIXELS", 4000)
 
 
-def write(image: NDArray[Any], **layout: Any) -> None:
-    rgb = image.ndim == 3 and image.shape[2] in (3, 4)
-    if image.ndim == 3:
-        layout = {"planarconfig": "contig", **layout}
-    layout = {"tile": (64, 64), "photometric": "rgb" if rgb else "minisblack", **layout}
-    tifffile.imwrite("a.tif", image, metadata=None, **layout)
+write = partial(write_tiff, tile=(64, 64))
 
 
 def noisy(shape: tuple[int, int] = (310, 200), sigma: float = 25) -> NDArray[np.uint8]:
