@@ -12,6 +12,8 @@ from PIL import Image
 DOCS = Path(__file__).parent
 #: Figures whose pixels are compared with those of their sources.
 EXACT = {"before_after", "exposures", "hard_cases", "quantization"}
+#: Pixels that a page shows side by side, on screens of two for each of its own.
+WIDEST = 1500
 
 
 def write(name: str, shown: Any) -> None:
@@ -21,6 +23,8 @@ def write(name: str, shown: Any) -> None:
     most photographs with a loss at a quality of 92.
     """
     image = _as_image(shown).convert("RGB")
+    if name not in EXACT:
+        image.thumbnail((WIDEST, 10 * WIDEST), Image.Resampling.LANCZOS)
     ways = [{"lossless": True, "quality": 100}]
     if name not in EXACT:
         ways.append({"quality": 92, "use_sharp_yuv": True})
