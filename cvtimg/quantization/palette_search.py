@@ -74,7 +74,8 @@ class Palette(ReadOnly):
     tones: NDArray[Any] | None = None
 
     def _claims(self) -> Claims:
-        yield "colors are distinct", len(np.unique(self.colors, axis=0)) == len(self.colors)
+        if self.tessellation is not None:  # given ones may be equal
+            yield "colors are distinct", len(np.unique(self.colors, axis=0)) == len(self.colors)
 
     def __repr__(self) -> str:
         """Tell the number of colors, and the first of them, in one line."""

@@ -160,6 +160,12 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     start = prepared.start(_SEGMENTS_AT_START)
     samples: Any = prepared.values.samples if start is None else start[inside]  # those that segments start from
     cells = replace(energy_curve(samples, n_max, volume_power=volume_power, rng=rng), is_continuum=False)
+    center = np.zeros(prepared.field.shape[2])
+    if start is None:  # of levels, which become values
+        scale, center = prepared.values.scale, prepared.values.center
+        generators_of = tuple(scale * places for places in cells.generators)
+        peak = None if cells.scale.peak is None else 255.0
+        cells = EnergyCurve(scale**2 * cells.energies, generators_of, Scale(cells.scale.n_values, peak))
     # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
     if start is None and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
@@ -169,11 +175,11 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     generators: list[NDArray[np.float64]] = []
     for places in cells.generators:
         labels = np.zeros(inside.shape, np.int32)
-        labels[inside] = assign(points, points.frame.inward(places))[: len(rows)] + 1
+        labels[inside] = assign(points, points.frame.inward(places - center))[: len(rows)] + 1
         labels, end = prepared.settle(labels, len(places), by_detail=False)
         if end is None:  # measured as it is
             end = descend(prepared.data, labels, len(places), edge_weight=0, volume_power=volume_power, max_sweeps=0)
-        energy, means = end.energies[-1], end.generators[end.masses[:, 0] > 0]
+        energy, means = end.energies[-1], end.generators[end.masses[:, 0] > 0] + prepared.values.center
         if energies and energy > energies[-1]:
             energy, means = energies[-1], generators[-1]
         energies.append(energy)

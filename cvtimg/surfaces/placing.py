@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, hints_at_keywords, refuse_type
 from cvtimg._shared.choices import EffortName
-from cvtimg._shared.sums import sum_by_label
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
@@ -146,12 +145,10 @@ def _placed(
     used, triangles = _collapsed(fine, apart[sites], n, kept, sites, effort)
     mesh = SurfaceTriangulation(goals[sites[used]], triangles)
     offset, n_iter = _relax(surface, fine, mesh, used, sizes.density, effort)
-    masses, _ = mesh.moments(sizes.given(mesh.points))
     # The sides of a cut become one again.
     _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
     points, triangles = mesh.points[first], joined.astype(np.int32)[mesh.triangles]
-    masses = sum_by_label(joined, masses, n)
-    energy = _energy(fine, points, sizes.given)
+    masses, energy = _measured(fine, points, sizes.given)
     return SurfacePoints(points, triangles, masses, energy, offset, n_iter)
 
 
@@ -235,13 +232,18 @@ def _relax(
         move += 1
 
 
-def _energy(fine: SurfaceTriangulation, points: Points, density: Density) -> float:
-    """Integrate by the middles of the sides of fine triangles, which is exact for squares within a cell."""
+def _measured(fine: SurfaceTriangulation, points: Points, density: Density) -> tuple[NDArray[np.float64], float]:
+    """Return masses and energy of the cells of points.
+
+    They are integrated by the middles of the sides of fine triangles, which is exact for squares within a cell.
+    """
     from scipy.spatial import KDTree
 
-    areas, tree, total = fine.areas(), KDTree(points), 0.0
+    areas, tree, masses, energy = fine.areas() / 3, KDTree(points), np.zeros(len(points)), 0.0
     for k in range(3):
         middles = (fine.points[fine.triangles[:, k]] + fine.points[fine.triangles[:, k - 1]]) / 2
-        distances, _ = tree.query(middles)
-        total += float((areas * density(middles) * distances**2).sum()) / 3
-    return total
+        distances, nearest = tree.query(middles)
+        parts = areas * density(middles)
+        masses += np.bincount(nearest, parts, len(points))
+        energy += float(parts @ distances**2)
+    return masses, energy

@@ -14,6 +14,7 @@ from skimage.measure import label
 from cvtimg import energy_curve, read_image, segment, tessellate
 from cvtimg.colors import color_samples
 from cvtimg.labels import read_labels
+from cvtimg.segmentation import segment_curve
 from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.edge_weight import Planes, weight_of_detail
 from cvtimg.segmentation.local_means import is_lit_unevenly
@@ -324,3 +325,10 @@ def test_the_number_of_segments_is_the_elbow_of_the_colors() -> None:
         curve = segment(image, "auto").curve
         assert curve is not None
         assert curve.elbow() == energy_curve(image).elbow() > 1
+
+
+def test_curves_of_segments_have_one_unit_whether_edges_cost_or_not() -> None:
+    image = np.repeat(np.array([[0, 90, 200]], np.uint8), 12, axis=0).repeat(12, axis=1)  # levels in steps of 10
+    free, costly = (segment_curve(image, edge_weight=weight) for weight in (0, 1))
+    np.testing.assert_allclose(costly.energies[:2], free.energies[:2], rtol=1e-3)
+    np.testing.assert_allclose(costly.generators[2], [[0], [90], [200]], atol=1e-4)
