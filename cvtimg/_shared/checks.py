@@ -368,10 +368,18 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
         inside = seen if inside is None else inside & seen
         check_that(name, inside.any(), "have a pixel in its mask that is not transparent")
         array = array[..., :-1]
+    elif array.shape[2:] == (4,) and _may_be_alpha(array[..., -1]):
+        warn(f"{name} has 4 channels that all count: if the last is alpha, give {name}[..., :3] and it as the mask")
     if array.dtype.kind == "f" and inside is not None:
         array = np.where(np.isfinite(array), array, array.dtype.type(0))
     array = check_image(name, array)
     return array.reshape(*array.shape[:2], -1), np.ones(array.shape[:2], bool) if inside is None else inside
+
+
+def _may_be_alpha(band: NDArray[Any]) -> bool:
+    """Whether a band of 8 bits is clear in some pixels, opaque in others, and little else."""
+    opaque, clear = (int(np.count_nonzero(band == value)) for value in (255, 0))
+    return band.dtype == np.uint8 and min(opaque, clear) > 0 and opaque + clear > band.size / 2
 
 
 def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:

@@ -332,3 +332,10 @@ def test_curves_of_segments_have_one_unit_whether_edges_cost_or_not() -> None:
     free, costly = (segment_curve(image, edge_weight=weight) for weight in (0, 1))
     np.testing.assert_allclose(costly.energies[:2], free.energies[:2], rtol=1e-3)
     np.testing.assert_allclose(costly.generators[2], [[0], [90], [200]], atol=1e-4)
+
+
+def test_a_fourth_channel_that_may_be_alpha_is_told() -> None:
+    logo = np.zeros((12, 16, 4), np.uint8)
+    logo[3:9, 3:9] = 200, 30, 30, 255
+    with pytest.warns(UserWarning, match="image has 4 channels that all count"):
+        segment(logo, 2)
