@@ -116,6 +116,7 @@ def test_empty_cells_are_refilled() -> None:
     assert np.abs(result.generators).max() < 100
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_sample")
 def test_rare_rows_that_the_sample_misses_are_found() -> None:
     rows = np.zeros((3000, 2))

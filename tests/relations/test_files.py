@@ -43,6 +43,7 @@ def command(pictures: Path, out: Path, report: Path) -> list[str]:
     return ["quantize", *names, "-k", "32", "--jobs", "2", "--quiet"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="POSIX signals")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 def test_a_batch_that_is_ended_and_resumed_has_the_report_of_one_that_is_not(

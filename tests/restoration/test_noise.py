@@ -76,6 +76,7 @@ def test_noise_is_that_before_clipping() -> None:
         assert level_of(*(one / 255 for one in versions))[0] < 0.97 * 50 / 255
 
 
+@pytest.mark.slow
 def test_copies_and_versions_out_of_place_have_the_noise_that_each_has_alone(part: NDArray[Any]) -> None:
     versions = [noisy(part, 10), noisy(np.roll(part, (3, 5), (0, 1)), 10, 1), noisy(part * 0.7, 10, 2), noisy(part, 10)]
     np.testing.assert_allclose(level_of(*versions), [level_of(one)[0] for one in versions])
@@ -329,6 +330,7 @@ def test_little_noise_is_taken_away(part: NDArray[Any], sigma: float, gain: floa
     assert psnr(done / 255, part / 255) > psnr(image / 255, part / 255) + gain
 
 
+@pytest.mark.slow
 def test_noise_of_lightness_and_of_colors_is_taken_away_in_parts(part: NDArray[Any]) -> None:
     image, fast = noisy(part / 2 + 60, 12), {"effort": "fast"}  # far from the ends
     whole, none, half = (

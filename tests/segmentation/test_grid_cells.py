@@ -48,6 +48,7 @@ def test_more_superpixels_than_pixels_are_refused() -> None:
         superpixels(np.zeros((2, 3)), 7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(1, 100_000), (6, 20_000), (20_000, 6), (40, 5000)])
 def test_strips_get_as_many_superpixels_as_asked(shape: tuple[int, int]) -> None:
     image = np.add.outer(np.arange(shape[0]), np.arange(shape[1])).astype(np.uint16)
