@@ -378,8 +378,10 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
 
 def _may_be_alpha(band: NDArray[Any]) -> bool:
     """Whether a band of 8 bits is clear in some pixels, opaque in others, and little else."""
+    if band.dtype != np.uint8:
+        return False
     opaque, clear = (int(np.count_nonzero(band == value)) for value in (255, 0))
-    return band.dtype == np.uint8 and min(opaque, clear) > 0 and opaque + clear > band.size / 2
+    return min(opaque, clear) > 0 and opaque + clear > band.size / 2
 
 
 def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:

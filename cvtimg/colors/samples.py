@@ -172,11 +172,12 @@ def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
     if rows.dtype == np.uint8 and n_bytes <= MAX_ORDERED_DIMS:
         values, bits = np.arange(256, dtype=np.uint32)[:, None], np.arange(8)
         spread = ((values >> bits & 1) << n_bytes * bits).sum(axis=1, dtype=np.uint32)
+        parts = [spread << np.uint32(n_bytes - 1 - band) for band in range(n_bytes)]
         numbers = np.zeros(len(rows), np.uint32)
 
         def number(block: slice) -> None:
-            for band in range(n_bytes):
-                numbers[block] |= np.take(spread << np.uint32(n_bytes - 1 - band), pixels[block, band])
+            for part, band in zip(parts, pixels[block].T, strict=True):
+                numbers[block] |= np.take(part, band)
 
         in_stripes(number, len(rows), n_bytes * len(rows), _BLOCK)
         return numbers

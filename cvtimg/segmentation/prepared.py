@@ -160,26 +160,26 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     start = prepared.start(_SEGMENTS_AT_START)
     samples: Any = prepared.values.samples if start is None else start[inside]  # those that segments start from
     cells = replace(energy_curve(samples, n_max, volume_power=volume_power, rng=rng), is_continuum=False)
-    center = np.zeros(prepared.field.shape[2])
     if start is None:  # of levels, which become values
-        scale, center = prepared.values.scale, prepared.values.center
-        generators_of = tuple(scale * places for places in cells.generators)
+        scale = prepared.values.scale
+        places_of = tuple(scale * places for places in cells.generators)
         peak = None if cells.scale.peak is None else 255.0
-        cells = EnergyCurve(scale**2 * cells.energies, generators_of, Scale(cells.scale.n_values, peak))
+        cells = EnergyCurve(scale**2 * cells.energies, places_of, Scale(cells.scale.n_values, peak))
     # Edges count where a weight is given, or where noise is so strong that segments are found in a blurred image.
     if start is None and (prepared.smallest_detail or not prepared.edge_weight):
         return cells
     rows = (prepared.field if start is None else start)[inside]
-    points = pack(rows, np.ones(len(rows)))
+    points, center = pack(rows, np.ones(len(rows))), prepared.values.center  # which the field is about
     energies: list[float] = []
     generators: list[NDArray[np.float64]] = []
     for places in cells.generators:
         labels = np.zeros(inside.shape, np.int32)
-        labels[inside] = assign(points, points.frame.inward(places - center))[: len(rows)] + 1
+        about = places - center if start is None else places
+        labels[inside] = assign(points, points.frame.inward(about))[: len(rows)] + 1
         labels, end = prepared.settle(labels, len(places), by_detail=False)
         if end is None:  # measured as it is
             end = descend(prepared.data, labels, len(places), edge_weight=0, volume_power=volume_power, max_sweeps=0)
-        energy, means = end.energies[-1], end.generators[end.masses[:, 0] > 0] + prepared.values.center
+        energy, means = end.energies[-1], end.generators[end.masses[:, 0] > 0] + center
         if energies and energy > energies[-1]:
             energy, means = energies[-1], generators[-1]
         energies.append(energy)
