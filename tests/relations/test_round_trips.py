@@ -18,7 +18,6 @@ import cvtimg
 def again(
     write: Callable[[Path, Any], None], read: Callable[[Path], Any], name: str
 ) -> Callable[[NDArray[Any]], NDArray[Any]]:
-    """Return what is read from a file that was written."""
 
     def result(content: NDArray[Any]) -> NDArray[Any]:
         with tempfile.TemporaryDirectory() as folder:
@@ -29,7 +28,6 @@ def again(
 
 
 def deep(rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Return a picture of 16 bits."""
     return color_picture(rng).astype(np.uint16) * np.uint16(211) + np.uint16(7)
 
 
@@ -50,12 +48,10 @@ def labels(rng: np.random.Generator) -> NDArray[np.int32]:
 
 
 def colors(rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return colors of a picture."""
     return cvtimg.find_palette(color_picture(rng), int(rng.integers(1, 30))).colors
 
 
 def quantized(rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return a picture of eight colors, as `quantize` writes it."""
     return cvtimg.quantize(color_picture(rng), 8).image
 
 

@@ -26,7 +26,6 @@ def in_squares(points: int) -> Callable[[Polygon], float]:
 
 
 def area(region: Polygon) -> float:
-    """Return the area of a mesh, in that of its region."""
     return cvtimg.mesh_region(region, n=120).area / region.area
 
 

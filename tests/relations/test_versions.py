@@ -59,12 +59,10 @@ def each(change: Any) -> Any:
 
 
 def as_it_is(case: Case) -> Case:
-    """Change nothing."""
     return case
 
 
 def reversed_bands(case: Case) -> Case:
-    """Return the bands in the other order."""
     return case[0][..., ::-1], [version[..., ::-1] for version in case[1]]
 
 
@@ -93,7 +91,6 @@ def first_band(case: Case) -> NDArray[Any]:
 
 
 def with_flat(case: Case) -> Case:
-    """Add a frame of one color."""
     return case[0], [*case[1], np.full_like(case[1][0], 37)]
 
 
@@ -121,7 +118,6 @@ def in_flat_colors(case: Case) -> NDArray[Any]:
 
 
 def backwards(case: Case) -> Case:
-    """Return the versions in the other order."""
     return case[0], case[1][::-1]
 
 
