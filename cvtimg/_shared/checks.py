@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
+from cvtimg._shared.types import Array
 
 _Name = TypeVar("_Name", bound=str)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -172,32 +173,32 @@ def check_channels(name: str, n_channels: int, allowed: Collection[int], reason:
         raise ValueError(f"{name} of {n_channels} channels must have {several}, {reason}")
 
 
-def check_numbers(name: str, dtype: np.dtype[Any]) -> None:
+def check_numbers(name: str, dtype: np.dtype[np.generic]) -> None:
     """Refuse an array that is not of real numbers."""
     if dtype.kind not in "biuf":
         refuse_type(name, dtype, "of integers or of floating point numbers")
 
 
-def check_finite(name: str, array: NDArray[Any]) -> None:
+def check_finite(name: str, array: Array) -> None:
     """Refuse an array of floating point numbers that are not all finite."""
     if array.dtype.kind == "f":
         check_that(name, np.isfinite(array).all(), "be finite: it contains NaN or infinity")
 
 
-def check_within(name: str, array: NDArray[Any], low: float, high: float, reason: str = "") -> None:
+def check_within(name: str, array: Array, low: float, high: float, reason: str = "") -> None:
     """Refuse an array with numbers that are not in low..high; `reason` says what sets these limits."""
     if array.size and not (array.min() >= low and array.max() <= high):  # NaN fails too
         least, most = (f"{end:g}" if array.dtype.kind == "f" else f"{end}" for end in (array.min(), array.max()))
         raise ValueError(f"{name} in {least}..{most} must be in {low:.15g}..{high:.15g}{reason}")
 
 
-def check_returned(name: str, values: NDArray[Any], n_points: int) -> None:
+def check_returned(name: str, values: Array, n_points: int) -> None:
     """Refuse what a function of points returned if it is not one value per point."""
     if values.shape != (n_points,):
         raise ValueError(f"{name} returned shape {values.shape} and must return ({n_points},), one per point")
 
 
-def check_rows(name: str, rows: ArrayLike) -> NDArray[Any]:
+def check_rows(name: str, rows: object) -> Array:
     """Return `rows` as a C-contiguous, finite (N, D) array of a type that the kernels read."""
     refuse_path(name, rows)
     array = array_of(rows)
@@ -259,7 +260,7 @@ def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims
     return array
 
 
-def as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
+def as_samples(name: str, array: Array) -> Array:
     """Booleans become uint8, integers of other widths float64; other types are refused."""
     array = array.astype(array.dtype.newbyteorder("="), copy=False)
     if array.dtype.kind in "biu" and array.dtype not in SAMPLE_DTYPES:
@@ -272,7 +273,7 @@ def as_samples(name: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(array)
 
 
-def check_image(name: str, image: Any) -> NDArray[Any]:
+def check_image(name: str, image: object) -> Array:
     """Return `image`, an array or a Pillow image, as a C-contiguous (H, W) or (H, W, C) array of its own type.
 
     Booleans become 0 and 255, and float16 float32.
@@ -286,7 +287,7 @@ def check_image(name: str, image: Any) -> NDArray[Any]:
     return as_samples(name, array)
 
 
-def check_pixels(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+def check_pixels(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, NDArray[np.bool_] | None]:
     """Return an image of any integer or floating type, in native byte order, and the (H, W) pixels that count.
 
     These are the pixels in the mask that are finite and not masked, at least one; None stands for all. The others have
@@ -307,21 +308,21 @@ def check_pixels(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray
     return array, inside
 
 
-def check_alpha(alpha: bool | None, image: Any, n_channels: int) -> bool:
+def check_alpha(alpha: bool | None, image: object, n_channels: int) -> bool:
     """Return whether the last channel of an image is alpha: as `alpha` says, or else as the image does."""
     if alpha and n_channels not in (2, 4):
         raise ValueError(f"alpha=True needs an image of 2 or 4 channels, not {n_channels}")
     return says_alpha(image) if alpha is None else bool(alpha)
 
 
-def _check_image_form(name: str, array: NDArray[Any]) -> None:
+def _check_image_form(name: str, array: Array) -> None:
     if array.dtype.kind in "USO":
         refuse_path(name, array.tolist())
     fits = array.ndim in (2, 3) and array.size > 0
     check_shape(name, array.shape, fits, "(H, W) or (H, W, C), none of them 0")
 
 
-def _inside(name: str, array: NDArray[Any], image: Any, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
     """Return the (H, W) pixels that count, at least one; None for all."""
     if mask is not None:
         shape = array.shape[:2]
@@ -343,7 +344,7 @@ def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
     return np.ascontiguousarray(array, np.int32)
 
 
-def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDArray[Any]:
+def check_labeled_image(name: str, image: object, labels: NDArray[np.int32]) -> Array:
     """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
     array = array_of(image)
     alike = array.shape[:2] == labels.shape
@@ -354,7 +355,7 @@ def check_labeled_image(name: str, image: Any, labels: NDArray[np.int32]) -> NDA
     return check_image(name, array).reshape(*labels.shape, -1)
 
 
-def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def check_partial_image(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, NDArray[np.bool_]]:
     """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite.
 
     Pixels that are masked in any band of a masked array are outside, and so are the transparent ones of an image that
@@ -376,7 +377,7 @@ def check_partial_image(name: str, image: Any, mask: ArrayLike | None) -> tuple[
     return array.reshape(*array.shape[:2], -1), np.ones(array.shape[:2], bool) if inside is None else inside
 
 
-def _may_be_alpha(band: NDArray[Any]) -> bool:
+def _may_be_alpha(band: Array) -> bool:
     """Whether a band of 8 bits is clear in some pixels, opaque in others, and little else."""
     if band.dtype != np.uint8:
         return False
@@ -398,7 +399,7 @@ def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
     return array.astype(np.float32, copy=False)
 
 
-def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> NDArray[Any]:
+def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> Array:
     """Return `colors` as a (K, C) array of the type of an image, in whose units they are."""
     array = np.asarray(colors)
     array = array[:, np.newaxis] if array.ndim == 1 else array

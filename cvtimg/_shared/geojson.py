@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from types import MappingProxyType
 from typing import Any
+
+from cvtimg._shared.types import Json, Options
 
 _Place = list[float]
 
 
-def feature(polygons: list[list[list[_Place]]], properties: Mapping[str, Any], **members: Any) -> dict[str, Any]:
+def feature(polygons: list[list[list[_Place]]], properties: Options, **members: Any) -> Json:
     """Return a feature of one or several polygons, each a list of closed rings, the outer one first."""
     kind, places = ("Polygon", polygons[0]) if len(polygons) == 1 else ("MultiPolygon", polygons)
     return {"type": "Feature", **members, "properties": properties, "geometry": {"type": kind, "coordinates": places}}
 
 
 def collection(
-    features: Iterable[Mapping[str, Any]], epsg: int | None = None, members: Mapping[str, Any] = MappingProxyType({})
+    features: Iterable[Options], epsg: int | None = None, members: Options = MappingProxyType({})
 ) -> Iterator[str]:
     """Yield the text of features, a line each; `epsg` names coordinates other than longitude and latitude."""
     system = {"crs": {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{epsg}"}}} if epsg else {}

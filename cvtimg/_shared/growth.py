@@ -7,16 +7,16 @@ Graphics, and Image Processing 34 (1986) 344-371, doi 10.1016/S0734-189X(86)8004
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from cvtimg._shared.types import Array
 
 #: Sizes that fall by less than this part of them stay: that is the rounding of single precision.
 _ROUNDING = 1e-6
 
 
-def limit_growth(sizes: NDArray[Any], across: float, along: ArrayLike) -> None:
+def limit_growth(sizes: Array, across: float, along: ArrayLike) -> None:
     """Lower sizes (H, W), in place, until they grow by no more than that from each pixel to the eight around it.
 
     They may grow by `across` to the next row and by `along`, (H,) or alike in all rows, to the next column.

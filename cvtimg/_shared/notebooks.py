@@ -8,19 +8,15 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array
 
 #: Triangles in space; of more, which take seconds, the corners are drawn.
 _MOST_TRIANGLES = 20_000
 
 
 def drawn(
-    caption: str,
-    points: NDArray[Any],
-    triangles: NDArray[Any] | None = None,
-    *,
-    y_down: bool = False,
-    is_place: bool = True,
+    caption: str, points: Array, triangles: Array | None = None, *, y_down: bool = False, is_place: bool = True
 ) -> bytes | None:
     """Draw points (N, D) in each pair of their first four axes, or triangles of them, as PNG; None if it cannot be.
 

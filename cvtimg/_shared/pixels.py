@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.types import Array
+
 #: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
 
@@ -20,7 +22,7 @@ class AlphaArray(np.ndarray[Any, Any]):
     """
 
 
-def array_of(image: Any) -> NDArray[Any]:
+def array_of(image: Any) -> Array:
     """Return the array that an object is, has or exports: by NumPy, Pillow, ``__array__`` or the DLPack protocol."""
     mode = getattr(image, "mode", None)  # a tensor of torch has another kind of mode
     if isinstance(mode, str) and mode not in _PLAIN_MODES:
@@ -32,7 +34,7 @@ def array_of(image: Any) -> NDArray[Any]:
     return np.asarray(image)
 
 
-def _of_frame(frame: Any) -> NDArray[Any]:
+def _of_frame(frame: Any) -> Array:
     """Return the numbers of a data frame of pandas or polars; truths are 0 and 1, and missing values NaN."""
     columns = []
     for number, name in enumerate(frame.columns):
@@ -56,12 +58,12 @@ def says_alpha(image: Any) -> bool:
     return isinstance(image, AlphaArray) and image.ndim == 3 and image.shape[2] in (2, 4)
 
 
-def with_mark(image: NDArray[Any], alpha: bool) -> NDArray[Any]:
+def with_mark(image: Array, alpha: bool) -> Array:
     """Return an image that says whether its last channel is alpha."""
     return image.view(AlphaArray if alpha else np.ndarray)
 
 
-def pixels_inside(array: NDArray[Any], image: Any, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+def pixels_inside(array: Array, image: object, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
     """Return the (H, W) pixels that count: in the mask, not masked in a masked array, and finite; None for all."""
     inside = None if mask is None else np.asarray(mask) != 0
     known: Any = is_known(array.reshape(*array.shape[:2], -1)) if array.dtype.kind == "f" else True
@@ -72,15 +74,17 @@ def pixels_inside(array: NDArray[Any], image: Any, mask: ArrayLike | None) -> ND
     return known if inside is None else inside & known
 
 
-def is_known(samples: NDArray[Any], nodata: float | None = None) -> NDArray[np.bool_]:
+def is_known(samples: Array, nodata: float | None = None) -> NDArray[np.bool_]:
     """(...) which of (..., C) samples are finite in all bands, and not `nodata` in all."""
-    known = np.isfinite(samples).all(axis=-1) if samples.dtype.kind == "f" else np.ones(samples.shape[:-1], np.bool_)
+    known = np.ones(samples.shape[:-1], np.bool_)
+    if samples.dtype.kind == "f":
+        known &= np.isfinite(samples).all(axis=-1)
     if nodata is not None:
         known &= (samples != nodata).any(axis=-1)
     return known
 
 
-def not_black(mask: NDArray[Any]) -> NDArray[np.bool_]:
+def not_black(mask: Array) -> NDArray[np.bool_]:
     """(H, W) pixels of an image of a mask, (H, W) or (H, W, C), that are not black; alpha plays no part."""
     bands = mask.reshape(*mask.shape[:2], -1)
     return np.asarray(((bands[:, :, :-1] if bands.shape[2] in (2, 4) else bands) > 0).any(axis=2))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 
 
 def sum_by_label(
-    labels: NDArray[np.integer], values: NDArray[Any], n_labels: int = 0, weights: NDArray[Any] | None = None
+    labels: NDArray[np.integer], values: Array, n_labels: int = 0, weights: Array | None = None
 ) -> NDArray[np.float64]:
     """Sum values (M,) or (M, P), times weights (M,) if given, by their labels (M,): (K,) or (K, P) sums.
 
@@ -29,7 +28,7 @@ def sum_by_label(
     return np.stack([sum_by_label(labels, column, n_labels, weights) for column in values.T], axis=1)
 
 
-def take_rows(rows: NDArray[Any], labels: NDArray[np.integer]) -> NDArray[Any]:
+def take_rows(rows: Array, labels: NDArray[np.integer]) -> Array:
     """Return the row (M, ...) that each label has, of labels of any shape; threads share the work."""
     taken, flat = np.empty((labels.size, *rows.shape[1:]), rows.dtype), labels.reshape(-1)
 
@@ -40,7 +39,7 @@ def take_rows(rows: NDArray[Any], labels: NDArray[np.integer]) -> NDArray[Any]:
     return taken.reshape(*labels.shape, *rows.shape[1:])
 
 
-def per_mass(sums: NDArray[np.float64], masses: NDArray[Any]) -> NDArray[np.float64]:
+def per_mass(sums: NDArray[np.float64], masses: Array) -> NDArray[np.float64]:
     """Divide (K, P) sums by (K,) masses; 0 where there is none."""
     has_mass = masses[:, None] > 0
     return np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=has_mass)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +26,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
@@ -104,7 +104,7 @@ class Mosaic(ReadOnly):
     """
 
     points: NDArray[np.float64]
-    colors: NDArray[Any]
+    colors: Array
     labels: NDArray[np.int32]
     triangles: NDArray[np.int32] | None
     energy: float
@@ -115,9 +115,9 @@ class Mosaic(ReadOnly):
         yield "labels are those of tiles", (self.labels >= 0) & (self.labels < len(self.colors))
 
     @property
-    def image(self) -> NDArray[Any]:
+    def image(self) -> Array:
         """The mosaic as an (H, W) or (H, W, C) image."""
-        image: NDArray[Any] = self.colors[self.labels]
+        image: Array = self.colors[self.labels]
         return image[:, :, 0] if image.shape[2] == 1 else image
 
     @property
@@ -222,7 +222,7 @@ class Mosaic(ReadOnly):
 
 @hints_at_keywords
 def mosaic(
-    image: Any,
+    image: ImageLike,
     n_cells: int,
     *,
     shape: str = "cells",
@@ -303,7 +303,7 @@ def mosaic(
     return Mosaic(points, colors, painted.labels, triangles, squared * painted.energy, history, psnr)
 
 
-def _psnr(drawn: NDArray[Any], samples: NDArray[Any], has_alpha: bool) -> float:
+def _psnr(drawn: Array, samples: Array, has_alpha: bool) -> float:
     """Compare (H, W, C) images where anything is seen; of those with alpha, as they look on black and on white."""
     white = peak(samples.dtype)
     pair = drawn.astype(np.float32), samples.astype(np.float32)
@@ -341,7 +341,7 @@ def _descended(
         return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 
-def _bands(samples: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.float32], bool]:
+def _bands(samples: Array, space: SpaceName) -> tuple[NDArray[np.float32], bool]:
     """Return what colors are averaged in, (H, W, C) and whether the last is alpha; others are then times alpha."""
     has_alpha = samples.shape[2] in (2, 4)
     rows = samples.reshape(-1, samples.shape[2])
@@ -354,7 +354,7 @@ def _bands(samples: NDArray[Any], space: SpaceName) -> tuple[NDArray[np.float32]
     return np.ascontiguousarray(bands.reshape(*samples.shape[:2], -1)), has_alpha
 
 
-def _unit(dtype: np.dtype[Any], space: SpaceName) -> float:
+def _unit(dtype: np.dtype[np.generic], space: SpaceName) -> float:
     """Return what coordinates are divided by, so that samples of all types are the same bands."""
     return peak(dtype) if space == "rgb" else 1.0
 
@@ -373,8 +373,8 @@ def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.flo
 
 
 def _colors(
-    means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], has_alpha: bool, is_sharp: bool
-) -> NDArray[Any]:
+    means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic], has_alpha: bool, is_sharp: bool
+) -> Array:
     """Return the means of tiles as colors of a type, clear or opaque ones if alpha is sharp."""
     unit = _unit(dtype, space)
     if not has_alpha:
@@ -385,9 +385,7 @@ def _colors(
     return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
 
 
-def _restricted(
-    colors: NDArray[Any], areas: NDArray[np.float64], palette: int | ArrayLike, has_alpha: bool
-) -> NDArray[Any]:
+def _restricted(colors: Array, areas: NDArray[np.float64], palette: int | ArrayLike, has_alpha: bool) -> Array:
     """Replace colors by those of a palette, which is found or given."""
     shown = colors[:, : colors.shape[1] - has_alpha]
     if isinstance(palette, int | np.integer):

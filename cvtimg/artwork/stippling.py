@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
+from cvtimg._shared.types import ImageLike
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_pens
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, pen_coverages, process_coverages
@@ -36,7 +37,7 @@ _FINEST, _MOST_PIXELS = 1.25, 1 << 28
 
 @hints_at_keywords
 def stipple(
-    image: Any,
+    image: ImageLike,
     n_dots: int | None = None,
     *,
     dots: str = "equal",

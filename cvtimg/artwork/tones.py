@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
 from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.spaces import to_space
 
 Floats32 = NDArray[np.float32]
@@ -69,7 +70,7 @@ def linear_light(image: Any) -> tuple[Floats32, Floats32 | None]:
     return light, opacity
 
 
-def _as_samples(image: Any) -> NDArray[Any]:
+def _as_samples(image: ImageLike) -> Array:
     """Return (H, W, C) samples of uint8, uint16, or floating point in 0..1."""
     plain = np.ma.filled(image, 0) if np.ma.isMaskedArray(image) else image
     samples = check_image("image", plain if hasattr(plain, "mode") else _narrowed(array_of(plain)))
@@ -78,7 +79,7 @@ def _as_samples(image: Any) -> NDArray[Any]:
     return samples.reshape(*samples.shape[:2], -1)
 
 
-def _narrowed(array: NDArray[Any]) -> NDArray[Any]:
+def _narrowed(array: Array) -> Array:
     """Bring booleans and integers to 8 or 16 bits, in the byte order of the machine."""
     kind, n_bytes = array.dtype.kind, array.dtype.itemsize
     if kind == "b":
@@ -130,7 +131,7 @@ def light_tones(
     return ink if invert else np.subtract(1, ink, out=ink)
 
 
-def ink_coverage(image: Any, *, white_cutoff: float = 0.0, invert: bool = False, tones: str = "true") -> Floats32:
+def ink_coverage(image: ImageLike, *, white_cutoff: float = 0.0, invert: bool = False, tones: str = "true") -> Floats32:
     """Compute the share of each pixel that black ink must cover, (H, W) float32 in 0..1.
 
     Parameters are as in `cvtimg.stipple`.
@@ -183,7 +184,7 @@ def disk_area(coverage: Floats32) -> Floats32:
     return areas
 
 
-def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: str = "true") -> list[Floats32]:
+def process_coverages(image: ImageLike, white_cutoff: float, max_ink: float, tones: str = "true") -> list[Floats32]:
     """Compute the coverage of cyan, magenta, yellow and black, in this order, for tones scaled by `max_ink`.
 
     Black takes all that the three have in common. Ink c and black k leave 1 - c - k + q c k of the light of a channel:
@@ -199,7 +200,7 @@ def process_coverages(image: Any, white_cutoff: float, max_ink: float, tones: st
 
 
 def pen_coverages(
-    image: Any, pens: NDArray[np.uint8], white_cutoff: float, max_ink: float, tones: str = "true"
+    image: ImageLike, pens: NDArray[np.uint8], white_cutoff: float, max_ink: float, tones: str = "true"
 ) -> list[Floats32]:
     """Compute the coverage of pens of any colors, (L, 3), on white paper, for tones scaled by `max_ink`.
 
@@ -240,7 +241,7 @@ def _mixtures(colors: NDArray[np.float64], inks: NDArray[np.float64]) -> NDArray
     return np.maximum(shares[:, 1:], 0)
 
 
-def _light_to_draw(image: Any, max_ink: float, tones: str) -> tuple[Floats32, Floats32 | None]:
+def _light_to_draw(image: ImageLike, max_ink: float, tones: str) -> tuple[Floats32, Floats32 | None]:
     """Return the light (H, W, 3) that a drawing in color is to have, and the opacity."""
     light, opacity = linear_light(image)
     if tones == "light":

@@ -20,6 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
+from cvtimg._shared.types import Array
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import as_snapshots
 from cvtimg.elbow.rules import chord_linear
@@ -167,7 +168,7 @@ class Basis(ReadOnly):
     shape: tuple[int, ...]
     mean: _Floats
     centers: _Floats
-    modes: NDArray[Any]
+    modes: Array
     labels: NDArray[np.int64]
     medoids: NDArray[np.int64]
     energies: _Floats
@@ -201,7 +202,7 @@ class Basis(ReadOnly):
         """Share of the variance of the training snapshots that the basis explains."""
         return 1 - self.energy / self.variance if self.variance else 1.0
 
-    def project(self, snapshots: Any) -> Projection:
+    def project(self, snapshots: object) -> Projection:
         """Project snapshots of the same shape, of any kind that `as_snapshots` takes, onto the nearest subspace."""
         given = as_snapshots(snapshots)
         check_shape("snapshots", given.shape, given.shape == self.shape, f"{self.shape}, as the basis has")
@@ -209,7 +210,7 @@ class Basis(ReadOnly):
         columns = zip(*((part.coordinates, part.cells, part.residuals) for part in parts), strict=True)
         return Projection(*map(np.concatenate, columns))
 
-    def _project_block(self, block: NDArray[Any]) -> Projection:
+    def _project_block(self, block: Array) -> Projection:
         given = block.astype(np.float64)
         apart = distances(given, self.centers, self.modes)
         cells = apart.argmin(axis=1)
@@ -254,7 +255,7 @@ def read_basis(path: StrPath) -> Basis:
 
 @hints_at_keywords
 def reduced_basis(
-    snapshots: Any,
+    snapshots: object,
     n_modes: int | float | Literal["auto"],
     *,
     kind: str = "pod",

@@ -9,12 +9,12 @@ N. Halko, P.-G. Martinsson, J. A. Tropp, SIAM Review 53 (2011) 217-288, doi 10.1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import one_blas_thread
+from cvtimg._shared.types import Array
 from cvtimg.bases.snapshots import Snapshots
 
 #: Snapshots or values in each, the fewer of them, and values in all, up to which all directions are found: the cost of
@@ -27,7 +27,7 @@ class Sketch:
     """Snapshots less their mean, in the coordinates of their leading singular directions."""
 
     coordinates: NDArray[np.float64]  # (N, R) with mean 0; columns are orthogonal, of falling length
-    directions: NDArray[Any]  # (R, D) orthonormal rows
+    directions: Array  # (R, D) orthonormal rows
     mean: NDArray[np.float64]  # (D,) of the snapshots
     variance: float  # sum of squared distances to the mean; what the coordinates miss of it is `missed`
 
@@ -72,7 +72,7 @@ def sketch(
 
 
 def _products(
-    snapshots: Snapshots, directions: NDArray[Any], center: NDArray[Any], weights: NDArray[np.float64], centered: bool
+    snapshots: Snapshots, directions: Array, center: Array, weights: NDArray[np.float64], centered: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return the (N, R) products of weighted snapshots less their mean with directions, the (D,) mean, the variance."""
     values, sums, squares = [], np.zeros(snapshots.n_dims), 0.0
@@ -88,7 +88,7 @@ def _products(
     return np.sqrt(weights)[:, None] * (joined - middle), center + shift, variance
 
 
-def _combined(snapshots: Snapshots, basis: NDArray[Any], center: NDArray[Any]) -> NDArray[np.float64]:
+def _combined(snapshots: Snapshots, basis: Array, center: Array) -> NDArray[np.float64]:
     """Return (R, D) combinations of snapshots less their mean."""
     total = np.zeros((basis.shape[1], snapshots.n_dims))
     for rows, block in snapshots.blocks():

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
 from cvtimg.files.finding import find_images
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.pictures.files import read_image
@@ -29,7 +29,7 @@ class Snapshots:
 
     n_snapshots: int
     shape: tuple[int, ...]  # of one snapshot, which has D values
-    dtype: np.dtype[Any]  # of the blocks: float32 or float64
+    dtype: np.dtype[np.generic]  # of the blocks: float32 or float64
     read: Callable[[int, int], Any]  # from start and stop to that part of the snapshots, (stop - start, ...)
 
     @property
@@ -37,7 +37,7 @@ class Snapshots:
         """Values per snapshot, D."""
         return math.prod(self.shape)
 
-    def blocks(self) -> Iterator[tuple[slice, NDArray[Any]]]:
+    def blocks(self) -> Iterator[tuple[slice, Array]]:
         """Yield (m, D) blocks in order, each with the rows that it holds."""
         n_rows = max(1, _BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
         for start in range(0, self.n_snapshots, n_rows):
@@ -45,7 +45,7 @@ class Snapshots:
             yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)
 
 
-def _checked(rows: Any, start: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _checked(rows: Any, start: int, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Array:
     block = np.asarray(rows, dtype).reshape(shape)
     finite = np.isfinite(block).all(axis=1)
     first = f"be finite: number {start + int(np.argmin(finite))} contains NaN or infinity"
@@ -53,7 +53,7 @@ def _checked(rows: Any, start: int, shape: tuple[int, ...], dtype: np.dtype[Any]
     return block
 
 
-def as_snapshots(snapshots: Any) -> Snapshots:
+def as_snapshots(snapshots: object) -> Snapshots:
     """Return snapshots of any kind as `Snapshots`.
 
     Parameters
@@ -116,7 +116,7 @@ def _of_path(path: Path) -> Snapshots:
 def _of_images(paths: Sequence[Path]) -> Snapshots:
     first = read_image(paths[0])
 
-    def read(start: int, stop: int) -> NDArray[Any]:
+    def read(start: int, stop: int) -> Array:
         images = [read_image(path) for path in paths[start:stop]]
         for path, image in zip(paths[start:stop], images, strict=True):
             if image.shape != first.shape:

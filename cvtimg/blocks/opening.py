@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.types import Array
 from cvtimg.blocks.rows import Blocks, as_blocks, block_length, dask_arrays
 from cvtimg.files.remote import elsewhere, is_remote, url_of
 from cvtimg.files.whole import StrPath
@@ -124,7 +124,7 @@ def _npy_array(place: str) -> Any:
     return _joined(reads, np.diff(bounds).tolist(), (width,), stored.dtype)
 
 
-def _map_rows(place: str, begin: int, end: int) -> NDArray[Any]:
+def _map_rows(place: str, begin: int, end: int) -> Array:
     rows = np.array(np.load(place, mmap_mode="r")[begin:end])
     return rows.reshape(len(rows), -1)
 
@@ -193,7 +193,7 @@ def _parquet_files(place: str) -> list[str]:
     return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
 
 
-def _read_group(place: str, group: Any, names: Sequence[str], dtype: np.dtype[Any], missing: str) -> NDArray[Any]:
+def _read_group(place: str, group: Any, names: Sequence[str], dtype: np.dtype[np.generic], missing: str) -> Array:
     """Read some columns of a row group, (n, C)."""
     import pyarrow
 
@@ -206,7 +206,7 @@ def _read_group(place: str, group: Any, names: Sequence[str], dtype: np.dtype[An
 
 
 def _joined(
-    reads: Sequence[Callable[[], NDArray[Any]]], lengths: Sequence[int], shape: tuple[int, ...], dtype: np.dtype[Any]
+    reads: Sequence[Callable[[], Array]], lengths: Sequence[int], shape: tuple[int, ...], dtype: np.dtype[np.generic]
 ) -> Any:
     """Return the array of blocks that are read when they are needed."""
     da = dask_arrays()

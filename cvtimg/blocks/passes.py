@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import as_samples, check_shape, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.threads import one_thread
+from cvtimg._shared.types import Array
 from cvtimg.blocks.rows import Blocks
 
 T = TypeVar("T")
@@ -45,10 +46,10 @@ class Block:
     """One block, where it is worked on."""
 
     number: int  # Which block, from 0
-    rows: NDArray[Any]  # (n, D): of the type of the samples
-    weights: NDArray[Any] | None  # (n,)
+    rows: Array  # (n, D): of the type of the samples
+    weights: Array | None  # (n,)
 
-    def pieces(self) -> Iterator[tuple[NDArray[Any], NDArray[np.float64]]]:
+    def pieces(self) -> Iterator[tuple[Array, NDArray[np.float64]]]:
         """Yield some rows at a time, finite and of a type that the kernels read, with their weights, >= 0."""
         for start in range(0, len(self.rows), _PIECE_ROWS):
             part = slice(start, start + _PIECE_ROWS)
@@ -83,7 +84,7 @@ def over_blocks(blocks: Blocks, work: Callable[..., T], add: Callable[[Sequence[
 
 def map_rows(
     blocks: Blocks,
-    function: Callable[[NDArray[Any]], NDArray[Any]],
+    function: Callable[[Array], Array],
     dtype: Any,
     n_columns: int | None = None,
     *,
@@ -105,16 +106,14 @@ def map_rows(
     )
 
 
-def blocks_of(*arrays: Any) -> Iterator[tuple[NDArray[Any], ...]]:
+def blocks_of(*arrays: Any) -> Iterator[tuple[Array, ...]]:
     """Compute Dask arrays that are in the same number of blocks, block by block in order, some at a time."""
     parts = list(zip(*(array.to_delayed().ravel().tolist() for array in arrays), strict=True))
     for start in range(0, len(parts), _WIDTH):
         yield from _computed(parts[start : start + _WIDTH], parts)
 
 
-def _mapped(
-    rows: NDArray[Any], *, function: Callable[[NDArray[Any]], NDArray[Any]], empty: NDArray[Any], block_info: Any = None
-) -> NDArray[Any]:
+def _mapped(rows: Array, *, function: Callable[[Array], Array], empty: Array, block_info: Any = None) -> Array:
     number = block_info[0]["chunk-location"][0] if block_info else 0
     try:
         with one_thread():

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +34,11 @@ class Spread:
     mass: float
     means: NDArray[np.float64]
     squares: NDArray[np.float64]
-    low: NDArray[Any]
-    high: NDArray[Any]
+    low: Array
+    high: Array
 
     @classmethod
-    def of(cls, rows: NDArray[Any], weights: NDArray[np.float64] | None = None) -> Spread:
+    def of(cls, rows: Array, weights: NDArray[np.float64] | None = None) -> Spread:
         """Measure (N, D) rows with weights >= 0, 1 by default."""
         weights = np.ones(len(rows)) if weights is None else weights
         none = np.full(rows.shape[1], np.inf)

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.cluster_command import reading, told_left_out
 from cvtimg.cli.running import Todo, plan_of, planned, plot
@@ -15,8 +16,6 @@ from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cvtimg.elbow.curves import EnergyCurve
     from cvtimg.plotting.energy_curves import Plotted
 
@@ -103,7 +102,7 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _read(source: Path, given: Given) -> tuple[Any, NDArray[Any] | None, NDArray[Any] | None, Mapping[str, str]]:
+def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, Mapping[str, str]]:
     """Read the samples, the image if the file is one, the weights of rows, and why columns were left out."""
     from cvtimg.blocks import Spread
     from cvtimg.pictures.stacks import read_whole

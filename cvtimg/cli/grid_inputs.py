@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
 from cvtimg.files.remote import exists, local_copy
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def read_globe(option: str, path: Path) -> NDArray[np.float64]:
     return bands
 
 
-def read_coast(path: Path, n: int) -> NDArray[Any]:
+def read_coast(path: Path, n: int) -> Array:
     """Read a map of land, or draw polygons of GeoJSON as one whose pixels are some of a cell of n, in degrees."""
     import numpy as np
 

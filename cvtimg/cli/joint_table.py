@@ -7,16 +7,17 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import Plan, Report, Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
-Table = Mapping[str, "NDArray[Any]"]
+Table = Mapping[str, "Array"]
 
 
 class JointTable(Report):

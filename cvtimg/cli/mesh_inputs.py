@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from cvtimg._shared.types import Array, Options
 
+if TYPE_CHECKING:
     from cvtimg.meshes import Mesh
 
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")
@@ -65,13 +64,13 @@ def _parts(shape: Any, name_by: str) -> Any:
     }
 
 
-def _named(name_by: str, properties: Mapping[str, Any]) -> Any:
+def _named(name_by: str, properties: Options) -> Any:
     """Return the property of this name, or of one that differs in capitals only; None if there is none."""
     alike = {key.lower(): value for key, value in properties.items()}
     return properties.get(name_by, alike.get(name_by.lower()))
 
 
-def read_segments(path: Path, label: int | None) -> tuple[NDArray[Any], bool]:
+def read_segments(path: Path, label: int | None) -> tuple[Array, bool]:
     """Read labels, and tell whether they are a mask: no other values than 0 and one more, or those of one label."""
     import numpy as np
 
@@ -104,7 +103,7 @@ def _has_voxels(path: Path) -> bool:
     return image_info(path).kind == "pages"
 
 
-def _voxels(path: Path) -> NDArray[Any]:
+def _voxels(path: Path) -> Array:
     """Read a stack of labels (D, H, W)."""
     import numpy as np
 
@@ -118,7 +117,7 @@ def _voxels(path: Path) -> NDArray[Any]:
     return values
 
 
-def read_size(path: Path) -> NDArray[Any]:
+def read_size(path: Path) -> Array:
     """Read a gray image of sizes, with the values that the file has."""
     import cvtimg
 

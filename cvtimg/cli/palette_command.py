@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import Report, Row, Stopwatch, Task
 from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
@@ -75,7 +76,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     return {"distinct_colors": n_distinct, "k": len(colors), "colors": _entries(colors, counts)}
 
 
-def _entries(palette: NDArray[Any], counts: NDArray[np.int64]) -> list[Row]:
+def _entries(palette: Array, counts: NDArray[np.int64]) -> list[Row]:
     channels = {1: [0, 0, 0], 2: [0, 0, 0, 1]}.get(palette.shape[1], slice(None))
     return [
         {

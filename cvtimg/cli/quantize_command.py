@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields
 from functools import partial
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cvtimg._shared.extras import needs
+from cvtimg._shared.types import Array, Options
 from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, searched
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.report import complain
@@ -23,8 +24,6 @@ from cvtimg.cli.running import Todo, only, plan_of, planned, running_of, selecte
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cvtimg.colors.samples import ColorSamples
 
 EXAMPLES = """\
@@ -140,7 +139,7 @@ def _may_replace(plan: Plan, given: Given) -> bool:
     return True
 
 
-def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Mapping[str, Any]) -> Row:
+def _quantize(task: Task, stopwatch: Stopwatch, given: Given, *, options: Options) -> Row:
     from cvtimg.quantization import QuantizeOptions, Reading, Writing, quantize_file
 
     records = (QuantizeOptions, Reading, Writing)
@@ -189,8 +188,8 @@ def _suffix_for(source: Path) -> str:
 
 
 def _share(
-    plan: Plan, find: Callable[[ColorSamples], NDArray[Any]], count: Callable[[Task], ColorSamples], *, running: Running
-) -> NDArray[Any] | None:
+    plan: Plan, find: Callable[[ColorSamples], Array], count: Callable[[Task], ColorSamples], *, running: Running
+) -> Array | None:
     """Find the palette of all images together, or None; inputs that cannot be read move to the missing of the plan."""
     from cvtimg.colors.counting import add_samples
 
@@ -222,7 +221,7 @@ def _count_known(task: Task, *, given: Given) -> ColorSamples:
     return count_picture(image, given.depth, mask=None if known.all() else known)
 
 
-def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> NDArray[Any]:
+def _palette_of_all(samples: ColorSamples, *, options: dict[str, Any]) -> Array:
     """Find a palette as `quantize` would for one image."""
     from cvtimg import find_palette
     from cvtimg.colors.spaces import to_depth

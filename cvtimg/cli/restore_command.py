@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
@@ -46,7 +47,7 @@ COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds
 class VersionFiles(NamedTuple):
     """Versions of one image and masks as read, and the names of their files."""
 
-    images: list[NDArray[Any]]
+    images: list[Array]
     masks: list[NDArray[np.bool_]] | None
     names: list[str]
     mask_names: list[str]
@@ -129,7 +130,7 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
     return versions, stack
 
 
-def _named(files: Sequence[tuple[Path, Sequence[NDArray[Any]]]]) -> tuple[list[str], list[NDArray[Any]]]:
+def _named(files: Sequence[tuple[Path, Sequence[Array]]]) -> tuple[list[str], list[Array]]:
     names = []
     for path, pages in files:
         names += [str(path)] if len(pages) == 1 else [f"{path}: page {n + 1}" for n in range(len(pages))]
@@ -275,7 +276,7 @@ def _restored(read: VersionFiles, given: Given) -> Denoised:
         raise ValueError(_with_names(str(error), read)) from error
 
 
-def _leaves_structure(image: NDArray[Any], version: NDArray[Any], known: NDArray[np.bool_]) -> bool:
+def _leaves_structure(image: Array, version: Array, known: NDArray[np.bool_]) -> bool:
     """Tell whether what a restored image leaves of a version is more than noise, as faint text is."""
     import numpy as np
 
@@ -318,7 +319,7 @@ def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages,
     return notes
 
 
-def _write_each(path: Path, images: Sequence[NDArray[Any]], stack: Pages, source: Any, given: Given) -> list[str]:
+def _write_each(path: Path, images: Sequence[Array], stack: Pages, source: Any, given: Given) -> list[str]:
     """Write an image, or the pages of a stack or animation; return what there is to say about it."""
     from cvtimg import quantize_frames, write_image
     from cvtimg.pictures import Metadata, read_frames, write_frames, write_pages

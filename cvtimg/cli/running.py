@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
+from cvtimg._shared.types import Options
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern
@@ -76,7 +77,7 @@ def plot(path: Path | None, given: Given, draw: str, *drawn: Any, **more: Any) -
         plotting.save_plot(path, getattr(plotting, draw), *drawn, **more, overwrite=given.overwrite)
 
 
-def only(arguments: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+def only(arguments: Options, names: Collection[str]) -> dict[str, Any]:
     """Return those of some arguments that a function takes."""
     return {name: value for name, value in arguments.items() if name in names}
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.joint_table import JointTable
 from cvtimg.cli.running import Todo, only, plan_of, planned
@@ -138,7 +139,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _is_lit_unevenly(given: Given, image: NDArray[Any], known: NDArray[np.bool_]) -> bool:
+def _is_lit_unevenly(given: Given, image: Array, known: NDArray[np.bool_]) -> bool:
     from cvtimg.segmentation.local_means import is_lit_unevenly
 
     others = given.shading or given.hierarchy or given.superpixels or given.objects

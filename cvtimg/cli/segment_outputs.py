@@ -7,15 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cvtimg._shared.types import Array
 from cvtimg.batch import Task, WrongUsageError, check_suffix
 from cvtimg.options.record import Given
 from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cvtimg.labels.formats import Drawing
     from cvtimg.pictures import Metadata, Pages
     from cvtimg.pictures.files import ImageInfo
@@ -57,18 +56,18 @@ class Subject:
     """A segmented image, or a page of a stack, and its source."""
 
     source: Path
-    image: NDArray[Any]
-    labels: NDArray[Any]
+    image: Array
+    labels: Array
     header: ImageInfo
     given: Given  # how edges and contours are drawn
     hierarchy: RegionHierarchy | None = None
     place: Mapping[str, int] = field(default_factory=dict)  # of the page in its stack: ``{"t": 1, "z": 3}``
-    bands: NDArray[Any] | None = None  # (H, W, C) channels to measure in place of those of the image ...
+    bands: Array | None = None  # (H, W, C) channels to measure in place of those of the image ...
     channels: Sequence[str] = ()  # ... and their names
     in_volume: bool = False  # whether segments are those of a volume, of which the page is a plane
 
     @property
-    def measured(self) -> tuple[NDArray[Any], Sequence[str]]:
+    def measured(self) -> tuple[Array, Sequence[str]]:
         """What tables measure, and the names of its channels."""
         return (self.image, self.header.channels) if self.bands is None else (self.bands, self.channels)
 
@@ -104,7 +103,7 @@ class Subject:
         return drawing
 
     @property
-    def table(self) -> dict[str, NDArray[Any]]:
+    def table(self) -> dict[str, Array]:
         """The segments in rows, with their place in the stack."""
         import numpy as np
 
@@ -120,7 +119,7 @@ class Subject:
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
 
-    def _on_map(self, table: Mapping[str, NDArray[Any]], place: Sequence[float]) -> dict[str, NDArray[Any]]:
+    def _on_map(self, table: Mapping[str, Array], place: Sequence[float]) -> dict[str, Array]:
         """Return centroids in the coordinates of the map and, where these are meters, areas in m2."""
         from cvtimg.pictures import read_metadata
         from cvtimg.pictures.formats.geotiff import is_in_meters
@@ -156,9 +155,7 @@ def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
             raise ValueError(f"has several pages: name an output that can hold them, {way}, and not {path.name}")
 
 
-def write_outputs(
-    task: Task, divided: DividedStack, given: Given, *, in_volume: bool
-) -> dict[str, NDArray[Any]] | None:
+def write_outputs(task: Task, divided: DividedStack, given: Given, *, in_volume: bool) -> dict[str, Array] | None:
     """Write what was asked for; of several pages, all into one file. Return the table for that of all inputs."""
     from cvtimg.labels import write_contours, write_table
 
@@ -186,7 +183,7 @@ def write_outputs(
     return _table_of(subjects) if given.table else None
 
 
-def _other_channels(source: Path, given: Given) -> tuple[Sequence[NDArray[Any] | None], Sequence[str]]:
+def _other_channels(source: Path, given: Given) -> tuple[Sequence[Array | None], Sequence[str]]:
     """Read the channels that --measure names, of all pages, whichever channel is segmented."""
     from cvtimg.pictures import open_stack
     from cvtimg.pictures.formats.opening import selected, selecting
@@ -238,7 +235,7 @@ def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Page
     write_pages(path, replace(pages, images=tuple(images), has_alpha=False, is_joined=is_joined), overwrite=overwrite)
 
 
-def _drawn(kind: str, subject: Subject, path: Path) -> NDArray[Any]:
+def _drawn(kind: str, subject: Subject, path: Path) -> Array:
     import numpy as np
 
     from cvtimg import find_edges
@@ -264,7 +261,7 @@ def _drawn(kind: str, subject: Subject, path: Path) -> NDArray[Any]:
     return draw_edges(image, labels, color=color, thickness=given.line_width, ignore=subject.ignore)
 
 
-def _table_of(subjects: Sequence[Subject]) -> dict[str, NDArray[Any]]:
+def _table_of(subjects: Sequence[Subject]) -> dict[str, Array]:
     import numpy as np
 
     in_volume = subjects[0].in_volume
@@ -272,14 +269,14 @@ def _table_of(subjects: Sequence[Subject]) -> dict[str, NDArray[Any]]:
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def _touch_edges(labels: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+def _touch_edges(labels: Array, rows: Array) -> Array:
     """Return 1 for the objects that touch an edge of the image, or a face of the volume, which may cut them off."""
     from cvtimg.segmentation.counting import at_edges
 
     return at_edges(labels)[rows].astype(int)
 
 
-def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, NDArray[Any]]]:
+def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
     """Measure the objects of each frame, in rows with its number."""
     import numpy as np
 

@@ -7,6 +7,7 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cvtimg._shared.types import ImageLike
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
@@ -153,7 +154,7 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: Any) -> None:
+def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: ImageLike | None) -> None:
     from cvtimg.sphere import cell_polygons, earth_coasts
 
     cells, widths = grid.cells(), grid.widths()[kept]

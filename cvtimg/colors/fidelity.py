@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 
 
-def psnr(mse: float | NDArray[Any], white: float) -> Any:
+def psnr(mse: float | Array, white: float) -> Any:
     """Return the peak signal-to-noise ratio in dB of a mean squared error, infinite where that is 0."""
     with np.errstate(divide="ignore"):
         return 10 * np.log10(white**2 / np.asarray(mse, dtype=np.float64))

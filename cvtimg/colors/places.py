@@ -9,7 +9,6 @@ other as without alpha.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
+from cvtimg._shared.types import Array
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import from_space, to_space
 
@@ -29,7 +29,7 @@ def has_alpha(n_channels: int) -> bool:
     return n_channels in (2, 4)
 
 
-def kinds_of(colors: NDArray[Any], alpha: bool) -> NDArray[np.uint8]:
+def kinds_of(colors: Array, alpha: bool) -> NDArray[np.uint8]:
     """Return the (N,) kind of each color: `CLEAR`, `PARTLY` transparent or `OPAQUE`; `alpha` is the last channel."""
     if not alpha:
         return np.full(len(colors), OPAQUE, np.uint8)
@@ -44,7 +44,7 @@ def allowed_for(kinds: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return allowed | ~allowed.any(axis=1, keepdims=True)
 
 
-def to_places(colors: NDArray[Any], space: SpaceName, alpha: bool) -> NDArray[Any]:
+def to_places(colors: Array, space: SpaceName, alpha: bool) -> Array:
     """Return the (N, D) places of (N, C) colors: D = C, and in the space "rgb" without alpha the colors themselves."""
     if not alpha:
         places = to_space(colors, space)
@@ -55,7 +55,7 @@ def to_places(colors: NDArray[Any], space: SpaceName, alpha: bool) -> NDArray[An
     return np.concatenate([(seen - middle) * share, share * size], axis=1)
 
 
-def from_places(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any], alpha: bool) -> NDArray[Any]:
+def from_places(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic], alpha: bool) -> Array:
     """Return the (N, C) colors of a type at places: the inverse of `to_places`. Transparent ones are all zeros."""
     if not alpha:
         return from_space(places, space, dtype)
@@ -71,19 +71,19 @@ def from_places(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[A
     return colors
 
 
-def opaque_end(n_channels: int, space: SpaceName, dtype: np.dtype[Any]) -> float:
+def opaque_end(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> float:
     """Return the last coordinate of opaque colors of this many channels, alpha included."""
     return _middle(n_channels - 1, space, dtype)[1]
 
 
-def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[Any]) -> tuple[NDArray[np.float64], float]:
+def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> tuple[NDArray[np.float64], float]:
     """Return the middle between black and white, and how far both are from it."""
     ends = np.array([[0], [white_of(dtype)]], dtype).repeat(n_channels, axis=1)
     black, white = to_space(ends, space).astype(np.float64)
     return (black + white) / 2, float(np.linalg.norm(white - black) / 2)
 
 
-def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, NDArray[Any]]:
+def agree(samples: ColorSamples, colors: Array) -> tuple[ColorSamples, Array]:
     """Bring samples and given colors to the same channels: to grey if both are, to alpha if one of them has it."""
     # Colors of two and four channels have alpha, unless the samples have as many bands without.
     given, n_channels = colors.shape[1], samples.colors.shape[1]
@@ -101,12 +101,12 @@ def agree(samples: ColorSamples, colors: NDArray[Any]) -> tuple[ColorSamples, ND
     return widen_samples(samples, n_seen, samples.alpha or alpha), widen(colors, alpha, n_seen, samples.alpha or alpha)
 
 
-def with_alpha(colors: NDArray[Any]) -> NDArray[Any]:
+def with_alpha(colors: Array) -> Array:
     """Give colors an alpha channel, opaque."""
     return np.concatenate([colors, np.full_like(colors[:, :1], white_of(colors.dtype))], axis=1)
 
 
-def widen(colors: NDArray[Any], alpha: bool, n_seen: int, to_alpha: bool) -> NDArray[Any]:
+def widen(colors: Array, alpha: bool, n_seen: int, to_alpha: bool) -> Array:
     """Give colors this many channels, repeating grey, and an alpha channel, opaque if they had none."""
     if alpha:
         return np.concatenate([widen(colors[:, :-1], False, n_seen, False), colors[:, -1:]], axis=1)
@@ -119,7 +119,7 @@ def widen_samples(samples: ColorSamples, n_seen: int, alpha: bool) -> ColorSampl
     return replace(samples, rows=widen(samples.colors, samples.alpha, n_seen, alpha), alpha=alpha)
 
 
-def without_idle_alpha(image: NDArray[Any]) -> NDArray[Any]:
+def without_idle_alpha(image: Array) -> Array:
     """Drop the alpha channel of an image that is opaque everywhere: three bytes per pixel are counted faster."""
     if (image[..., -1] != peak(image.dtype)).any():
         return image

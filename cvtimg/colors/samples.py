@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +16,7 @@ from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 #: Numbers from this size on are sorted: a table of them would take more time and memory.
@@ -54,7 +54,7 @@ class ColorSamples(WeightedSamples):
     inside: NDArray[np.bool_] | None = None
 
     @property
-    def colors(self) -> NDArray[Any]:
+    def colors(self) -> Array:
         """(M, D) distinct colors."""
         return self.rows
 
@@ -71,7 +71,7 @@ class ColorSamples(WeightedSamples):
         density = np.bincount(self.inverse.reshape(-1), checked.reshape(-1), self.n_colors)
         return replace(self, density=density.astype(np.float64))
 
-    def at_pixels(self, values: NDArray[Any]) -> NDArray[Any]:
+    def at_pixels(self, values: Array) -> Array:
         """Return, for each pixel, which of the (M, ...) values its color has: (H, W, ...)."""
         return take_rows(values, self.inverse)
 
@@ -84,7 +84,7 @@ class ColorSamples(WeightedSamples):
         return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, NO_PIXELS, self.alpha)
 
 
-def color_samples(image: Any, *, alpha: bool | None = None, mask: ArrayLike | None = None) -> ColorSamples:
+def color_samples(image: ImageLike, *, alpha: bool | None = None, mask: ArrayLike | None = None) -> ColorSamples:
     """Count the distinct colors of an image.
 
     Parameters
@@ -162,7 +162,7 @@ def merge_samples(several: Sequence[ColorSamples]) -> ColorSamples:
     return merged.weighted(np.concatenate([samples.density for samples in several])[np.newaxis])
 
 
-def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
+def _numbers_of(rows: Array) -> Array:
     """Return an (N,) number or, of many bytes, a record of each row: equal for equal rows, near for near 8-bit colors.
 
     Of up to four bands of 8 bits it is the place on a Morton curve: bits of equal rank are side by side.
@@ -188,7 +188,7 @@ def _numbers_of(rows: NDArray[Any]) -> NDArray[Any]:
     return wide.view(np.uint64)[:, 0]
 
 
-def _rows_of(numbers: NDArray[Any], dtype: np.dtype[Any], n_bands: int) -> NDArray[Any]:
+def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array:
     """Return the (N, C) rows of some numbers: the inverse of `_numbers_of`."""
     if numbers.dtype != np.uint32:
         pixels = numbers.view(np.uint8).reshape(len(numbers), -1)
@@ -200,7 +200,7 @@ def _rows_of(numbers: NDArray[Any], dtype: np.dtype[Any], n_bands: int) -> NDArr
     return rows
 
 
-def _counted(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+def _counted(numbers: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
     size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else _OF_TABLE + 1
     if size > _OF_TABLE or len(numbers) < _SORTED:

@@ -16,6 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 
 _Floats = NDArray[np.float64]
 
@@ -108,7 +109,7 @@ SPACES: dict[str, ColorSpace] = {
 }
 
 
-def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
+def to_space(colors: Array, space: SpaceName) -> Array:
     """Give colors their coordinates in a color space.
 
     Parameters
@@ -142,7 +143,7 @@ def to_space(colors: NDArray[Any], space: SpaceName) -> NDArray[Any]:
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
 
 
-def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[Any]) -> NDArray[Any]:
+def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic]) -> Array:
     """Bring places in a color space back to colors of a type, inside the gamut: the inverse of `to_space`.
 
     Integers are rounded; floating point in "rgb" comes back as it is, whatever its range.
@@ -158,7 +159,7 @@ def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[An
     return _rounded(colors.astype(np.float64), dtype) if dtype.kind in "iu" else colors.astype(dtype)
 
 
-def to_depth(colors: NDArray[Any], dtype: DTypeLike) -> NDArray[Any]:
+def to_depth(colors: Array, dtype: DTypeLike) -> Array:
     """Bring colors to an integer type or floating point in 0..1: black to black, white to white, integers rounded."""
     dtype = np.dtype(dtype)
     if colors.dtype == dtype:
@@ -168,14 +169,14 @@ def to_depth(colors: NDArray[Any], dtype: DTypeLike) -> NDArray[Any]:
         check_within("samples", colors, 0, white, f" to become {dtype}")
     wide = max((kind.itemsize for kind in (colors.dtype, dtype) if kind.kind in "iu"), default=0) > 2
     working = np.float64 if wide else colors.dtype if colors.dtype.kind == "f" else np.float32
-    unit: NDArray[Any] = colors / np.asarray(white, working)
+    unit: Array = colors / np.asarray(white, working)
     if dtype.kind in "iu":
         unit *= unit.dtype.type(peak(dtype))
         return _rounded(unit, dtype)
     return unit.astype(dtype, copy=False)
 
 
-def _rounded(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _rounded(values: Array, dtype: np.dtype[Any]) -> Array:
     """Round floating point, in place, to the nearest integers of a type."""
     low, high = float(np.iinfo(dtype).min), peak(dtype)
     if dtype.itemsize == 8:  # the largest integer of 64 bits would be rounded up, beyond the type

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_rows, check_within
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.designs import _designs
 from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
@@ -162,7 +162,7 @@ class Cube(SampleMoments):
         moves = per_mass(firsts - masses[:, None] * places, masses)
         return Moments(masses, frame.outward(places + moves), frame.energy(total))
 
-    def labels(self, generators: _Floats) -> NDArray[Any]:
+    def labels(self, generators: _Floats) -> Array:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""
         if not self.periodic:
             return assign(self._packed, self._packed.frame.inward(generators))[: len(self.samples)]

@@ -24,6 +24,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.types import Array
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
 from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
@@ -274,7 +275,7 @@ def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Flo
     return unit
 
 
-def _units(factors: Sequence[Factor], points: NDArray[Any]) -> _Floats:
+def _units(factors: Sequence[Factor], points: Array) -> _Floats:
     """Return where points (n, d) are in the unit cube."""
     return np.stack([factor.unit_of(column) for factor, column in zip(factors, points.T, strict=True)], axis=1)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_density, check_returned
+from cvtimg._shared.types import Array
 from cvtimg.designs.cells import sobol_samples
 from cvtimg.designs.factors import Factor
 
@@ -43,7 +44,7 @@ class Region:
         check_density(weights, len(samples))
         return samples[weights > 0], weights[weights > 0]
 
-    def allows(self, places: NDArray[Any]) -> NDArray[np.bool_]:
+    def allows(self, places: Array) -> NDArray[np.bool_]:
         """Tell which of (m, d) places are in the region."""
         if self._feasible is None:
             return np.ones(len(places), bool)
@@ -59,7 +60,7 @@ class Region:
             places[outside] = samples[cKDTree(samples).query(places[outside])[1]]
         return places
 
-    def _called(self, name: str, function: Any, places: NDArray[Any]) -> NDArray[Any]:
+    def _called(self, name: str, function: Any, places: Array) -> Array:
         columns = [axis.numbers(axis.at(column)) for axis, column in zip(self.axes, places.T, strict=True)]
         values = np.asarray(function(np.stack(columns, axis=1)))
         check_returned(name, values, len(places))

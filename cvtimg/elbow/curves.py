@@ -27,6 +27,7 @@ from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
+from cvtimg._shared.types import ImageLike
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained, judged
@@ -162,7 +163,7 @@ class EnergyCurve(ReadOnly):
 
 @hints_at_keywords
 def energy_curve(
-    samples: Any,
+    samples: ImageLike | ColorSamples,
     n_max: int = 64,
     *,
     density: ArrayLike | None = None,
@@ -271,7 +272,7 @@ def _is_one_cluster(points: Points, rng: np.random.Generator) -> bool:
     return saved(along) <= references.mean() + _ERRORS * error
 
 
-def auto_count(samples: Any, n_max: int = CHORD_ENDS, **options: Any) -> tuple[int, EnergyCurve]:
+def auto_count(samples: ImageLike | ColorSamples, n_max: int = CHORD_ENDS, **options: Any) -> tuple[int, EnergyCurve]:
     """Pick the number of generators by the default rule; also return the `energy_curve` of these arguments.
 
     Examples
@@ -291,7 +292,9 @@ def _optimal(points: Points, n_max: int, method: Method, conditions: Conditions)
     return ends
 
 
-def _weighted(samples: Any, density: ArrayLike | None, space: SpaceName) -> tuple[WeightedSamples, Scale, bool]:
+def _weighted(
+    samples: ImageLike | ColorSamples, density: ArrayLike | None, space: SpaceName
+) -> tuple[WeightedSamples, Scale, bool]:
     """Return samples of any kind, what their energies are measured against, and whether they are a table."""
     if density is None and (isinstance(samples, ColorSamples) or _is_image(samples)):
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
@@ -311,6 +314,6 @@ def _weighted(samples: Any, density: ArrayLike | None, space: SpaceName) -> tupl
     )
 
 
-def _is_image(samples: Any) -> bool:
+def _is_image(samples: ImageLike | ColorSamples) -> bool:
     array = array_of(samples)
     return array.ndim == 3 or hasattr(samples, "getbands") or (array.dtype.kind == "u" and array.dtype.itemsize <= 2)

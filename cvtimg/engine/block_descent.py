@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
 from cvtimg._shared.iteration import iterate
+from cvtimg._shared.types import Array
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Spread
@@ -41,7 +42,7 @@ class Survey:
 
     lengths: NDArray[np.int64]  # (B,) rows of each block
     spread: Spread  # of all rows
-    rows: NDArray[Any]  # (n, D) the sample
+    rows: Array  # (n, D) the sample
     weights: NDArray[np.float64]  # (n,)
 
     @property
@@ -111,7 +112,7 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     return replace(found, rows=rows, weights=weights)
 
 
-def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[NDArray[Any], NDArray[np.float64]]:
+def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Array, NDArray[np.float64]]:
     """Return the sample and its weights, with rows that it lacks if it has too few that differ."""
     rows, weights = found.rows, found.weights
     if len(_some_distinct([rows], n_generators)) < n_generators:
@@ -133,7 +134,7 @@ def check_by_blocks(method: object, volume_power: float) -> None:
 def descend(
     blocks: Blocks,
     frame: Frame,
-    sample: tuple[NDArray[Any], NDArray[np.float64]],
+    sample: tuple[Array, NDArray[np.float64]],
     generators: NDArray[np.float64],
     energies: Sequence[float],
     conditions: Conditions,
@@ -204,7 +205,7 @@ def _survey_block(block: Block, all_rows: bool) -> Survey:
 
 def _draw_from_block(
     block: Block, seed: int, ends: NDArray[np.int64], half: float, mass: float, mean: NDArray[np.float64], energy: float
-) -> tuple[NDArray[Any], NDArray[np.float64]]:
+) -> tuple[Array, NDArray[np.float64]]:
     """Draw rows, those that are far from the mean more often, with weights that make up for it, as `thin` does."""
     # By a number for each row of all, so that the sample is the same for any blocks of the same rows.
     numbers = np.random.Generator(np.random.PCG64(seed).advance(int(ends[block.number])))
@@ -216,12 +217,12 @@ def _draw_from_block(
     return _joined(found)
 
 
-def _joined(parts: Sequence[tuple[NDArray[Any], NDArray[np.float64]]]) -> tuple[NDArray[Any], NDArray[np.float64]]:
+def _joined(parts: Sequence[tuple[Array, NDArray[np.float64]]]) -> tuple[Array, NDArray[np.float64]]:
     rows, weights = zip(*parts, strict=True)
     return np.concatenate(rows), np.concatenate(weights)
 
 
-def _squares(rows: NDArray[Any], place: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(rows: Array, place: NDArray[np.float64]) -> NDArray[np.float64]:
     steps = rows - place
     return np.asarray(np.einsum("nd,nd->n", steps, steps))
 
@@ -242,14 +243,14 @@ def _moments_of_block(
     return _total(found)
 
 
-def _label_rows(rows: NDArray[Any], *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
+def _label_rows(rows: Array, *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
     return assign_rows(rows, generators, pack(rows, np.ones(len(rows)), frame=frame))
 
 
-def _distinct_block(block: Block, most: int) -> NDArray[Any]:
+def _distinct_block(block: Block, most: int) -> Array:
     return _some_distinct([rows[weights > 0] for rows, weights in block.pieces()], most)
 
 
-def _some_distinct(several: Sequence[NDArray[Any]], most: int) -> NDArray[Any]:
+def _some_distinct(several: Sequence[Array], most: int) -> Array:
     """Return some of the distinct rows, as many as there are if these are fewer than `most`."""
     return np.unique(np.concatenate(several), axis=0)[:most]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.engine import _kernels
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
@@ -44,7 +45,7 @@ class Frame(NamedTuple):
     center: NDArray[np.float64]
     scale: float
 
-    def inward(self, places: NDArray[Any]) -> NDArray[np.float64]:
+    def inward(self, places: Array) -> NDArray[np.float64]:
         """Transform (n, D) places from the units of the samples to the frame."""
         return (places - self.center) * self.scale
 
@@ -63,8 +64,8 @@ class Points:
 
     # Only this module and the kernels know the layout of the tiles; others use the methods here.
 
-    tiles: NDArray[Any]  # (n_tiles, D, TILE), float32, or float64 of exact ones; the last one fills the last tile
-    boxes: NDArray[Any]  # (n_tiles, 2, D): smallest and largest coordinates in each tile, of few dimensions
+    tiles: Array  # (n_tiles, D, TILE), float32, or float64 of exact ones; the last one fills the last tile
+    boxes: Array  # (n_tiles, 2, D): smallest and largest coordinates in each tile, of few dimensions
     squares: NDArray[np.float64]  # (n_tiles * TILE,): squared distances to the origin of points that are not exact
     density: NDArray[np.float64]  # (n_tiles * TILE,): weight of each point, 0 in the padding
     frame: Frame  # Where the origin of the tiles is
@@ -87,7 +88,7 @@ class Points:
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
 
-    def coordinate(self, dim: int) -> NDArray[Any]:
+    def coordinate(self, dim: int) -> Array:
         """Return one coordinate of all points, padding included, in the order of `density`."""
         return self.tiles[:, dim].reshape(-1)
 
@@ -101,7 +102,7 @@ class Points:
 
 
 def pack(
-    rows: NDArray[Any],
+    rows: Array,
     density: NDArray[np.float64],
     *,
     center: NDArray[np.float64] | None = None,
@@ -140,7 +141,7 @@ def pack(
     return _points(tiles, padded, frame, n_points, in_order or order is not None)
 
 
-def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean(rows: Array, density: NDArray[np.float64]) -> NDArray[np.float64]:
     some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
     if not weights.any():
         center: NDArray[np.float64] = some.mean(axis=0, dtype=np.float64)
@@ -150,7 +151,7 @@ def _mean(rows: NDArray[Any], density: NDArray[np.float64]) -> NDArray[np.float6
     return np.rint(center) if rows.dtype.kind == "u" else center
 
 
-def scale_within(low: NDArray[Any], high: NDArray[Any], center: NDArray[np.float64]) -> float:
+def scale_within(low: Array, high: Array, center: NDArray[np.float64]) -> float:
     """Return the scale for places between these (D,) limits."""
     return scale_for_float32(max(float(np.max(high - center)), float(np.max(center - low))))
 
@@ -161,7 +162,7 @@ def scale_for_float32(size: float) -> float:
     return 1.0 if size == 0 or 1e-6 < size < 1e6 else 2.0 ** min(-round(math.log2(size)), 1000)
 
 
-def _points(tiles: NDArray[Any], density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:
+def _points(tiles: Array, density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:
     boxes = np.zeros((len(tiles), 2, tiles.shape[1]), tiles.dtype)
     parts = _fixed_parts(len(tiles))
     squares, energies = np.zeros(len(density)), np.zeros(len(parts))
@@ -210,7 +211,7 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     return points.take(drawn, points.density[drawn] * counts * ends[-1] / (n_drawn * chances[drawn]))
 
 
-def assign(points: Points, generators: NDArray[np.float64], gaps: NDArray[Any] | None = None) -> NDArray[np.int32]:
+def assign(points: Points, generators: NDArray[np.float64], gaps: Array | None = None) -> NDArray[np.int32]:
     """Label each point, padding included, with its nearest generator; the first one on a tie."""
     # Into gaps goes how much farther the second nearest is, in squared distance.
     # The nearest generator z of a point y has the least ``|z|^2 / 2 - y . z``.
@@ -231,9 +232,7 @@ def assign(points: Points, generators: NDArray[np.float64], gaps: NDArray[Any] |
     return labels
 
 
-def assign_rows(
-    rows: NDArray[Any], places: NDArray[Any], points: Points, order: NDArray[np.intp] | None = None
-) -> NDArray[np.int32]:
+def assign_rows(rows: Array, places: Array, points: Points, order: NDArray[np.intp] | None = None) -> NDArray[np.int32]:
     """Label (N, D) rows with their nearest places, in their own units, once packed as points; perhaps in an order."""
     # Where the two nearest are nearer to each other than rounding is, float64 decides. So a label depends on no other
     # row: J. Shewchuk, Discrete & Computational Geometry 18 (1997) 305-363, doi 10.1007/PL00009321.
@@ -265,7 +264,7 @@ class RowMoments(NamedTuple):
 
     @classmethod
     def of(
-        cls, rows: NDArray[Any], weights: NDArray[np.float64], places: NDArray[np.float64], labels: NDArray[np.int32]
+        cls, rows: Array, weights: NDArray[np.float64], places: NDArray[np.float64], labels: NDArray[np.int32]
     ) -> RowMoments:
         """Sum over (N, D) rows by their labels."""
         points = pack(rows, weights, frame=Frame(np.zeros(rows.shape[1]), 1.0), exact=True)
@@ -301,7 +300,7 @@ def float32_suffices(points: Points, energy: float) -> bool:
 
 def assign_next(
     points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[Any]]:
+) -> tuple[NDArray[np.int32], Array]:
     """Return the nearest generator of each point but for its own, and how much farther that is, in squared distance."""
     seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), points.tiles.dtype)
     places, half_norms = _for_kernels(points, generators)
@@ -367,7 +366,7 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
     return np.where(energies > least, energies, 0.0)
 
 
-def _for_kernels(points: Points, generators: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _for_kernels(points: Points, generators: NDArray[np.float64]) -> tuple[Array, Array]:
     """Convert generators to the type of the points, and compute half their squared norms, 0 for exact points."""
     if points.exact:
         return np.ascontiguousarray(generators), np.zeros(len(generators))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.engine.points import GROUPED_FROM, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
@@ -37,7 +38,7 @@ class WeightedSamples(ReadOnly):
         Whether consecutive samples are near each other, which makes computations faster.
     """
 
-    rows: NDArray[Any]
+    rows: Array
     density: NDArray[np.float64]
     in_order: bool
 
@@ -57,10 +58,10 @@ class Line(NamedTuple):
 
     origin: NDArray[np.float64]
     direction: NDArray[np.float64]
-    places: NDArray[Any]
+    places: Array
 
 
-def line_through(rows: NDArray[Any]) -> Line | None:
+def line_through(rows: Array) -> Line | None:
     """Return the line that (N, D > 1) rows lie on but for rounding, as gray pixels in three equal bands do, if any."""
     if rows.shape[1] < 2 or (len(rows) > _FEW and line_through(rows[:: -(-len(rows) // _FEW)]) is None):
         return None
@@ -80,7 +81,7 @@ def line_through(rows: NDArray[Any]) -> Line | None:
 
 
 def pack_in_order(
-    rows: NDArray[Any], weights: NDArray[np.float64], n_generators: int, *, in_order: bool = False, exact: bool = False
+    rows: Array, weights: NDArray[np.float64], n_generators: int, *, in_order: bool = False, exact: bool = False
 ) -> tuple[Points, NDArray[np.intp] | None]:
     """Pack the (N, D) rows of a table; also return their order, if it is not the given one."""
     sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
@@ -90,7 +91,7 @@ def pack_in_order(
     return pack(rows, weights, order=order, exact=exact), order
 
 
-def along_curve(rows: NDArray[Any]) -> NDArray[np.intp]:
+def along_curve(rows: Array) -> NDArray[np.intp]:
     """Return the order of (M, D <= 4) rows along a Morton curve, with up to 2^16 steps over their range."""
     n_rows, n_dims = rows.shape
     # Keys and places are sorted as one number each, in which long keys of many rows lose their last bits.

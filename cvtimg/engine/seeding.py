@@ -7,12 +7,13 @@ others.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies
 
@@ -175,7 +176,7 @@ def seed_sets(
 
     def seed(start: int, stop: int) -> None:
         kind, more = points.tiles.dtype, (n_tiles + 1) * width
-        scratch: tuple[NDArray[Any], ...]
+        scratch: tuple[Array, ...]
         scratch = np.empty((2, more), np.int32), np.empty((2, more), kind), np.empty((n_tiles, n_draws, width), kind)
         scratch += np.empty(n_tiles), np.empty((n_generators + n_draws, n_dims), kind), np.empty(n_generators, kind)
         scratch += np.empty((n_dims, width), kind), np.empty((n_draws, n_generators + 1))

@@ -26,6 +26,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
+from cvtimg._shared.types import Array
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
@@ -233,7 +234,7 @@ def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
 
 
 def _tessellate_rows(
-    rows: NDArray[Any], weights: NDArray[np.float64], asked: _Asked, *, in_order: bool = False
+    rows: Array, weights: NDArray[np.float64], asked: _Asked, *, in_order: bool = False
 ) -> Tessellation:
     """Tessellate (N, D) rows: in float32, and again in float64 where that was too coarse; one column always in that."""
     exact = rows.shape[1] == 1
@@ -272,7 +273,7 @@ def _descended(points: Points, asked: _Asked) -> tuple[Iteration, NDArray[np.flo
 
 
 def _measured(
-    rows: NDArray[Any], weights: NDArray[np.float64], points: Points, order: NDArray[np.intp] | None, asked: _Asked
+    rows: Array, weights: NDArray[np.float64], points: Points, order: NDArray[np.intp] | None, asked: _Asked
 ) -> Tessellation:
     """Descend with packed rows, and measure the end on the rows themselves, in float64."""
     end, locked, is_labeled = _descended(points, asked)

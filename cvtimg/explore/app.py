@@ -19,6 +19,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.types import Json
 from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.collection import Collection
@@ -125,7 +126,7 @@ class Server:
     async def _add_to_all(self, request: Request) -> Response:
         """Add the result for a picture to the archive of all; the first empties it."""
 
-        def added(name: str, content: bytes) -> dict[str, Any]:
+        def added(name: str, content: bytes) -> Json:
             asked = _understood(content)
             if asked.get("first"):
                 self.collection.begin()
@@ -144,7 +145,7 @@ class Server:
     async def _change_presets(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: change_presets(_understood(content)))
 
-    async def _sent(self, request: Request, use: Callable[[str, bytes], dict[str, Any]]) -> Response:
+    async def _sent(self, request: Request, use: Callable[[str, bytes], Json]) -> Response:
         """Take a file that a page sends, up to the limit."""
         self._last_used = time.monotonic()
         most = f"{MOST_BYTES / 1e6:.0f} MB, more than the page takes; use the command line, or name it there to open it"
@@ -175,7 +176,7 @@ class Server:
     async def _curve(self, request: Request) -> Response:
         key, space = request.path_params["picture"], request.path_params["space"]
 
-        def measured() -> dict[str, Any]:
+        def measured() -> Json:
             if space not in SPACES:
                 raise UnfitRequestError("there is no such color space")
             name: SpaceName = space
@@ -214,7 +215,7 @@ class Server:
                 self.store.forget()
 
 
-def _understood(content: bytes) -> dict[str, Any]:
+def _understood(content: bytes) -> Json:
     """Return what a page asks for in JSON."""
     try:
         return dict(json.loads(content))
@@ -233,7 +234,7 @@ def _sample() -> bytes:
     return stream.getvalue()
 
 
-async def _answered(make: Callable[[], dict[str, Any]]) -> Response:
+async def _answered(make: Callable[[], Json]) -> Response:
     """Return what a function makes as JSON, or the reason why it cannot."""
     try:
         made = await run_in_threadpool(make)

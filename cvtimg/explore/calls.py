@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import cvtimg
+from cvtimg._shared.types import Json, Options
 
 
 class Code(str):
@@ -32,7 +33,7 @@ def call(function: str, *arguments: Any, **keywords: Any) -> Code:
     return Code(f"{function}({', '.join(words)})")
 
 
-def run(lines: Iterable[Line], values: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def run(lines: Iterable[Line], values: Options | None = None) -> Json:
     """Run lines one after the other, and return the values of all names."""
     named = dict(values or {})
     for line in lines:
@@ -40,7 +41,7 @@ def run(lines: Iterable[Line], values: Mapping[str, Any] | None = None) -> dict[
     return named
 
 
-def evaluated(code: Code, values: Mapping[str, Any]) -> Any:
+def evaluated(code: Code, values: Options) -> Any:
     """Return what an expression stands for: tabs write it, and what a person chose is in it as literals alone."""
     return eval(code, {"cvtimg": cvtimg, "numpy": np, **values})
 

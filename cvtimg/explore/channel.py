@@ -20,6 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
+from cvtimg._shared.types import Json
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome
@@ -82,7 +83,7 @@ class Channel:
 
     def __init__(self, socket: WebSocket, store: Store) -> None:
         self._socket, self._store = socket, store
-        self._waiting: dict[str, dict[str, Any]] = {}
+        self._waiting: dict[str, Json] = {}
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
         self._search: Work[Any] | None = None
         self._last: tuple[Any, str, Outcome] | None = None
@@ -109,7 +110,7 @@ class Channel:
             request = json.loads(text) if len(text) <= _LONGEST else None
         except (ValueError, RecursionError):
             request = None
-        asked: dict[str, Any] = request if isinstance(request, dict) else {}
+        asked: Json = request if isinstance(request, dict) else {}
         number, lane = asked.get("seq"), asked.get("lane")
         if not isinstance(number, int) or not 0 <= number < 1 << 31 or lane not in ("cancel", *self._woken):
             await self._refuse(0, "", "this request is not understood")
@@ -139,7 +140,7 @@ class Channel:
     async def _refuse(self, number: int, lane: str, why: str) -> None:
         await self._socket.send_text(json.dumps({"seq": number, "lane": lane, "error": why}))
 
-    async def _answer(self, lane: str, asked: dict[str, Any]) -> None:
+    async def _answer(self, lane: str, asked: Json) -> None:
         number = asked["seq"]
         if lane == "before":
             picture = opened(self._store, asked)
@@ -154,7 +155,7 @@ class Channel:
 
         def answered() -> bytes | str:
             key, outcome = "", None
-            about: dict[str, Any] = {"lane": lane, "recipes": _recipes(tab, request)}
+            about: Json = {"lane": lane, "recipes": _recipes(tab, request)}
             if self._last and self._last[0] == same and (lane == "exact" or self._last[2].frames):
                 key, outcome = self._last[1:]
             elif lane == "draft":

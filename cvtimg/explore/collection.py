@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import requested
@@ -22,7 +21,7 @@ class Collection:
         """Empty the archive."""
         self._path.unlink(missing_ok=True)
 
-    def add(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def add(self, asked: Options) -> Json:
         """Add the file ``output`` that the settings of a tab make of a picture; return its name and its size."""
         tab, request = requested(self._store, asked)
         name = Path(request.picture.name).name

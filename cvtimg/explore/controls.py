@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.svg import shortest
+from cvtimg._shared.types import Json, Options
 from cvtimg.options import options_of, record
 from cvtimg.options.record import Option
 from cvtimg.segmentation import Edit, brush
 
 #: Values of the controls of a tab by name, checked.
-Settings: TypeAlias = Mapping[str, Any]
+Settings: TypeAlias = Options
 
 
 class UnfitRequestError(Exception):
@@ -74,7 +75,7 @@ class Control:
     def text(self, value: Any) -> str:
         return str(value)
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         told = {
             attribute.name: getattr(self, attribute.name) for attribute in fields(self) if attribute.name not in _OWN
         }
@@ -122,7 +123,7 @@ class Choice(Control):
             raise self.refuse(value, f"one of {', '.join(self.choices)}")
         return value
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         return {**Control.described(self), "choices": list(self.choices.items())}
 
 
@@ -212,7 +213,7 @@ class Table(Several):
             for column, cell in zip(self.columns, value, strict=True)
         )
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         return {**Control.described(self), "columns": [column.described() for column in self.columns]}
 
 
@@ -231,7 +232,7 @@ class Edits(Several):
             raise UnfitRequestError(f"{self.label}: {error}") from error
         return str(value)
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         return {**Control.described(self), "modes": list(self.modes.items())}
 
 
@@ -275,7 +276,7 @@ class Switches(Choice):
         return [] if value == self.none else [f"--{value}"]
 
 
-def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) -> tuple[Control, ...]:
+def controls_of(verb: str, *listed: Control | str | tuple[str, Json]) -> tuple[Control, ...]:
     """Return controls of a verb: own ones as they are, and those of options by name, with what differs from the record.
 
     An option is in effect where the page chooses what it needs, and nothing that it excludes.
@@ -292,11 +293,11 @@ def controls_of(verb: str, *listed: Control | str | tuple[str, dict[str, Any]]) 
     return tuple(made)
 
 
-def _control_of(option: Option, changed: Mapping[str, Any]) -> Control:
+def _control_of(option: Option, changed: Options) -> Control:
     page, kind = option.page, option.kind
     assert page is not None, option.name
     default = page.get("default", option.parse(None))
-    about: dict[str, Any] = {"name": option.name, "default": default, "flag": option.flag, "keyword": option.keyword}
+    about: Json = {"name": option.name, "default": default, "flag": option.flag, "keyword": option.keyword}
     of: type[Control]
     if isinstance(kind, record.Switch):
         of, about["flag"] = Switch, option.words[-1].rpartition("/")[2] if default else option.flag

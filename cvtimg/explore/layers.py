@@ -6,13 +6,14 @@ import json
 import math
 import struct
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array, Json, Options
 from cvtimg.explore.controls import UnfitRequestError, is_number
 
 
@@ -45,7 +46,7 @@ class Window(NamedTuple):
         left, top = (max(int(value) // step * step, 0) for value in (left - across, top - down))
         return cls(left, top, min(math.ceil(right + across), width), min(math.ceil(bottom + down), height), step)
 
-    def of_array(self, array: NDArray[Any]) -> NDArray[Any]:
+    def of_array(self, array: Array) -> Array:
         """Cut the window from an array (H, W, ...)."""
         return np.ascontiguousarray(array[self.top : self.bottom : self.step, self.left : self.right : self.step])
 
@@ -58,10 +59,10 @@ def _step(n_pixels: int, most: int) -> int:
 class Indexed:
     """(H, W) indices of (K, 4) uint8 colors."""
 
-    indices: NDArray[Any]
+    indices: Array
     colors: NDArray[np.uint8]
 
-    def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
+    def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         indices = window.of_array(self.indices)
         # Counts of labels are 32-bit; few pixels are sent, as bytes where they fit.
         smallest = next(size for size in (1, 2, 4) if len(self.colors) <= 256**size)
@@ -76,7 +77,7 @@ class Pixels:
 
     pixels: NDArray[np.uint8]
 
-    def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
+    def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         pixels = window.of_array(self.pixels)
         rgba = np.full((*pixels.shape[:2], 4), 255, np.uint8)
         rgba[..., : pixels.shape[2]] = pixels
@@ -90,7 +91,7 @@ class Drawing:
     svg: bytes
     over: bool = False
 
-    def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
+    def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         return {"kind": "svg", "over": self.over}, [self.svg]
 
 
@@ -101,7 +102,7 @@ class Globe:
     vertices: NDArray[np.float32]
     edges: NDArray[np.uint32]
 
-    def cut(self, window: Window) -> tuple[dict[str, Any], Sequence[bytes]]:
+    def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         about = {"kind": "globe", "corners": len(self.vertices)}
         return about, [self.vertices.astype("<f4").tobytes(), self.edges.astype("<u4").tobytes()]
 
@@ -110,7 +111,7 @@ class Globe:
 Layer: TypeAlias = Indexed | Pixels | Drawing | Globe
 
 
-def packed(number: int, about: Mapping[str, Any], layer: Layer, window: Window, part: Window | None = None) -> bytes:
+def packed(number: int, about: Options, layer: Layer, window: Window, part: Window | None = None) -> bytes:
     """Pack a reply: the number of the request, the length of the description, the description, the layer.
 
     The layer is cut to the window, or is that of a `part` of the picture and taken whole.

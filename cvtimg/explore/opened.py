@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg import energy_curve, read_image
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.types import Array, Json
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
@@ -129,7 +130,7 @@ class Picture:
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
         if not 0 <= channel <= len(self.channels):
             raise UnfitRequestError(f"there is no channel {channel}")
-        about: dict[str, Any] = {"whole": self, "page": number + 1, "channel": channel}
+        about: Json = {"whole": self, "page": number + 1, "channel": channel}
         key = f"{self.key}/{number}/{channel}"
         picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, **about))
         return picture
@@ -153,7 +154,7 @@ class Picture:
         return self.header.has_alpha and self.plain.shape[2:] == (4,)
 
     @cached_property
-    def plain(self) -> NDArray[Any]:
+    def plain(self) -> Array:
         """The array, without transparency where all pixels are opaque."""
         declared = self.header.has_alpha and self.array.shape[2:] == (4,)
         return without_idle_alpha(self.array) if declared else self.array
@@ -229,14 +230,14 @@ class Picture:
         bands = self._bands(self.plain)
         return natural_limits(bands if self.known is None else bands[self.known])
 
-    def _bands(self, pixels: NDArray[Any]) -> NDArray[Any]:
+    def _bands(self, pixels: Array) -> Array:
         bands = pixels[..., None] if self.plain.ndim == 2 else pixels
         return bands if self.has_alpha else bands[..., :3]
 
     def seen(self, window: Window) -> Pixels:
         return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
 
-    def colors_seen(self, colors: NDArray[Any], *, alpha: bool) -> NDArray[np.uint8]:
+    def colors_seen(self, colors: Array, *, alpha: bool) -> NDArray[np.uint8]:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
         bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
         if bands.shape[1] == 2:  # gray and alpha
@@ -246,7 +247,7 @@ class Picture:
         rgba[:, : rows.shape[1]] = rows
         return rgba
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         about = {"id": self.key, "name": Path(self.name).name, "path": self.name, "bytes": self.n_bytes}
         return {
             **about,

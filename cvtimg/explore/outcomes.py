@@ -6,11 +6,12 @@ import os
 import shlex
 import tempfile
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cvtimg._shared.types import Options
 from cvtimg.explore.calls import Code, Line, as_python, call, evaluated
 from cvtimg.explore.layers import Layer, Window
 
@@ -33,7 +34,7 @@ class Output:
     # The function that writes it: given the file, and then these arguments. By default a result saves itself.
     function: str = "result.save"
     arguments: tuple[Any, ...] = ()
-    keywords: Mapping[str, Any] = field(default_factory=dict)
+    keywords: Options = field(default_factory=dict)
     read: bool = False  # Whether the command reads the file, which was made on the page
 
     @property
@@ -77,13 +78,13 @@ class Outcome:
     """What settings make of a picture."""
 
     layer: Layer  # What is seen of the result
-    facts: Mapping[str, Any]  # Numbers that the page shows
-    values: Mapping[str, Any] = field(default_factory=dict)  # What lines of Python call by names, to write files
+    facts: Options  # Numbers that the page shows
+    values: Options = field(default_factory=dict)  # What lines of Python call by names, to write files
     outputs: Sequence[Output] = ()  # The files that it can be saved as, the main one first
     stem: str = ""  # Name of the picture without suffix
     drawn: Window | None = None  # The part of the picture that the layer shows; by default all of it
     # Layer and facts of each frame of an animation.
-    frames: Sequence[tuple[Layer, Mapping[str, Any]]] = ()
+    frames: Sequence[tuple[Layer, Options]] = ()
     _files: dict[str, bytes] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 

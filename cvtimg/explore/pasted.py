@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Iterator
 from typing import Any
 
+from cvtimg._shared.types import Json
 from cvtimg.explore.controls import (
     Choice,
     Control,
@@ -23,7 +24,7 @@ from cvtimg.explore.tabs.base import Tab
 from cvtimg.options import options_of, record
 
 
-def settings_of(text: str) -> dict[str, Any]:
+def settings_of(text: str) -> Json:
     """Return the tab and the settings of a command, and which of its options the page does not have.
 
     Raises
@@ -38,7 +39,7 @@ def settings_of(text: str) -> dict[str, Any]:
     tab = next((tab for tab in TABS.values() if tab.verb == verb), None)
     if program != "cvtimg" or tab is None:
         raise UnfitRequestError(f"no tab of this page is for {program} {verb}")
-    settings: dict[str, Any] = {}
+    settings: Json = {}
     # Switches first: what others mean may hang on them.
     given = sorted(_options(verb, words), key=lambda option: option[1] != "")
     left = [flag for flag, value in given if not _taken(tab, flag, value, settings)]
@@ -65,7 +66,7 @@ def _options(verb: str, words: list[str]) -> Iterator[tuple[str, str]]:
                 yield option.flag, value
 
 
-def _taken(tab: Tab, flag: str, text: str, settings: dict[str, Any]) -> bool:
+def _taken(tab: Tab, flag: str, text: str, settings: Json) -> bool:
     """Put an option into settings, with what it needs of other controls; return whether the page has it."""
     known = {control.name: control for control in tab.controls}
     aim = known.get("aim")
@@ -92,7 +93,7 @@ def _flags(control: Control) -> list[str]:
     return [f"--{name}" for name in control.choices] if isinstance(control, Switches) else [control.flag]
 
 
-def _value(control: Control, flag: str, text: str, settings: dict[str, Any]) -> Any:
+def _value(control: Control, flag: str, text: str, settings: Json) -> Any:
     """Return what the page would send for the text of an option."""
     if isinstance(control, Switches):
         return flag[2:]
@@ -108,7 +109,7 @@ def _value(control: Control, flag: str, text: str, settings: dict[str, Any]) -> 
     return text
 
 
-def _bring_into_effect(control: Control, known: dict[str, Control], settings: dict[str, Any]) -> None:
+def _bring_into_effect(control: Control, known: dict[str, Control], settings: Json) -> None:
     for name, values in control.when.items():
         if settings.get(name, known[name].default) not in values:
             settings[name] = values[0]

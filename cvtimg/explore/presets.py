@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.controls import Edits, Entry, Files, UnfitRequestError, parse_settings
 from cvtimg.explore.tabs import TABS
 from cvtimg.files.whole import write_whole
 
 
-def presets() -> dict[str, Any]:
+def presets() -> Json:
     """Return the tab and the settings of each preset by its name."""
     with suppress(OSError, ValueError, AttributeError, TypeError):
         kept = json.loads(_file().read_text())
@@ -22,7 +21,7 @@ def presets() -> dict[str, Any]:
     return {}
 
 
-def change_presets(asked: Mapping[str, Any]) -> dict[str, Any]:
+def change_presets(asked: Options) -> Json:
     """Keep the settings of a tab under a name, or forget those of a name if there are none; return all presets."""
     name = Entry(name="name", label="Name", default="").parse(asked.get("name"))
     kept, settings = presets(), asked.get("settings")

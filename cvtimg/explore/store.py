@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from PIL import Image
 
 from cvtimg import read_palette
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.types import Json
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
@@ -145,7 +146,7 @@ class Store:
         total = sum(picture.size[0] * picture.size[1] for picture in self._pictures.values())
         return len(self._pictures) <= _MOST_PICTURES and total <= _MOST_PIXELS
 
-    def open_palette(self, name: str, content: bytes) -> dict[str, Any]:
+    def open_palette(self, name: str, content: bytes) -> Json:
         """Open a palette that a page sent; return its key, name and colors."""
         path = self._stored(name, content)
         try:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.types import Array, Options
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 
@@ -21,7 +21,7 @@ class UnfitArraysError(OSError, ValueError):
 
 
 def save_arrays(
-    path: StrPath, kind: str, arrays: Mapping[str, Any], *, compressed: bool = False, overwrite: bool = False
+    path: StrPath, kind: str, arrays: Options, *, compressed: bool = False, overwrite: bool = False
 ) -> None:
     """Write arrays to a NumPy .npz file, whole or not at all, with a tag that says what they are, such as "basis"."""
     write: Any = np.savez_compressed if compressed else np.savez
@@ -29,9 +29,7 @@ def save_arrays(
         write(file, **{_TAG: f"cvtimg {kind} {_VERSION}", **arrays})
 
 
-def load_arrays(
-    path: StrPath, kind: str, names: Iterable[str], *, later: Iterable[str] = ()
-) -> dict[str, NDArray[Any]]:
+def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, later: Iterable[str] = ()) -> dict[str, Array]:
     """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else.
 
     Those named `later`, which older versions did not write, may be missing.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array
 
 #: VTK's numbers of kinds of cells.
 LINE, TRIANGLE, POLYGON, TETRAHEDRON, LINE3, TRIANGLE6 = 3, 5, 7, 10, 21, 22
@@ -14,11 +15,7 @@ _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 
 def vtu_content(
-    points: NDArray[np.float64],
-    corners: NDArray[Any],
-    ends: NDArray[Any],
-    kind: int | NDArray[Any],
-    values: Mapping[str, NDArray[Any]],
+    points: NDArray[np.float64], corners: Array, ends: Array, kind: int | Array, values: Mapping[str, Array]
 ) -> bytes:
     """Return the content of a VTU file: corners, one cell after the other, the end of each, and their kind or kinds."""
     arrays = {

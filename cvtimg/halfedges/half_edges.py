@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
+from cvtimg._shared.types import Array
 
 Points = NDArray[np.float64]
 Triangles = NDArray[np.int32]
@@ -65,13 +65,13 @@ def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:
     return twins.ravel()[np.where(half_edges % 3 == 0, half_edges + 2, half_edges - 1)]
 
 
-def edge_keys(edges: NDArray[np.integer[Any]], n: int) -> NDArray[np.int64]:
+def edge_keys(edges: NDArray[np.integer], n: int) -> NDArray[np.int64]:
     """One number for both directions of each of (E, 2) edges between n points."""
     a, b = edges.T.astype(np.int64)
     return np.minimum(a, b) * n + np.maximum(a, b)
 
 
-def find_twins(triangles: NDArray[np.integer[Any]], n: int) -> Triangles:
+def find_twins(triangles: NDArray[np.integer], n: int) -> Triangles:
     """Return the half-edge (T, 3) that leads back along each one; -1 for none, or where an edge has more than two."""
     edges = edges_around(triangles)
     keys = edge_keys(edges, n)
@@ -88,7 +88,7 @@ def find_twins(triangles: NDArray[np.integer[Any]], n: int) -> Triangles:
 class EdgeTable:
     """Finds edges, given as (E, 2) of n points, by their ends, in either direction."""
 
-    def __init__(self, edges: NDArray[np.integer[Any]], n: int) -> None:
+    def __init__(self, edges: NDArray[np.integer], n: int) -> None:
         self._n = n
         keys = edge_keys(edges, n)
         order = np.argsort(keys, kind="stable")
@@ -96,19 +96,19 @@ class EdgeTable:
         self._keys = np.append(keys[order], np.iinfo(np.int64).max)
         self._order = np.append(order, -1)
 
-    def find(self, pairs: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
+    def find(self, pairs: NDArray[np.integer]) -> NDArray[np.intp]:
         """Return which edge (P,) has each of (P, 2) pairs of ends, the first of equal ones; -1 for none."""
         wanted = edge_keys(pairs, self._n)
         at = np.searchsorted(self._keys, wanted)
         return np.where(self._keys[at] == wanted, self._order[at], -1)
 
 
-def edges_around(triangles: NDArray[np.integer[Any]]) -> NDArray[Any]:
+def edges_around(triangles: NDArray[np.integer]) -> Array:
     """Return the three edges (3 T, 2) of each triangle, as it goes around."""
     return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
-def unique_edges(edges: NDArray[np.integer[Any]]) -> tuple[NDArray[Any], NDArray[np.intp], NDArray[np.intp]]:
+def unique_edges(edges: NDArray[np.integer]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
     """Return edges (E, 2) once and from the lower end (U, 2), which of these each is (E,), and how many are (U,)."""
     n = int(edges.max(initial=0)) + 1
     keys, which, counts = np.unique(edge_keys(edges, n), return_inverse=True, return_counts=True)
@@ -138,7 +138,7 @@ def boundary_edges(triangles: Triangles) -> Triangles:
     return edges[counts[which] == 1]
 
 
-def connected_parts(links: tuple[NDArray[Any], NDArray[Any]], n: int) -> tuple[int, NDArray[np.int32]]:
+def connected_parts(links: tuple[Array, Array], n: int) -> tuple[int, NDArray[np.int32]]:
     """Return how many parts links, by their ends (E,) and (E,), make of n things, and the part (n,) of each."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.labels import _labels
 from cvtimg.labels.figures import region_means
 
@@ -87,7 +88,7 @@ class Contours(ReadOnly):
         return f"Contours({len(self.polygons)} polygons, {len(self.lines)} lines of {n_points} points)"
 
 
-def find_contours(labels: ArrayLike, image: Any = None, *, tolerance: float = 0) -> Contours:
+def find_contours(labels: ArrayLike, image: ImageLike | None = None, *, tolerance: float = 0) -> Contours:
     """Find the borders of segments as lines, and the segments as polygons with holes.
 
     Parameters
@@ -177,19 +178,19 @@ def simplify(lines: Sequence[_Points], tolerance: float, regions: NDArray[np.int
     return [shapely.get_coordinates(line) for line in simple]
 
 
-def _swept(lines: NDArray[Any], simple: NDArray[Any]) -> NDArray[Any]:
+def _swept(lines: Array, simple: Array) -> Array:
     """Return the areas between lines and what remains of them, as polygons that may touch themselves."""
     parts, of_part = zip(
         *(shapely.get_coordinates(each, return_index=True) for each in (lines, shapely.reverse(simple))), strict=True
     )
     order = np.argsort(np.concatenate(of_part), kind="stable")
-    swept: NDArray[Any] = shapely.polygons(
+    swept: Array = shapely.polygons(
         shapely.linearrings(np.concatenate(parts)[order], indices=np.concatenate(of_part)[order])
     )
     return swept
 
 
-def _areas(lines: NDArray[Any], regions: NDArray[np.integer]) -> NDArray[np.float64]:
+def _areas(lines: Array, regions: NDArray[np.integer]) -> NDArray[np.float64]:
     """Return the area of each region, by number, from the lines with the regions to their right and left."""
     places, of_line = shapely.get_coordinates(lines, return_index=True)
     x, y = places.T
@@ -241,7 +242,7 @@ def _along_sides(cracks: _Cracks) -> list[_Points]:
     return _drawn(cracks, places, turns, places[cracks.starts], places[cracks.lasts] + cracks.steps[cracks.lasts, ::-1])
 
 
-def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: NDArray[Any]) -> list[_Points]:
+def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array) -> list[_Points]:
     """Draw the lines where those from pixel to pixel cross them; junctions lie in the middle of what is around them."""
     means = region_means(rimmed[1:-1, 1:-1], picture)
     labels = np.stack([rimmed[tuple(side.T)] for side in (cracks.right, cracks.left)], axis=1)
@@ -282,9 +283,9 @@ def _drawn(cracks: _Cracks, places: _Points, inner: NDArray[np.bool_], first: _P
     return [np.concatenate([first[n : n + 1], drawn[i:j], last[n : n + 1]]) for n, (i, j) in enumerate(parts)]
 
 
-def _strings(lines: Sequence[_Points]) -> NDArray[Any]:
+def _strings(lines: Sequence[_Points]) -> Array:
     """Return lines as those of shapely."""
-    strings: NDArray[Any] = shapely.linestrings(
+    strings: Array = shapely.linestrings(
         np.concatenate(lines), indices=np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     )
     return strings

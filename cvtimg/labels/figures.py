@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.types import Array, ImageLike
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
 
 
-def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
+def region_means(labels: ArrayLike, image: ImageLike) -> NDArray[np.float64]:
     """Compute the mean of each region in each band.
 
     Parameters
@@ -49,7 +50,7 @@ def region_means(labels: ArrayLike, image: Any) -> NDArray[np.float64]:
     return means
 
 
-def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
+def mean_picture(labels: ArrayLike, image: ImageLike) -> Array:
     """Draw each region in its mean color.
 
     Parameters
@@ -74,7 +75,7 @@ def mean_picture(labels: ArrayLike, image: Any) -> NDArray[Any]:
     return painted(np.asarray(labels), colors[1:]).reshape(pixels.shape)
 
 
-def painted(labels: NDArray[np.integer], colors: NDArray[Any]) -> NDArray[Any]:
+def painted(labels: NDArray[np.integer], colors: Array) -> Array:
     """Give each pixel the color, (K, C), of its label 1..K, and 0 where that is 0: (..., C), or (...) of one band."""
     pixels = np.concatenate([np.zeros((1, colors.shape[1]), colors.dtype), colors])[labels]
     return pixels if colors.shape[1] > 1 else pixels[..., 0]
@@ -87,7 +88,7 @@ def region_table(
     *,
     pixel_size: PixelSize | None = None,
     channels: Sequence[str] = (),
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, Array]:
     """Measure every region of an image or a volume.
 
     Parameters
@@ -155,7 +156,7 @@ def region_table(
     return table
 
 
-def _measured(regions: NDArray[np.int32], values: NDArray[Any], bands: Sequence[str | int]) -> dict[str, NDArray[Any]]:
+def _measured(regions: NDArray[np.int32], values: Array, bands: Sequence[str | int]) -> dict[str, Array]:
     """Measure regions of two or three axes: label, sizes, centroid and bounding box by the last axis first, bands."""
     n, names = regions.ndim, {"area": "area", "perimeter": "perimeter"} if regions.ndim == 2 else {"area": "volume"}
     columns = _property(regions, values, "label", *names, "centroid", "bbox", "intensity_mean", "intensity_std")
@@ -167,9 +168,7 @@ def _measured(regions: NDArray[np.int32], values: NDArray[Any], bands: Sequence[
     return table | {f"{of}_{band}": columns[f"intensity_{of}-{at}"] for of in kinds for at, band in enumerate(bands)}
 
 
-def _in_units(
-    segments: NDArray[np.int32], table: Mapping[str, NDArray[Any]], size: PixelSize
-) -> dict[str, NDArray[Any]]:
+def _in_units(segments: NDArray[np.int32], table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
     """Measure regions in the unit of the size of a pixel."""
     from skimage.measure import regionprops_table
 
@@ -184,9 +183,7 @@ def _in_units(
     return columns | {f"{name}_{size.unit}": values for name, values in lengths.items()}
 
 
-def _in_units_of_space(
-    regions: NDArray[np.int32], table: Mapping[str, NDArray[Any]], size: PixelSize
-) -> dict[str, NDArray[Any]]:
+def _in_units_of_space(regions: NDArray[np.int32], table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
     """Measure regions of a volume in the unit of the size of a voxel; none if planes are at no known distance."""
     if size.z is None:
         return {}
@@ -216,12 +213,12 @@ def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArr
     return areas[np.flatnonzero(np.bincount(regions.ravel(), minlength=areas.size)[1:]) + 1]
 
 
-def _property(segments: NDArray[np.int32], values: NDArray[Any], *names: str) -> dict[str, NDArray[Any]]:
+def _property(segments: NDArray[np.int32], values: Array, *names: str) -> dict[str, Array]:
     """Measure properties by their names in scikit-image; one of several numbers has several columns."""
     from skimage.measure import regionprops_table
 
     try:
-        columns: dict[str, NDArray[Any]] = regionprops_table(segments, values, properties=names)  # type: ignore[no-untyped-call]
+        columns: dict[str, Array] = regionprops_table(segments, values, properties=names)  # type: ignore[no-untyped-call]
     except (AttributeError, KeyError):
         columns = {}
     numeric = columns and all(column.dtype.kind in "biuf" for column in columns.values())

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from colorsys import hsv_to_rgb
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_labels, check_that, check_within
 from cvtimg._shared.extras import optional
 from cvtimg._shared.svg import shortest
+from cvtimg._shared.types import Array
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.files import Metadata, read_indices, write_image
@@ -101,7 +101,7 @@ def read_labels(path: StrPath) -> NDArray[np.int32]:
     return check_labels("labels", values)
 
 
-def one_band(image: NDArray[Any]) -> NDArray[Any]:
+def one_band(image: Array) -> Array:
     """Return labels (H, W) of an image that may have bands: equal ones, or a color for each label.
 
     Examples
@@ -143,7 +143,7 @@ def label_colors(n_labels: int) -> NDArray[np.uint8]:
 
 
 def write_table(
-    path: StrPath, table: Mapping[str, NDArray[Any]], *, image: str | None = None, overwrite: bool = False
+    path: StrPath, table: Mapping[str, Array], *, image: str | None = None, overwrite: bool = False
 ) -> None:
     """Write columns of numbers or text, such as those of `region_table`, as .csv with a line of names, or as .parquet.
 

@@ -9,12 +9,13 @@ than to the next row.
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.types import Array
 from cvtimg.looks import _looks
 from cvtimg.looks.similarity import blurred
 
@@ -66,7 +67,7 @@ class Rate(NamedTuple):
 USUAL = Rate()
 
 
-def visibility(brightness: NDArray[Any], bits: float = 0.0) -> NDArray[np.float32]:
+def visibility(brightness: Array, bits: float = 0.0) -> NDArray[np.float32]:
     """Return how much an error counts in each (H, W) pixel: less where the brightness varies, which hides errors.
 
     Errors count half where its standard deviation is 3 levels, in a Gaussian window of sigma 3; and more where nothing

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import in_parts, in_stripes, of_each
+from cvtimg._shared.types import Array
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import _looks
@@ -85,16 +86,16 @@ class VisualQuality:
     True
     """
 
-    def __init__(self, original: NDArray[Any], ground: float = 0.5) -> None:
+    def __init__(self, original: Array, ground: float = 0.5) -> None:
         self._shape, self._ground = np.asarray(original).shape[:2], ground
         pyramid = _pyramid(original, ground)
         self._scales, self._counts = [_scale(linear) for linear in pyramid], [_n_busy(linear) for linear in pyramid]
 
-    def __call__(self, image: NDArray[Any]) -> float:
+    def __call__(self, image: Array) -> float:
         """Return the quality of an image of the same size, up to 100; below 0 it is hardly the same image."""
         return self.judged(image)[0]
 
-    def judged(self, image: NDArray[Any]) -> tuple[float, float]:
+    def judged(self, image: Array) -> tuple[float, float]:
         """Return the quality of an image of the same size, and that of its content, see `content_quality`."""
         if np.asarray(image).shape[:2] != self._shape:
             raise ValueError(f"image of {image.shape[:2]} pixels must have the size of the original, {self._shape}")
@@ -115,7 +116,7 @@ class VisualQuality:
         return whole, content
 
 
-def content_measure(original: NDArray[Any]) -> Callable[[NDArray[Any]], float]:
+def content_measure(original: Array) -> Callable[[Array], float]:
     """Return what measures the `content_quality` of images against an original, which is prepared once."""
     bands = np.asarray(original)
     seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
@@ -124,7 +125,7 @@ def content_measure(original: NDArray[Any]) -> Callable[[NDArray[Any]], float]:
     return lambda image: min(quality.judged(image)[1] for quality in grounds)
 
 
-def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
+def visual_quality(original: Array, image: Array) -> float:
     """Return how alike two images look: SSIMULACRA2, at most 100.
 
     About 90 cannot be told from the original, 70 is good, 50 is fair, and below 30 is poor.
@@ -144,7 +145,7 @@ def visual_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
     return VisualQuality(original)(image)
 
 
-def content_quality(original: NDArray[Any], image: NDArray[Any]) -> float:
+def content_quality(original: Array, image: Array) -> float:
     """Return how alike the content of two images looks, on the worse of a black and a white background, at most 100.
 
     `visual_quality` is a mean over all pixels, so an empty canvas hides what befalls a small logo on it. Here errors
@@ -188,7 +189,7 @@ def _n_busy(linear: NDArray[np.float32]) -> int:
     return int(np.count_nonzero(maximum_filter(differs, len(_BLUR)))) or differs.size
 
 
-def _pyramid(image: NDArray[Any], ground: float) -> list[NDArray[np.float32]]:
+def _pyramid(image: Array, ground: float) -> list[NDArray[np.float32]]:
     """Return the image at each scale, as planes (3, H, W) of linear light."""
     scales = [_linear(np.asarray(image), ground)]
     while len(scales) < _N_SCALES and min(scales[-1].shape[1:]) >= 2 * _LEAST_SIDE - 1:
@@ -202,7 +203,7 @@ def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.float32(0.25) * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
 
 
-def _linear(image: NDArray[Any], ground: float) -> NDArray[np.float32]:
+def _linear(image: Array, ground: float) -> NDArray[np.float32]:
     """Return the linear light of an image, as planes (3, H, W)."""
     if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
         raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")

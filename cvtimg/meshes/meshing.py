@@ -22,6 +22,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each, part
+from cvtimg._shared.types import ImageLike
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.curves import keep_areas
@@ -215,7 +216,7 @@ def mesh_region(
 @hints_at_keywords
 def mesh_labels(
     labels: ArrayLike,
-    image: Any = None,
+    image: ImageLike | None = None,
     *,
     n: int | None = None,
     edge_length: float | None = None,

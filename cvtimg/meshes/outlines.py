@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
@@ -149,7 +150,7 @@ class StraightParts:
         return steps / np.linalg.norm(steps, axis=1, keepdims=True)
 
 
-def label_outline(labels: NDArray[np.int32], image: Any, tolerance: float) -> Outline:
+def label_outline(labels: NDArray[np.int32], image: ImageLike | None, tolerance: float) -> Outline:
     """Return the borders of segments; pixels of label 0 are outside."""
     mask = labels > 0
     check_that("labels", mask.any(), "not be 0 everywhere")
@@ -254,7 +255,7 @@ def _smoothed(line: Points, tolerance: float) -> Points:
     return line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
 
 
-def split_line(line: NDArray[Any], cuts: NDArray[np.intp]) -> list[NDArray[Any]]:
+def split_line(line: Array, cuts: NDArray[np.intp]) -> list[Array]:
     """Cut a line at some of its points; a closed one that is cut nowhere stays closed."""
     if (line[0] != line[-1]).any():
         ends = [0, *cuts[cuts > 0].tolist(), len(line) - 1]

@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     check_that,
     check_triangles,
 )
+from cvtimg._shared.types import Array
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import Sizes, TreeField
@@ -115,7 +116,7 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
     return _scaled(_picture_field(values, inside, least), n)
 
 
-def _picture_field(values: NDArray[Any], inside: NDArray[np.bool_], least: float) -> PictureField:
+def _picture_field(values: Array, inside: NDArray[np.bool_], least: float) -> PictureField:
     check_shape("size", values.shape, values.shape == inside.shape, f"{inside.shape}, as the region")
     own = values[inside].astype(np.float32)
     wrong = ~((own > 0 if least == 0 else own >= 0) & (own < np.inf))
@@ -127,7 +128,7 @@ def _picture_field(values: NDArray[Any], inside: NDArray[np.bool_], least: float
     return PictureField(sizes, inside)
 
 
-def _pixels_inside(outline: Outline, values: NDArray[Any]) -> NDArray[np.bool_]:
+def _pixels_inside(outline: Outline, values: Array) -> NDArray[np.bool_]:
     check_shape("size", values.shape, values.ndim == 2 and 0 not in values.shape, "(H, W), a function or a number")
     height, width = values.shape
     low, high = outline.bounds

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.halfedges import edge_keys, edges_around, unique_edges
 
 Points = NDArray[np.float64]
@@ -211,7 +212,7 @@ def _starred(
     return kept, np.concatenate([middles, centers])
 
 
-def pinched(cells: NDArray[np.integer[Any]], labels: Indices, n: int) -> Indices:
+def pinched(cells: NDArray[np.integer], labels: Indices, n: int) -> Indices:
     """Return the vertices, of n, of edges at which more than two triangles of the surface of one label meet."""
     faces, own, beyond = label_faces(cells, labels)
     # The surface of all is one as well, as that of label 0.
@@ -315,7 +316,7 @@ def _oriented(points: Points, cells: Cells) -> Cells:
     return cells
 
 
-def volumes(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
+def volumes(points: Points, cells: NDArray[np.integer]) -> Values:
     """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise."""
     return _cosines(points[cells])[1] / 6
 
@@ -325,7 +326,7 @@ def normals(corners: Points) -> Points:
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
+def qualities(points: Points, cells: NDArray[np.integer]) -> Values:
     """Return three times the radius of the ball in each tetrahedron (T,) by that of the one around it."""
     u, v, w = np.moveaxis(points[cells[:, 1:]] - points[cells[:, :1]], 1, 0)
     sides = np.cross(u, v), np.cross(v, w), np.cross(w, u)
@@ -336,7 +337,7 @@ def qualities(points: Points, cells: NDArray[np.integer[Any]]) -> Values:
     return np.asarray(6 * (sides[0] * w).sum(axis=1) ** 2 / np.maximum(faces * around, 1e-300))
 
 
-def dihedral_angles(points: Points, cells: NDArray[np.integer[Any]]) -> Points:
+def dihedral_angles(points: Points, cells: NDArray[np.integer]) -> Points:
     """Return the six dihedral angles (..., 6) of tetrahedra, in degrees."""
     return np.degrees(np.arccos(_cosines(points[cells])[0]))
 
@@ -361,8 +362,8 @@ def _cosines(corners: Points) -> tuple[Points, Values]:
 
 
 def label_faces(
-    tetrahedra: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]]
-) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+    tetrahedra: NDArray[np.integer], labels: NDArray[np.integer]
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
     """Return the faces (S, 3) around each label, counter-clockwise seen from outside, that label, and the one beyond.
 
     Labels (T,) are above 0, which is beyond the faces that only one tetrahedron has. Faces between two come twice.

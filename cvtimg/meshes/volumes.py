@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.planning import MOST_VERTICES
@@ -253,7 +253,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
 
 
-def _checked(labels: ArrayLike) -> NDArray[Any]:
+def _checked(labels: ArrayLike) -> Array:
     voxels = np.asarray(labels)
     check_shape("labels", voxels.shape, voxels.ndim == 3, "(D, H, W)")
     if voxels.dtype.kind not in "bui":
@@ -280,7 +280,7 @@ def _spacing_for(levels: _VoxelLevels, spacing: float, n: int) -> float:
 class _VoxelLevels:
     """Smoothed signed distances to the surfaces of labels."""
 
-    def __init__(self, voxels: NDArray[np.integer[Any]], reach: float) -> None:
+    def __init__(self, voxels: NDArray[np.integer], reach: float) -> None:
         from scipy import ndimage
 
         self.tags, numbers = np.unique(np.append(voxels, 0), return_inverse=True)
@@ -343,7 +343,7 @@ def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spaci
 
 
 def _heights(
-    points: Points, cells: NDArray[np.integer[Any]], labels: NDArray[np.integer[Any]], wanted: Values
+    points: Points, cells: NDArray[np.integer], labels: NDArray[np.integer], wanted: Values
 ) -> tuple[Values, bool]:
     """Return heights (L + 1,) by whose differences surfaces between labels must move, and if volumes are near."""
     lacking = wanted - sum_by_label(labels, volumes(points, cells), len(wanted) + 1)[1:]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_non_negative, check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Array
 from cvtimg.halfedges import joined_points, unique_edges
 from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import ON_LINE
@@ -53,7 +54,7 @@ class OutlineChanges:
     area_change: float
 
 
-def clean(parts: NDArray[Any], how: Cleaning) -> tuple[NDArray[Any], OutlineChanges]:
+def clean(parts: Array, how: Cleaning) -> tuple[Array, OutlineChanges]:
     """Weld polygons (P,), make them simpler, and leave out details."""
     total, (x0, y0, x1, y1) = float(shapely.area(parts).sum()), shapely.total_bounds(parts)
     diameter = float(np.hypot(x1 - x0, y1 - y0))
@@ -123,7 +124,7 @@ class Network:
         return Network(self.points, steps).once()
 
 
-def weld(parts: NDArray[Any], apart: float) -> tuple[NDArray[Any], int]:
+def weld(parts: Array, apart: float) -> tuple[Array, int]:
     """Return polygons (P,) no two points of which, and no point and edge, are nearer than `apart`; and points joined.
 
     All else keeps its coordinates. Polygons that share borders share them still: an empty one has vanished.
@@ -148,7 +149,7 @@ def weld(parts: NDArray[Any], apart: float) -> tuple[NDArray[Any], int]:
     return np.array([shapely.union_all(own) if len(own) else shapely.Polygon() for own in owners]), n_joined
 
 
-def _without_small(parts: NDArray[Any], least: float) -> tuple[NDArray[Any], int]:
+def _without_small(parts: Array, least: float) -> tuple[Array, int]:
     """Leave out islands and holes that a circle of a diameter holds; return how many."""
     left: list[list[Any]] = [[] for _ in parts]
     n_left_out = 0
@@ -161,7 +162,7 @@ def _without_small(parts: NDArray[Any], least: float) -> tuple[NDArray[Any], int
     return np.array([shapely.MultiPolygon(polygons) for polygons in left]), n_left_out
 
 
-def _simplified(parts: NDArray[Any], tolerance: float) -> NDArray[Any]:
+def _simplified(parts: Array, tolerance: float) -> Array:
     """Draw polygons (P,) with fewer points, and move those of new edges by as much as gives each its area."""
     simplify = shapely.simplify if len(parts) == 1 else shapely.coverage_simplify
     found = shapely.orient_polygons(simplify(parts, tolerance))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from cvtimg._shared.choices import DitherName, GoalName
+from cvtimg._shared.types import Array
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
@@ -57,7 +58,7 @@ def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
     return distinct if (distinct[:, 3] < 255).any() else distinct[:, :3]
 
 
-def _weights(path: Path) -> NDArray[Any]:
+def _weights(path: Path) -> Array:
     """Read a gray image: one channel, or the same in all."""
     from cvtimg import read_image
 

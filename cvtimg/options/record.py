@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import reworded
+from cvtimg._shared.types import Options
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
 from cvtimg.batch.report import reason
@@ -175,7 +176,7 @@ class Option(NamedTuple):
     to: Callable[[Any], Any] | None = None
     # How the page shows it, where it does: fields of its control in `cvtimg.explore.controls`, such as its label, what
     # explains it, the usual range, and limits and a default where these are not those of the command.
-    page: Mapping[str, Any] | None = None
+    page: Options | None = None
 
     @property
     def words(self) -> list[str]:
@@ -261,7 +262,7 @@ class Given(SimpleNamespace):
             raise WrongUsageError(f"{option.flag}: {value}: {reason(value, error)}") from error
 
 
-def collected(options: Iterable[Option], values: Mapping[str, Any]) -> Given:
+def collected(options: Iterable[Option], values: Options) -> Given:
     """Check values together: what options need and exclude, and what names of files end in.
 
     Raises

@@ -9,13 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
@@ -143,7 +143,7 @@ def write_palette(
     write_whole(path, form.write(Swatches(name, colors, shares)), overwrite=overwrite)
 
 
-def _eight_bit(palette: NDArray[Any]) -> NDArray[np.uint8]:
+def _eight_bit(palette: Array) -> NDArray[np.uint8]:
     """Convert any palette to (K, 3) or (K, 4) uint8."""
     rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
     fits = rows.ndim == 2 and len(rows) > 0 and rows.shape[1] in (1, 3, 4)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image as encode_image
@@ -31,7 +31,7 @@ from cvtimg.pictures.pages import one_page, read_pages
 
 def read_image(
     source: Source, *, page: int | None = None, channel_axis: int | None = None, keep_profile: bool = False
-) -> NDArray[Any]:
+) -> Array:
     """Read an image as an upright sRGB array.
 
     Parameters
@@ -94,7 +94,7 @@ def read_image(
         return one_page(pages, None)
 
 
-def read_indices(source: Source) -> NDArray[Any]:
+def read_indices(source: Source) -> Array:
     """Read the indices of an indexed image; read other images as `read_image` does.
 
     Returns (H, W) integers, or as `read_image`, whose `source` it takes; `cvtimg.read_palette` reads the colors.
@@ -149,7 +149,7 @@ def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
 
 def write_image(
     path: StrPath,
-    image: NDArray[Any],
+    image: Array,
     *,
     palette: NDArray[np.uint8] | None = None,
     alpha: bool | None = None,

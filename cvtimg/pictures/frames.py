@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageFile
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
@@ -39,7 +40,7 @@ class Frames:
         Number of times the animation plays; 0 loops forever.
     """
 
-    images: tuple[NDArray[Any], ...]
+    images: tuple[Array, ...]
     durations: tuple[float, ...]
     plays: int
 
@@ -148,16 +149,16 @@ def _decode_frames(file: BinaryIO, image: ImageFile.ImageFile) -> Frames:
     if image.format == "GIF" and "loop" in image.info:
         plays = plays + 1 if plays else 0  # GIF counts repetitions
     first = int(getattr(image, "default_image", False))
-    images: list[NDArray[Any]] = []
+    images: list[Array] = []
     durations: list[float] = []
     turn = orientation(image)
     n_frames = getattr(image, "n_frames", 1)
-    drawn: Iterator[NDArray[Any] | None] | None = composed(file) if image.format == "GIF" else None
+    drawn: Iterator[Array | None] | None = composed(file) if image.format == "GIF" else None
     for number in range(first, n_frames):
         image.seek(number)
         if drawn is None:
             image.load()
-            whole: NDArray[Any] | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
+            whole: Array | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
         else:
             whole = next(drawn, None)
         if whole is None:
@@ -167,7 +168,7 @@ def _decode_frames(file: BinaryIO, image: ImageFile.ImageFile) -> Frames:
     return Frames(tuple(alike(images)), tuple(durations), int(plays))
 
 
-def alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
+def alike(images: list[Array]) -> list[Array]:
     """Convert all images to the same channels; alpha is dropped if every pixel is opaque."""
     if all(image.ndim == 2 for image in images):
         return images
@@ -175,7 +176,7 @@ def alike(images: list[NDArray[Any]]) -> list[NDArray[Any]]:
     return [with_channels(image, 4 if clear else 3) for image in images]
 
 
-def with_channels(image: NDArray[Any], n_channels: int) -> NDArray[Any]:
+def with_channels(image: Array, n_channels: int) -> Array:
     """Give a uint8 image three channels, or four, opaque if it had no alpha."""
     color = np.repeat(image[..., np.newaxis], 3, axis=2) if image.ndim == 2 else image[..., :3]
     if n_channels == 3:
@@ -185,10 +186,7 @@ def with_channels(image: NDArray[Any], n_channels: int) -> NDArray[Any]:
 
 
 def _cels(
-    images: Sequence[NDArray[Any]],
-    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None,
-    *,
-    indexed_png: bool,
+    images: Sequence[Array], palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None, *, indexed_png: bool
 ) -> list[Cel]:
     """Check images and palettes, and pair each frame with its palette."""
     if palettes is None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from PIL import Image
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
+from cvtimg._shared.types import Array, Options
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
@@ -87,11 +88,11 @@ class Pages:
         Whether the bands of each page are channels that `joined` made of pages; they are written as pages again.
     """
 
-    images: tuple[NDArray[Any], ...]
+    images: tuple[Array, ...]
     axes: str = "Q"
     shape: tuple[int, ...] = ()
     kind: str = ""
-    scale: Mapping[str, Any] = field(default_factory=dict)
+    scale: Options = field(default_factory=dict)
     has_alpha: bool = False
     channels: tuple[str, ...] = ()
     is_joined: bool = False
@@ -136,7 +137,7 @@ class Pages:
         shape = (*shape, len(images) // len(self.images))
         return replace(self, images=images, axes=f"{axes}C", shape=shape, is_joined=False)
 
-    def grouped(self, along: str) -> tuple[Pages, list[tuple[NDArray[Any], ...]]]:
+    def grouped(self, along: str) -> tuple[Pages, list[tuple[Array, ...]]]:
         """Return a stack without some axes, of the first pages along these, and all of them for each of its pages."""
         inner = [at for at, axis in enumerate(self.axes) if axis in along]
         outer = [at for at in range(len(self.axes)) if at not in inner]
@@ -185,14 +186,14 @@ def read_pages(path: Source) -> Pages:
 class _Decoded:
     """All pages of a file, beside which a `StoredStack` reads those that are chosen."""
 
-    images: Sequence[NDArray[Any]]
+    images: Sequence[Array]
     stack: Arrangement
     kind: str = ""
-    scale: Mapping[str, Any] = field(default_factory=dict)
+    scale: Options = field(default_factory=dict)
     alpha: bool = False
     is_chosen: bool = False  # Whether the only image is the page that is chosen
 
-    def pages(self, numbers: Sequence[int]) -> list[NDArray[Any]]:
+    def pages(self, numbers: Sequence[int]) -> list[Array]:
         return [self.images[number] for number in numbers]
 
 
@@ -302,7 +303,7 @@ def _kind_of(tiff: tifffile.TiffFile) -> str:
     return "imagej" if tiff.is_imagej else "ome" if tiff.is_ome else ""
 
 
-def one_page(pages: Pages, page: int | None) -> NDArray[Any]:
+def one_page(pages: Pages, page: int | None) -> Array:
     """Return one page, from 1, or the only one."""
     n_pages = len(pages.images)
     if page is None and n_pages > 1:
@@ -314,7 +315,7 @@ def one_page(pages: Pages, page: int | None) -> NDArray[Any]:
     return with_mark(image, pages.has_alpha and image.shape[2:] == (4,))
 
 
-def _values_of_pages(tiff: tifffile.TiffFile) -> NDArray[Any]:
+def _values_of_pages(tiff: tifffile.TiffFile) -> Array:
     """Return all pages as one array (P, H, W) or (P, H, W, C)."""
     flat = []
     for one in main_series(tiff):
@@ -329,7 +330,7 @@ def _values_of_pages(tiff: tifffile.TiffFile) -> NDArray[Any]:
     return flat[0] if len(flat) == 1 else np.concatenate(flat)
 
 
-def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[NDArray[Any]]:
+def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[Array]:
     """Read pages whose samples need conversion: palettes, CMYK, fewer than 8 bits."""
     file.seek(0)
     images = []

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -32,7 +32,7 @@ def apply_profile(image: Image.Image, icc: bytes, grey: bool) -> Image.Image:
     return _of_profile(icc, lambda profile: _convert(image, profile, grey), image)
 
 
-def convert_deep(values: NDArray[Any], icc: bytes) -> NDArray[Any]:
+def convert_deep(values: Array, icc: bytes) -> Array:
     """Convert uint16 (H, W, 3), or (H, W, 4) with alpha, to sRGB at full depth; otherwise like `apply_profile`."""
     if profile_space(icc) != "RGB" or not _of_profile(icc, _changes_rgb, False):
         return values

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
 _TAIL = 0.001
@@ -18,7 +18,7 @@ _SOME = 1 << 20
 _DARK = 0.5
 
 
-def limits_to_show(images: Iterable[NDArray[Any]]) -> tuple[float, float]:
+def limits_to_show(images: Iterable[Array]) -> tuple[float, float]:
     """Return the values to show as black and as white: those that all but 0.1% of each image, (..., C), lie between.
 
     8-bit images, alpha, NaN and infinity are not considered.
@@ -31,14 +31,14 @@ def limits_to_show(images: Iterable[NDArray[Any]]) -> tuple[float, float]:
     return low, high
 
 
-def natural_limits(image: NDArray[Any]) -> tuple[float, float]:
+def natural_limits(image: Array) -> tuple[float, float]:
     """Return 0 and white for an image, (..., C), that can be shown as it is; else `limits_to_show`."""
     low, high = limits_to_show([image])
     white = peak(image.dtype)
     return (0.0, white) if low >= 0 and _DARK * white <= high <= white else (low, high)
 
 
-def shown(image: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]:
+def shown(image: Array, limits: tuple[float, float]) -> NDArray[np.uint8]:
     """Return the colors to show, (..., 3), or (..., 4) with alpha, for an image with channels on the last axis.
 
     One or two channels are shown as gray by the first, four are RGB and alpha, and of others the first three count.
@@ -50,13 +50,13 @@ def shown(image: NDArray[Any], limits: tuple[float, float]) -> NDArray[np.uint8]
     return np.concatenate([rgb, alpha], axis=-1)
 
 
-def _split_alpha(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _split_alpha(image: Array) -> tuple[Array, Array]:
     """Separate the channels to show, (..., 1) or (..., 3), from alpha, (..., 1) or (..., 0)."""
     n_channels = image.shape[-1]
     return image[..., : 3 if n_channels >= 3 else 1], image[..., 3 : 4 if n_channels == 4 else 3]
 
 
-def _stretched(values: NDArray[Any], low: float, high: float) -> NDArray[np.uint8]:
+def _stretched(values: Array, low: float, high: float) -> NDArray[np.uint8]:
     span = high - low or 1.0
     levels = np.clip((values - np.float64(low)) * 255 / span, 0, 255)
     return np.rint(np.nan_to_num(levels, copy=False)).astype(np.uint8)

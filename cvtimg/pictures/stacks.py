@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.pixels import is_known, not_black
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import image_info, read_image, write_image
 from cvtimg.pictures.formats.header import ImageInfo
@@ -56,10 +57,10 @@ class Stack:
     known: Sequence[Known] = ()
 
     @property
-    def images(self) -> Iterable[NDArray[Any]]:
+    def images(self) -> Iterable[Array]:
         """The images, or bands of rows."""
         one = (self.content,) if self.kind == "image" else None
-        found: Iterable[NDArray[Any]] = one or (self.content if self.kind == "tiles" else self.content.images)
+        found: Iterable[Array] = one or (self.content if self.kind == "tiles" else self.content.images)
         return found
 
     @property
@@ -67,7 +68,7 @@ class Stack:
         """The pixels that count, or None if all do."""
         return None if all(one.all() for one in self.known) else [*self.known]
 
-    def __iter__(self) -> Iterator[tuple[NDArray[Any], Known]]:
+    def __iter__(self) -> Iterator[tuple[Array, Known]]:
         """Yield each image, or band of rows, with its pixels that count."""
         if self.kind != "tiles":
             yield from zip(self.images, self.known, strict=True)
@@ -83,7 +84,7 @@ class Stack:
     def write(
         self,
         path: StrPath,
-        images: Iterable[NDArray[Any]],
+        images: Iterable[Array],
         *,
         palette: Any = None,
         alpha: bool | None = None,
@@ -207,7 +208,7 @@ def _check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...
 
 
 def known_in_all(
-    images: Sequence[NDArray[Any]], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str = ""
+    images: Sequence[Array], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str = ""
 ) -> list[Known]:
     """Find the pixels that are finite, not nodata and not black in a mask, which is for all images, or has as many.
 
@@ -227,7 +228,7 @@ def known_in_all(
     return found
 
 
-def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
+def _read_masks(path: StrPath, n: int) -> Sequence[Array]:
     """Read a mask for each of n images: its pages or frames, or its only one for all."""
     with selecting(Selection()):
         masks = read_frames(path).images if is_animated(path) else read_pages(path).images
@@ -240,7 +241,7 @@ def _read_masks(path: StrPath, n: int) -> Sequence[NDArray[Any]]:
     return masks if len(masks) == n else list(masks) * n
 
 
-def read_whole(source: StrPath) -> NDArray[Any]:
+def read_whole(source: StrPath) -> Array:
     """Read an image; all pages of a file are stacked vertically, for uses in which only the pixels count."""
     return (
         np.concatenate(read_pages(source).joined().images) if image_info(source).kind == "pages" else read_image(source)

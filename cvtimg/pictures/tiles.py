@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import n_threads
+from cvtimg._shared.types import Array
 from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
@@ -33,7 +34,7 @@ BAND_PIXELS = 1 << 23
 #: Sample types that can be read in bands.
 SAMPLES = (*(f"{kind}{bits}" for bits in (8, 16, 32, 64) for kind in ("uint", "int")), "float32", "float64")
 
-Band: TypeAlias = NDArray[Any]
+Band: TypeAlias = Array
 #: Larger strips or tiles, in bytes, are rejected: reading one would be like reading the whole image.
 _MOST_AT_ONCE = 1 << 28
 #: Bytes of tiles that are decoded or encoded in parallel.
@@ -63,7 +64,7 @@ class Form:
     """
 
     shape: tuple[int, ...]
-    dtype: np.dtype[Any]
+    dtype: np.dtype[np.generic]
     alpha: bool = False
     icc: bytes | None = None
     geo: Mapping[int, Any] = field(default_factory=dict)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.types import Array
 from cvtimg.placement.densities import ConstantDensity, Density, Points
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.polygons import triangle_areas, triangulate
@@ -18,7 +19,7 @@ from cvtimg.placement.regions import Box, Region
 from cvtimg.placement.samples import SampleMoments
 
 #: (K,) shapely polygons; and corners of K convex polygons.
-Geometries: TypeAlias = NDArray[Any]
+Geometries: TypeAlias = Array
 Polygons: TypeAlias = tuple[Points, ...]
 
 #: Points of a triangle and their weights, exact up to the fifth degree.

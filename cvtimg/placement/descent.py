@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellMoments, Moments
 
@@ -70,7 +71,7 @@ class StepMemory:
         return rest
 
 
-def by_rows(function: Callable[..., Points], first: NDArray[Any], *others: NDArray[Any], **options: Any) -> Points:
+def by_rows(function: Callable[..., Points], first: Array, *others: Array, **options: Any) -> Points:
     """Return what a function makes of the rows of arrays, each row by itself, in the shape of the first array."""
     arrays, result = (first, *others), np.empty(first.shape)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import Array
 from cvtimg.engine.samples import along_curve
 from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
@@ -60,7 +60,7 @@ EFFORTS = {
 _APART = 1e-9
 
 
-def check_apart(name: str, points: Points, bounds: NDArray[Any]) -> None:
+def check_apart(name: str, points: Points, bounds: Array) -> None:
     """Refuse points (L, D) that nearly coincide: the cells of all but one of them would be slivers, or empty."""
     from scipy.spatial import cKDTree
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Array
 from cvtimg.labels.contours import find_contours
 from cvtimg.labels.files import one_band
 from cvtimg.placement.densities import Points
@@ -133,7 +134,7 @@ class PolygonRegion(Region):
         return first + u * (second - first) + v * (third - first)
 
 
-def triangulate(polygons: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def triangulate(polygons: Array) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
     try:
         cut = shapely.constrained_delaunay_triangles(polygons)
@@ -302,7 +303,7 @@ class NearestPixel:
         return ends[np.arange(len(points)), best]
 
 
-def _as_mask(image: NDArray[Any]) -> NDArray[np.bool_]:
+def _as_mask(image: Array) -> NDArray[np.bool_]:
     """Return where an image of 0 and one more value, perhaps in equal bands, is not 0."""
     if image.dtype == np.bool_:
         return image

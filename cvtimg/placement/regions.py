@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Array
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.densities import DensityLike, Points, as_density
 
@@ -104,7 +105,7 @@ class Region(ABC):
         weights = as_density(density)(points) * (self.measure / n)
         return WeightedSamples(points, weights, in_order=False)
 
-    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[NDArray[Any], NDArray[Any]]:
+    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[Array, Array]:
         """Find the n nearest (K, D) points by the p-norm for each of (M, D) places: distances and indices."""
         from scipy.spatial import cKDTree
 
@@ -238,7 +239,7 @@ class Box(Region):
                 sides.append(np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, self.n_dims))
         return np.concatenate(sides) if sides else np.empty((0, self.n_dims))
 
-    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[NDArray[Any], NDArray[Any]]:
+    def nearest(self, points: Points, places: Points, n: int = 1, p: float = 2) -> tuple[Array, Array]:
         """Find the n nearest points, around periodic axes too."""
         from scipy.spatial import cKDTree
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import write_whole
 from cvtimg.pictures.showing import limits_to_show, shown
 
@@ -44,7 +45,7 @@ def chart(draw: _Draw) -> _Draw:
 
 
 @chart
-def draw_histograms(values: Mapping[str, NDArray[Any]], suffix: str, n_bins: int = 60) -> bytes:
+def draw_histograms(values: Mapping[str, Array], suffix: str, n_bins: int = 60) -> bytes:
     """Draw a histogram of each quantity, given by its name and unit, with its quantiles."""
     with figure_file(4.2 * len(values), 3.2, suffix) as (figure, content):
         for axes, (name, of_one) in zip(figure.subplots(1, len(values), squeeze=False)[0], values.items(), strict=True):
@@ -89,7 +90,7 @@ def draw_sheet(rows: Sequence[Sequence[tuple[Any, str]]], suffix: str) -> bytes:
 
 
 @chart
-def draw_clusters(rows: NDArray[Any], generators: NDArray[Any], suffix: str) -> bytes:
+def draw_clusters(rows: Array, generators: Array, suffix: str) -> bytes:
     """Draw rows in the colors of their clusters, and the generators, on the first two principal axes of the rows.
 
     Parameters
@@ -124,10 +125,10 @@ def draw_clusters(rows: NDArray[Any], generators: NDArray[Any], suffix: str) -> 
 
 @chart
 def draw_pairs(
-    points: NDArray[Any],
+    points: Array,
     names: Sequence[str],
     suffix: str,
-    existing: NDArray[Any] | None = None,
+    existing: Array | None = None,
     levels: Sequence[Sequence[str]] | None = None,
 ) -> bytes:
     """Draw points in each pair of axes, and how many lie in each tenth of an axis.
@@ -266,13 +267,13 @@ def add_polygons(
     return drawn
 
 
-def figure_height(low: NDArray[Any], high: NDArray[Any], width: float) -> float:
+def figure_height(low: Array, high: Array, width: float) -> float:
     """Return the height of a figure that shows a box of the plane at a width in inches: of 1/3 to 4/3 of that."""
     across, up = high - low
     return float(np.clip(width * up / across, width / 3, width * 4 / 3))
 
 
-def show_box(axes: Axes, low: NDArray[Any], high: NDArray[Any], *, y_down: bool = False) -> None:
+def show_box(axes: Axes, low: Array, high: Array, *, y_down: bool = False) -> None:
     """Show a box of the plane in equal units, with a margin."""
     margin = 0.01 * max(high - low)
     axes.set_aspect("equal")

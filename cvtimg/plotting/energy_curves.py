@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
+from cvtimg._shared.types import Array
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.pictures.showing import natural_limits, shown
@@ -33,7 +34,7 @@ class Plotted:
     name: str
     curve: EnergyCurve
     k: int
-    image: NDArray[Any] | None = None
+    image: Array | None = None
     space: SpaceName = "rgb"
 
 
@@ -109,19 +110,19 @@ def _draw_axes(axes: Axes, plotted: Sequence[Plotted], n_max: int, rule: str) ->
         axes.legend(fontsize=8)
 
 
-def _reduced(image: NDArray[Any], most: int = 160) -> NDArray[Any]:
+def _reduced(image: Array, most: int = 160) -> Array:
     """Take every n-th pixel: a filter would add colors that the image does not have."""
     step = max(1, -(-max(image.shape[:2]) // most))
     return with_mark(np.ascontiguousarray(image[::step, ::step]), says_alpha(image))
 
 
-def _bands(image: NDArray[Any]) -> NDArray[Any]:
+def _bands(image: Array) -> Array:
     """(H, W, C) image; a fourth band that is not alpha is not shown."""
     bands = np.asarray(image).reshape(*image.shape[:2], -1)
     return bands[..., :3] if bands.shape[2] == 4 and not says_alpha(image) else bands
 
 
-def _in_generators(image: NDArray[Any], generators: NDArray[np.float64], space: SpaceName) -> NDArray[Any]:
+def _in_generators(image: Array, generators: NDArray[np.float64], space: SpaceName) -> Array:
     """Replace each pixel by its nearest generator."""
     colors = from_places(generators, space, image.dtype, says_alpha(image))
     return quantize(image, palette=colors, space=space).image

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from cvtimg._shared.checks import check_count, check_labeled_image, check_labels
+from cvtimg._shared.types import ImageLike
 from cvtimg.labels.contours import Contours
 from cvtimg.labels.edges import find_edges
 from cvtimg.labels.figures import region_means
@@ -23,7 +23,7 @@ _WIDEST = 1 << 15
 
 
 def draw_edges(
-    image: Any,
+    image: ImageLike,
     labels: ArrayLike,
     *,
     color: Sequence[int] = (255, 255, 0),
@@ -72,7 +72,9 @@ def draw_edges(
     return drawn
 
 
-def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: int | None = None) -> NDArray[np.uint8]:
+def shown_colors(
+    colors: ArrayLike, image: ImageLike, labels: ArrayLike, *, ignore: int | None = None
+) -> NDArray[np.uint8]:
     """Convert (K, C) colors in the units of the image to (K, 3) uint8, as `draw_edges` shows them."""
     segments = check_labels("labels", labels)
     values = check_labeled_image("image", image, segments)
@@ -82,7 +84,7 @@ def shown_colors(colors: ArrayLike, image: Any, labels: ArrayLike, *, ignore: in
     return shown(rows, limits_to_show([values[segments != ignore]]))[:, :3]
 
 
-def contour_drawing(contours: Contours, labels: ArrayLike, image: Any) -> Drawing:
+def contour_drawing(contours: Contours, labels: ArrayLike, image: ImageLike) -> Drawing:
     """Draw the contours of segments, each filled with its mean color.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Array
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, usual_step
 from cvtimg.quantization import _dithering
@@ -56,9 +57,9 @@ class Job(NamedTuple):
 
 
 def dither(
-    places: NDArray[Any],
+    places: Array,
     inverse: NDArray[np.int32],
-    palette: NDArray[Any],
+    palette: Array,
     method: DitherName = "floyd-steinberg",
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
@@ -206,7 +207,7 @@ def _finder(
     return _dithering.Finder(palette, axis, along[names], names.astype(np.uint16), ends, doubt), ranks
 
 
-def _to_kernels(*arrays: NDArray[Any]) -> list[NDArray[np.float32]]:
+def _to_kernels(*arrays: Array) -> list[NDArray[np.float32]]:
     """Bring (n, D) places to four coordinates, from 0 up, in a frame that suits float32."""
     n_dims = arrays[0].shape[1]
     if n_dims > MAX_DIMS:

@@ -11,7 +11,7 @@ from itertools import repeat
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -27,6 +27,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import first_few, part
+from cvtimg._shared.types import Array
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.looks.rate import STRENGTH as COMPACT_STRENGTH
@@ -206,7 +207,7 @@ class Source:
     """Pixels that are counted, and mapped once there is a palette; what follows `mapped` needs them in memory."""
 
     counted: Sequence[ColorSamples]  # what palettes are found for: the density of all pixels, or that of each frame
-    images: Sequence[NDArray[Any]]  # as they were
+    images: Sequence[Array]  # as they were
     n_pixels: int
 
     def mapped(self, palettes: Sequence[Palette], how: QuantizeOptions) -> Any:
@@ -242,7 +243,7 @@ class Source:
         """Return the visual quality of a result, the mean of the frames."""
         return self._mean(visual_quality, result)
 
-    def _mean(self, measure: Callable[[NDArray[Any], NDArray[Any]], float], result: Any) -> float:
+    def _mean(self, measure: Callable[[Array, Array], float], result: Any) -> float:
         pairs = zip(self.images, _each(result), strict=True)
         return float(np.mean([measure(image, one.image) for image, one in pairs]))
 

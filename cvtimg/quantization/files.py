@@ -262,7 +262,7 @@ def _without_half_transparency(stack: Stack, reading: Reading) -> Stack:
     return replace(stack, content=replace(stack.content, images=tuple(hard)) if stack.kind == "frames" else hard[0])
 
 
-def _at_depth(how: QuantizeOptions, dtype: np.dtype[Any]) -> QuantizeOptions:
+def _at_depth(how: QuantizeOptions, dtype: np.dtype[np.generic]) -> QuantizeOptions:
     """Return options with given colors of 8 or 16 bits brought to the depth of an image."""
     given = {"palette": how.palette, "locked": how.locked}
     deep = {name: some for name, some in given.items() if getattr(some, "dtype", None) in (np.uint8, np.uint16)}

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from cvtimg._shared.checks import check_channels, check_in_range, refuse_type
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.types import Array
 from cvtimg.colors.places import from_places, kinds_of, to_places, widen_samples
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_space
@@ -42,7 +42,7 @@ def suited(samples: ColorSamples, bits: _Bits) -> ColorSamples:
     return widen_samples(samples, 3, samples.alpha) if n_seen == 1 and len(set(bits)) > 1 else samples
 
 
-def rounded(colors: NDArray[Any], bits: _Bits, space: SpaceName = "rgb") -> NDArray[Any]:
+def rounded(colors: Array, bits: _Bits, space: SpaceName = "rgb") -> Array:
     """Return, for each of (N, C) colors, the nearest in a space of the hardware colors around it; alpha stays."""
     n_seen = colors.shape[1] - (colors.shape[1] in (2, 4))
     levels = [_levels(n_bits, colors.dtype) for n_bits in bits[:n_seen]]
@@ -60,7 +60,7 @@ def rounded(colors: NDArray[Any], bits: _Bits, space: SpaceName = "rgb") -> NDAr
     return result
 
 
-def _levels(n_bits: int, dtype: np.dtype[Any]) -> NDArray[np.int64]:
+def _levels(n_bits: int, dtype: np.dtype[np.generic]) -> NDArray[np.int64]:
     """Return the values of a type that the values of n bits stand for, in order."""
     values, width = np.arange(1 << n_bits), 8 * dtype.itemsize
     n_copies = -(-width // n_bits)
@@ -69,8 +69,8 @@ def _levels(n_bits: int, dtype: np.dtype[Any]) -> NDArray[np.int64]:
 
 
 def hardware_colors(
-    samples: ColorSamples, start: NDArray[Any], fixed: NDArray[Any], n_colors: int, space: SpaceName, bits: _Bits
-) -> NDArray[Any]:
+    samples: ColorSamples, start: Array, fixed: Array, n_colors: int, space: SpaceName, bits: _Bits
+) -> Array:
     """Return the (K, C) hardware colors, K <= `n_colors`, that represent samples with little error.
 
     From a palette, `start`, this is Lloyd's method with rounded means, and no step raises the error. Colors that become
@@ -84,18 +84,18 @@ def hardware_colors(
     near = color_samples(rounded(samples.colors, bits, space)[np.newaxis], alpha=alpha)
     cells = near.inverse.reshape(-1)
 
-    def errors(ends: NDArray[np.float64], labels: NDArray[Any]) -> NDArray[np.float64]:
+    def errors(ends: NDArray[np.float64], labels: Array) -> NDArray[np.float64]:
         steps = places - ends[labels]
         return density * np.einsum("nd,nd->n", steps, steps)
 
     least = errors(to_places(near.colors, space, alpha).astype(np.float64), cells)
 
-    def assigned(colors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+    def assigned(colors: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
         ends = to_places(colors, space, alpha).astype(np.float64)
         labels = nearest_of_kind(places, kinds, ends, kinds_of(colors, alpha))
         return colors, labels, errors(ends, labels)
 
-    def filled(colors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float64]]:
+    def filled(colors: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
         found = assigned(colors)
         gains = np.bincount(cells, np.maximum(found[2] - least, 0))
         best = np.argsort(-gains, kind="stable")[: n_colors - len(colors)]
@@ -122,7 +122,7 @@ def hardware_colors(
     return colors
 
 
-def _distinct(*several: NDArray[Any]) -> NDArray[Any]:
+def _distinct(*several: Array) -> Array:
     """Return the distinct rows of arrays, in their order."""
     rows = np.concatenate(several)
     return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]

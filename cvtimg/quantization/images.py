@@ -9,12 +9,13 @@ from functools import cached_property
 from typing import Any, Literal, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_alpha, check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
@@ -36,7 +37,7 @@ _SMOOTH = 1.5
 
 
 def quantize(
-    image: Any,
+    image: ImageLike,
     n_colors: int | Literal["auto"] | None = None,
     *,
     alpha: bool | None = None,
@@ -159,7 +160,7 @@ class PictureSource(Source):
 
     def __init__(
         self,
-        image: Any,
+        image: ImageLike,
         alpha: bool | None,
         mask: ArrayLike | None,
         weights: ArrayLike | None,
@@ -194,7 +195,7 @@ class PictureSource(Source):
         return PictureSource(_pieces(self.images[0], n), self._samples.alpha, inside, None)
 
     @cached_property
-    def _measure(self) -> Callable[[NDArray[Any]], float]:
+    def _measure(self) -> Callable[[Array], float]:
         return content_measure(self.images[0])
 
     def quality(self, result: Quantized) -> float:
@@ -258,7 +259,7 @@ class PictureSource(Source):
         n_colors = keeping_main_colors(self.counted[0], curve, n_colors, how.space)
         return max(n_colors, fixed_colors(self._samples, how.locked)[2]), curve
 
-    def kept(self, palette: NDArray[Any], how: QuantizeOptions) -> Quantized | None:
+    def kept(self, palette: Array, how: QuantizeOptions) -> Quantized | None:
         """Return the image in its own palette, if that is small enough and has all its colors."""
         if not isinstance(how.n_colors, int) or how.locked is not None or how.color_bits is not None:
             return None
@@ -284,7 +285,7 @@ class PictureSource(Source):
         return keep_outside(result, self._image)
 
 
-def _pieces(image: NDArray[Any], n: int) -> NDArray[Any]:
+def _pieces(image: Array, n: int) -> Array:
     """Return n x n pieces that are spread evenly, by M. Roberts' R2 sequence."""
     shares = np.outer(np.arange(1, n * n + 1), [0.7548776662466927, 0.5698402909980532]) % 1
     corners = (shares * (np.array(image.shape[:2]) - _PIECE)).astype(int)

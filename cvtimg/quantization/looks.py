@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 from cvtimg.colors.places import allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
@@ -26,13 +27,13 @@ _SMOOTH = 4.0
 class Below(NamedTuple):
     """The frame that a frame is drawn over: (H, W) indices, and whether the pixels of both originals are equal."""
 
-    indices: NDArray[Any]
+    indices: Array
     still: NDArray[np.bool_]
 
 
 def map_for_eyes(
     samples: ColorSamples,
-    palette: NDArray[Any],
+    palette: Array,
     nearest: NDArray[np.int32],
     rate: Rate,
     strength: float,
@@ -72,7 +73,7 @@ def map_for_eyes(
     return np.where(allowed, indices, samples.at_pixels(nearest))
 
 
-def _seen_places(colors: NDArray[Any], alpha: bool) -> NDArray[np.float64]:
+def _seen_places(colors: Array, alpha: bool) -> NDArray[np.float64]:
     """Return where colors lie for eyes, in levels of 8 bits: gray in one coordinate, color in three.
 
     With alpha there is one more: the squared distance is the mean over a black and a white background, on which screens
@@ -88,7 +89,7 @@ def _seen_places(colors: NDArray[Any], alpha: bool) -> NDArray[np.float64]:
     return np.concatenate([*lightness, (black[:, 1:] + white[:, 1:]) / 4], axis=1) * 255
 
 
-def _brightness(colors: NDArray[Any], alpha: bool, ground: int) -> NDArray[np.float64]:
+def _brightness(colors: Array, alpha: bool, ground: int) -> NDArray[np.float64]:
     """Return the brightness of (..., C) colors in levels of 8 bits, in front of a gray level."""
     bands = colors * (255 / peak(colors.dtype))
     seen = bands[..., : colors.shape[-1] - alpha]
@@ -99,7 +100,7 @@ def _brightness(colors: NDArray[Any], alpha: bool, ground: int) -> NDArray[np.fl
     return levels * share + ground * (1 - share)
 
 
-def streaks(original: NDArray[Any], image: NDArray[Any], *, has_alpha: bool) -> float:
+def streaks(original: Array, image: Array, *, has_alpha: bool) -> float:
     """Return how much smooth areas of an image are banded, in levels of 8 bits, on the worse of black and white.
 
     Root of the mean square, over pixels around which the original varies little, of the mean error of nine pixels of a

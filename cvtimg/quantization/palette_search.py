@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
+from cvtimg._shared.types import Array
 from cvtimg.colors.counting import add_samples, coarser, count_picture
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -68,10 +69,10 @@ class Palette(ReadOnly):
         The lightness of the pixels that each color stands for, if it is not the color that counts.
     """
 
-    colors: NDArray[Any]
+    colors: Array
     tessellation: Tessellation | None
     alpha: bool = False
-    tones: NDArray[Any] | None = None
+    tones: Array | None = None
 
     def _claims(self) -> Claims:
         if self.tessellation is not None:  # given ones may be equal
@@ -302,7 +303,7 @@ def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
 
 
 def _in_cubes(
-    places: NDArray[np.float64], density: NDArray[Any], size: float
+    places: NDArray[np.float64], density: Array, size: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
     """Return the cube of each place, and the means and masses of cubes."""
     steps = np.floor(places / size).astype(np.int64)
@@ -360,7 +361,7 @@ class Merged(NamedTuple):
     n_pixels: float
 
 
-def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any], samples: ColorSamples | None = None) -> Merged:
+def merged_colors(palette: Palette, n_colors: int, fixed: Array, samples: ColorSamples | None = None) -> Merged:
     """Merge where the energy rises least (J. H. Ward, J. Am. Stat. Assoc. 58 (1963) 236-244); `fixed` ones stay.
 
     A palette that has all colors is merged by the samples that it is of.
@@ -404,7 +405,7 @@ def merged_colors(palette: Palette, n_colors: int, fixed: NDArray[Any], samples:
     return Merged(energies, starts, float(n_pixels))
 
 
-def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, NDArray[Any], int]:
+def fixed_colors(samples: ColorSamples, locked: ArrayLike | None) -> tuple[ColorSamples, Array, int]:
     """Return samples, the colors that must be in their palette, of the same channels, and its least size."""
     fixed = samples.colors[:0] if locked is None else check_colors("locked", locked, samples.colors.dtype)
     samples, fixed = agree(samples, fixed)
@@ -433,7 +434,7 @@ def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
 
 
 def _opaque_palette(
-    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: NDArray[Any], engine: EngineOptions
+    samples: ColorSamples, n_colors: int, space: SpaceName, fixed: Array, engine: EngineOptions
 ) -> Palette:
     """Find a palette where alpha plays no part: transparent colors are locked, and all others are opaque."""
     opaque = kinds_of(fixed, True) == OPAQUE
@@ -503,7 +504,7 @@ def _keep_opaque(
     return generators
 
 
-def _name(color: NDArray[Any], dtype: np.dtype[Any], alpha: bool) -> str:
+def _name(color: Array, dtype: np.dtype[np.generic], alpha: bool) -> str:
     """Return "#rrggbb", with alpha if there is any."""
     eight = [round(min(max(float(value) / peak(dtype), 0), 1) * 255) for value in color]
     if len(eight) - alpha not in (1, 3):
@@ -511,7 +512,7 @@ def _name(color: NDArray[Any], dtype: np.dtype[Any], alpha: bool) -> str:
     return "#" + bytes(eight[:1] * 3 + eight[1:] if len(eight) < 3 else eight).hex()
 
 
-def _in_order(colors: NDArray[Any], alpha: bool) -> NDArray[Any]:
+def _in_order(colors: Array, alpha: bool) -> Array:
     """Sort distinct colors: transparent ones first, as files have it, then by the sum of their channels."""
     totals = colors.sum(axis=1, dtype=np.float64)
     ordered = colors[np.lexsort((*colors.T[::-1], totals, kinds_of(colors, alpha) == OPAQUE))]

@@ -15,6 +15,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -42,7 +43,7 @@ class Storing(NamedTuple):
     clears: bool
 
     @classmethod
-    def of(cls, palette: NDArray[Any], *, left_out: bool, keeps_nodata: bool, indexed: bool) -> Storing:
+    def of(cls, palette: Array, *, left_out: bool, keeps_nodata: bool, indexed: bool) -> Storing:
         """Return how a type holds a palette; where pixels are left out they stay nodata, or become clear in 8 bits."""
         eight_bit = palette.dtype == np.uint8 and palette.shape[1] in (1, 3)
         fits = eight_bit and palette.shape[1] == 3 and len(palette) <= 256
@@ -88,7 +89,7 @@ class Quantized(ReadOnly, Fidelity):
         `n_distinct` is the largest number held at a time; the energy is exact all the same.
     """
 
-    palette: NDArray[Any]
+    palette: Array
     indices: Any
     shape: tuple[int, ...]
     energy: float
@@ -97,7 +98,7 @@ class Quantized(ReadOnly, Fidelity):
     curve: EnergyCurve | None = None
     alpha: bool = False
     inside: NDArray[np.bool_] | None = None
-    outside: NDArray[Any] | None = None
+    outside: Array | None = None
     quality: float | None = None
     content_quality: float | None = None
     n_left_out: int = 0
@@ -135,7 +136,7 @@ class Quantized(ReadOnly, Fidelity):
         write_image(path, pixels, palette=palette, alpha=alpha, overwrite=overwrite)
 
     @property
-    def image(self) -> NDArray[Any]:
+    def image(self) -> Array:
         """The image in its new colors, (H, W) or (H, W, C), of the type of the original."""
         pixels = take_rows(self.palette, self.indices)
         if self.inside is not None and self.outside is not None:
@@ -147,10 +148,10 @@ class Quantized(ReadOnly, Fidelity):
         """Number of samples that count: pixels times channels without alpha."""
         return (math.prod(self.shape[:2]) - self.n_left_out) * (self.palette.shape[1] - self.alpha)
 
-    def stored(self, storing: Storing) -> NDArray[Any]:
+    def stored(self, storing: Storing) -> Array:
         """Return the pixels as pages and tiles hold them."""
         if storing.indexed:
-            found: NDArray[Any] = self.indices
+            found: Array = self.indices
             return found
         if not storing.clears:
             return self.image
@@ -159,7 +160,7 @@ class Quantized(ReadOnly, Fidelity):
         return np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2)
 
     @property
-    def content(self) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:
+    def content(self) -> tuple[Array, NDArray[np.uint8] | None]:
         """What `write_image` takes: indices and a palette of RGB or RGBA, or an image if no file has such a palette.
 
         Pixels that do not count become transparent if an indexed image has room for one more color.
@@ -180,7 +181,7 @@ class Quantized(ReadOnly, Fidelity):
 
 
 def map_to_palette(
-    image: Any,
+    image: ImageLike | ColorSamples,
     palette: ArrayLike,
     *,
     alpha: bool | None = None,
@@ -223,13 +224,13 @@ def map_to_palette(
     >>> map_to_palette(image, [0, 128, 255]).image.tolist()
     [[0, 0, 255], [0, 255, 255]]
     """
-    given = isinstance(image, ColorSamples)
-    samples = image if given else color_samples(image, alpha=alpha, mask=mask)
-    result = map_samples(samples, palette, space, dither, dither_strength)
-    return result if given else keep_outside(result, image)
+    if isinstance(image, ColorSamples):
+        return map_samples(image, palette, space, dither, dither_strength)
+    samples = color_samples(image, alpha=alpha, mask=mask)
+    return keep_outside(map_samples(samples, palette, space, dither, dither_strength), image)
 
 
-def keep_outside(result: Quantized, image: Any) -> Quantized:
+def keep_outside(result: Quantized, image: ImageLike) -> Quantized:
     """Let the pixels that do not count keep the values that they have in an image."""
     if result.inside is None:
         return result
@@ -247,7 +248,7 @@ def map_samples(
     dither: DitherName | None,
     dither_strength: float,
     rate: Rate = USUAL,
-    tones: NDArray[Any] | None = None,
+    tones: Array | None = None,
     below: Below | None = None,
 ) -> Quantized:
     """Map samples with the way back to their pixels; see `map_to_palette`, and `Palette` for the tones."""
@@ -289,7 +290,7 @@ def map_samples(
     )
 
 
-def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[np.int32]]:
+def _fitted(colors: Array, labels: NDArray[np.int32]) -> tuple[Array, NDArray[np.int32]]:
     """Let a transparent color that was put first replace one without pixels, if indices would need more bits."""
     # This is said in a warning, as the palette is no longer the one that was given.
     n_given = len(colors) - 1
@@ -302,20 +303,20 @@ def _fitted(colors: NDArray[Any], labels: NDArray[np.int32]) -> tuple[NDArray[An
     return colors, labels
 
 
-def tones_of(colors: NDArray[Any], alpha: bool) -> NDArray[Any]:
+def tones_of(colors: Array, alpha: bool) -> Array:
     """Return the (N,) lightness of colors in Oklab, in their units."""
     lightness = to_space(np.ascontiguousarray(colors[:, : colors.shape[1] - alpha]), "oklab")[:, :1]
     return to_depth(lightness, colors.dtype)[:, 0]
 
 
-def _by_tone(samples: ColorSamples, palette: NDArray[Any], tones: NDArray[Any]) -> tuple[ColorSamples, NDArray[Any]]:
+def _by_tone(samples: ColorSamples, palette: Array, tones: Array) -> tuple[ColorSamples, Array]:
     """Return samples and the colors of a palette as grays, with their alpha."""
     n_seen = palette.shape[1] - samples.alpha
     rows = np.column_stack([tones_of(samples.colors, samples.alpha), samples.colors[:, n_seen:]])
     return replace(samples, rows=rows), np.column_stack([tones, palette[:, n_seen:]])
 
 
-def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> NDArray[np.int32]:
+def _map(samples: ColorSamples, palette: Array, space: SpaceName) -> NDArray[np.int32]:
     """Return the (M,) index of the nearest color of each sample."""
     alpha = samples.alpha
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
@@ -325,7 +326,7 @@ def _map(samples: ColorSamples, palette: NDArray[Any], space: SpaceName) -> NDAr
 
 
 def _dither(
-    samples: ColorSamples, palette: NDArray[Any], space: SpaceName, method: DitherName, strength: float
+    samples: ColorSamples, palette: Array, space: SpaceName, method: DitherName, strength: float
 ) -> NDArray[np.int32]:
     """Return the (H, W) index of the color of each pixel."""
     alpha = samples.alpha
@@ -339,7 +340,7 @@ def _dither(
     return dithering.dither(places, inverse, ends, method, strength, kinds, allowed, samples.inside)
 
 
-def _energy(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int32]) -> float:
+def _energy(samples: ColorSamples, palette: Array, labels: NDArray[np.int32]) -> float:
     """Return the energy in sRGB of (M,) labels of the colors, or of (H, W) labels of the pixels that count."""
     places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
     if labels.ndim == 1:
@@ -355,7 +356,7 @@ def _energy(samples: ColorSamples, palette: NDArray[Any], labels: NDArray[np.int
     return energy
 
 
-def nearest(points: Points, places: NDArray[Any]) -> NDArray[np.int32]:
+def nearest(points: Points, places: Array) -> NDArray[np.int32]:
     """Return the (N,) index of the place of (K, D) nearest to each point, the lowest on a tie."""
     inside = points.frame.inward(places)
     if points.n_dims > 1:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, SpaceName
+from cvtimg._shared.types import Array, Row
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -77,7 +78,7 @@ class QuantizedSeries(Fidelity):
 
     def stored(
         self, pages: Pages, *, keeps_nodata: bool = False
-    ) -> tuple[tuple[NDArray[Any], ...], NDArray[np.uint8] | None, bool]:
+    ) -> tuple[tuple[Array, ...], NDArray[np.uint8] | None, bool]:
         """Return pages as they are written: indices and their palette, or colors; and whether they have alpha."""
         left_out, first = any(one.inside is not None for one in self.results), self.palette
         shared = all(np.array_equal(one.palette, first) for one in self.results)
@@ -109,7 +110,7 @@ class QuantizedSeries(Fidelity):
         return sum(result.n_values for result in self.results)
 
     @property
-    def palette(self) -> NDArray[Any]:
+    def palette(self) -> Array:
         """The palette of the first image, and of all if they share it."""
         return self.results[0].palette
 
@@ -128,7 +129,7 @@ class QuantizedSeries(Fidelity):
         """As in `Quantized`."""
         return self.results[0].curve
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Row:
         """Return the figures that commands and reports show."""
         first, elbows = self.results[0], {}
         if self.kind != "tiles":
@@ -291,7 +292,7 @@ class SeriesSource(Source):
         return QuantizedSeries(tuple(results), kind, n_distinct, original=frames)
 
 
-def _still(before: NDArray[Any], image: NDArray[Any]) -> NDArray[np.bool_]:
+def _still(before: Array, image: Array) -> NDArray[np.bool_]:
     """Return (H, W) whether a pixel is in a square of 3 x 3 that are all as before: others may be so by chance."""
     from scipy.ndimage import binary_opening  # which takes long to import
 

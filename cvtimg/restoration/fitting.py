@@ -13,13 +13,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.threads import side_by_side
+from cvtimg._shared.types import Array
 from cvtimg.restoration.noise import SharedNoise
 from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
 
@@ -88,7 +87,7 @@ def _structure(versions: Versions, version: int) -> tuple[Floats, Bools]:
     return _between_blurs(gray), inner
 
 
-def _between_blurs(image: NDArray[Any]) -> NDArray[Any]:
+def _between_blurs(image: Array) -> Array:
     """(H, W) structure of an image, without single outliers."""
     from scipy.ndimage import gaussian_filter, median_filter
 
@@ -96,7 +95,7 @@ def _between_blurs(image: NDArray[Any]) -> NDArray[Any]:
     return gaussian_filter(image, 1) - gaussian_filter(image, 4)
 
 
-def _means(values: NDArray[Any], known: Bools) -> Doubles:
+def _means(values: Array, known: Bools) -> Doubles:
     """(T,) mean of known values in each window; NaN where too few are known."""
     from scipy.ndimage import uniform_filter
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
+from cvtimg._shared.types import Array
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -90,7 +91,7 @@ class Axes:
         return product(image, _OPPONENT) if image.shape[2] == 3 else image[:, :, self.slices[0]]
 
 
-def cells_of(rows: NDArray[Any], most: int, **how: Any) -> Tessellation:
+def cells_of(rows: Array, most: int, **how: Any) -> Tessellation:
     """Tessellate rows, which may have fewer different values than cells: then each has its own."""
     try:
         return tessellate(rows, most, **how)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.types import Array
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -64,8 +65,8 @@ class Denoised(ReadOnly):
         0 where it is the same, about 2 for another image. Above 0.25, versions do not fit. NaN for channels.
     """
 
-    image: NDArray[Any]
-    alpha: NDArray[Any] | None
+    image: Array
+    alpha: Array | None
     coverage: NDArray[np.int32]
     left_out: NDArray[np.int32]
     noise: NDArray[np.float64]
@@ -88,7 +89,7 @@ class Denoised(ReadOnly):
     @classmethod
     def of(
         cls,
-        places: NDArray[Any],
+        places: Array,
         used: Versions,
         evidence: Evidence,
         space: SpaceName,
@@ -101,7 +102,7 @@ class Denoised(ReadOnly):
         versions, noise = evidence.placed, evidence.noise
         bands = np.arange(places.shape[2]) if bands is None else bands
 
-        def of_all(values: NDArray[Any] | None, *axes: int, other: ArrayLike = 0.0) -> NDArray[np.float64] | None:
+        def of_all(values: Array | None, *axes: int, other: ArrayLike = 0.0) -> NDArray[np.float64] | None:
             if values is None:
                 return None
             for axis in axes:
@@ -134,7 +135,7 @@ class Denoised(ReadOnly):
         """Correlation of the noise of pixels next to each other in a row; 0 where noise is white."""
         return 0.0 if self.noise_shared is None else SharedNoise(self.noise_shared).neighbors
 
-    def with_alpha(self) -> NDArray[Any]:
+    def with_alpha(self) -> Array:
         """(H, W) or (H, W, C) image, with its alpha as the last channel if there is any."""
         return self.image if self.alpha is None else np.dstack([self.image, self.alpha])
 

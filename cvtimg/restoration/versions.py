@@ -18,6 +18,7 @@ from cvtimg._shared.checks import check_image, check_in_range, check_shape, chec
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
@@ -44,7 +45,7 @@ class Rounding:
     subsampling: int
 
     @classmethod
-    def of(cls, image: Any) -> Rounding | None:
+    def of(cls, image: ImageLike) -> Rounding | None:
         """Return that of a Pillow image of a JPEG file, which has `quantization` and `layer`; None of others."""
         tables = getattr(image, "quantization", None)
         layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
@@ -53,7 +54,7 @@ class Rounding:
         subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
         return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
 
-    def lost(self, values: NDArray[Any]) -> Doubles | None:
+    def lost(self, values: Array) -> Doubles | None:
         """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
         n_bands = values.shape[2]  # one, of gray, has the table of luma
         fits = n_bands == 1 or (n_bands == 3 and len(self.tables) == 2)
@@ -101,7 +102,7 @@ class Versions:
 
     #: (H, W, C) each: values in the working color space, in the smallest type at hand, for many versions take much
     #: memory; of any value where unknown
-    stack: tuple[NDArray[Any], ...]
+    stack: tuple[Array, ...]
     known: Bools  # (H, W, S): which pixels each version knows
     version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
@@ -110,7 +111,7 @@ class Versions:
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
     tones: Doubles | None = None  # (S, C, 2): gain and offset to the exposure of the first
     lines: Doubles | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
-    alpha: NDArray[Any] | None = None  # (H, W): that all versions have; None if there is none, or it differs
+    alpha: Array | None = None  # (H, W): that all versions have; None if there is none, or it differs
     whitening: Doubles | None = None  # (C, C): gives bands noise that they do not share; None if they share none
 
     @property
@@ -263,7 +264,7 @@ def _check_same(what: str, found: Sequence[object]) -> None:
             raise ValueError(f"images[{number}] has {what} {other} and images[0] has {found[0]}; they must be the same")
 
 
-def _fitted(values: NDArray[Any], known: Bools, size: tuple[int, ...]) -> tuple[NDArray[Any], Bools]:
+def _fitted(values: Array, known: Bools, size: tuple[int, ...]) -> tuple[Array, Bools]:
     """Cut or add rows and columns at the lower right so that (H, W, C) values have a size; what is added is unknown."""
     if known.shape == size:
         return values, known
@@ -273,8 +274,8 @@ def _fitted(values: NDArray[Any], known: Bools, size: tuple[int, ...]) -> tuple[
 
 
 def _read(
-    number: int, image: Any, mask: ArrayLike | None, nodata: float | None, alpha: bool | None
-) -> tuple[NDArray[Any], Bools]:
+    number: int, image: ImageLike, mask: ArrayLike | None, nodata: float | None, alpha: bool | None
+) -> tuple[Array, Bools]:
     """(H, W, C) values of a version, and where they are known by its masks, NaN, alpha and nodata."""
     array = array_of(image)
     missing = np.isnan(array) if array.dtype.kind == "f" else np.zeros(array.shape, np.bool_)
@@ -295,7 +296,7 @@ def _read(
     return values, known
 
 
-def _place(values: NDArray[Any], known: Bools, space: SpaceName) -> NDArray[Any]:
+def _place(values: Array, known: Bools, space: SpaceName) -> Array:
     """(H, W, C) places of the values in the color space; 0 where unknown."""
     if space == "rgb":
         places = values if values.dtype.itemsize <= 2 else values.astype(np.float32)
@@ -373,7 +374,7 @@ def fill(total: Floats, weight: Floats) -> Floats:
     return filled
 
 
-def with_tables(image: NDArray[Any], path: str | PathLike[str]) -> Any:
+def with_tables(image: Array, path: str | PathLike[str]) -> Any:
     """Return an image as read from a file; of a JPEG file, as a Pillow image that has its tables."""
     with suppress(OSError, Image.DecompressionBombError), Image.open(path) as file:
         tables: Any = file

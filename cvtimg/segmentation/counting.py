@@ -29,6 +29,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.messages import warn
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
@@ -86,7 +87,7 @@ SETTINGS = Settings()
 
 @hints_at_keywords
 def count_objects(
-    image: Any,
+    image: ImageLike,
     *,
     spacing: Sequence[float] | None = None,
     background: str = "largest",
@@ -235,7 +236,7 @@ def _warn_of_doubts(labels: NDArray[np.int32], inside: _Inside, radius: float, s
 
 def checked_bands(
     image: Any, spacing: Sequence[float] | None, mask: ArrayLike | None
-) -> tuple[NDArray[Any], _Inside, tuple[float, ...]]:
+) -> tuple[Array, _Inside, tuple[float, ...]]:
     """Return an image or a volume with an axis of bands, the pixels that count, and their sides in those of a plane."""
     if spacing is None:
         return *check_partial_image("image", image, mask), (1.0, 1.0)

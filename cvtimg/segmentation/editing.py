@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape
+from cvtimg._shared.types import Array
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.touching import numbered
 
@@ -112,7 +113,7 @@ def edit_labels(
     return numbered(edited)
 
 
-def brush(image: NDArray[Any], points: Sequence[tuple[int, int]], radius: float, value: Any) -> None:
+def brush(image: Array, points: Sequence[tuple[int, int]], radius: float, value: Any) -> None:
     """Set the pixels of an (H, W) array whose centers are within a radius of lines from point to point (x, y)."""
     height, width = image.shape
     for (x0, y0), (x1, y1) in zip(points, [*points[1:], points[-1]], strict=True):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array, Row
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.tracking import track_labels
 from cvtimg.pictures.files import ImageInfo
@@ -24,7 +25,7 @@ from cvtimg.segmentation.result import Segmentation, measured
 
 #: `segment` and its siblings with their options: takes an image, and its pixels that count as `mask`.
 Divide = Callable[..., Segmentation]
-_Part = tuple[NDArray[Any], NDArray[np.bool_]]
+_Part = tuple[Array, NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +34,11 @@ class DividedStack:
 
     header: ImageInfo
     pages: Pages | None  # None for a picture
-    images: tuple[NDArray[Any], ...]  # the picture, or the pages, without alpha
+    images: tuple[Array, ...]  # the picture, or the pages, without alpha
     results: tuple[Segmentation, ...]  # of each page, or of each volume; their labels are parts of those below
     labels: NDArray[np.int32]  # (P, H, W), of the pages
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Row:
         """Return what a table says of all results, by column."""
         each = [result.summary() for result in self.results]
         together = {"k": sum if self.results[0].counting else max, "energy": sum, "n_iter": max, "converged": all}
@@ -48,9 +49,7 @@ class DividedStack:
         return {"left_out": int((self.labels == 0).sum()), **found, "regions": regions, "edge_length": sides}
 
 
-def by_tree(
-    image: NDArray[Any], n_regions: int | None = None, threshold: float | None = None, **options: Any
-) -> Segmentation:
+def by_tree(image: Array, n_regions: int | None = None, threshold: float | None = None, **options: Any) -> Segmentation:
     """Cut the tree of an image into regions, and measure these on the image itself."""
     tree = segment_hierarchy(image, **options)
     return measured(tree.cut(n_regions, threshold=threshold), image, hierarchy=tree)
@@ -133,7 +132,7 @@ def _spacing(pages: Pages | None) -> tuple[float, float, float]:
     return size.z, size.y, size.x
 
 
-def _without_alpha(image: NDArray[Any], known: NDArray[np.bool_], header: ImageInfo) -> _Part:
+def _without_alpha(image: Array, known: NDArray[np.bool_], header: ImageInfo) -> _Part:
     """Return the bands that count, and the pixels that count and can be seen."""
     if header.has_alpha and image.shape[2:] == (4,):
         return image[:, :, :3], known & (image[:, :, 3] > 0)

@@ -8,10 +8,12 @@ the pixels that count is cut off, so that a wider frame of such pixels changes n
 from __future__ import annotations
 
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array
 
 
 class Frame(NamedTuple):
@@ -21,12 +23,12 @@ class Frame(NamedTuple):
     steps: tuple[slice, ...]  # forward or backward along each axis
     transposed: bool  # whether rows and columns change places after that
 
-    def of(self, array: Any) -> Any:
+    def of(self, array: Array) -> Array:
         """Return a view of the part; further axes stay as they are. What is written to it is written to the array."""
         view, n_axes = array[self.part][self.steps], len(self.part)
         return view.swapaxes(n_axes - 2, n_axes - 1) if self.transposed else view
 
-    def back(self, view: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    def back(self, view: Array, shape: tuple[int, ...]) -> Array:
         """Return an array of the image's shape that holds the view, and 0 around it."""
         array = np.zeros((*shape, *view.shape[len(shape) :]), view.dtype)
         self.of(array)[...] = view
@@ -38,7 +40,7 @@ def whole_frame(shape: tuple[int, ...]) -> Frame:
     return Frame(tuple(slice(0, side) for side in shape), (slice(None),) * len(shape), False)
 
 
-def frame_of(image: Any, inside: Any, turns: bool = True) -> Frame:
+def frame_of(image: Array, inside: NDArray[np.bool_], turns: bool = True) -> Frame:
     """Find the frame of an image or a volume, of any number of bands, by the pixels that count; there is at least one.
 
     Without `turns`, rows and columns do not change places.
@@ -63,7 +65,7 @@ def frame_of(image: Any, inside: Any, turns: bool = True) -> Frame:
     return left[0]
 
 
-def _values(image: Any, inside: Any) -> NDArray[Any]:
+def _values(image: Array, inside: NDArray[np.bool_]) -> Array:
     """Return values in order, with 0 for pixels that do not count."""
     known = inside.reshape(*inside.shape, *(1,) * (image.ndim - inside.ndim))
     return np.where(known, image, image.dtype.type(0)).ravel()

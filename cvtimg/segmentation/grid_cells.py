@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.types import ImageLike
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, halved
 from cvtimg.segmentation.frames import frame_of
@@ -35,7 +36,7 @@ _LEAST_SIDE = 12
 
 @hints_at_keywords
 def superpixels(
-    image: Any,
+    image: ImageLike,
     n_superpixels: int,
     *,
     compactness: float | str = "auto",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.engine.tessellation import tessellate
 
 #: Light varies over this share of the longer side, then, to follow it into the corners, over half of that. It is found
@@ -31,7 +31,7 @@ def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | 
     # there: segments are found in what the gain of the segments before leaves.
     apart = max(int(np.sqrt(inside.size / _ENOUGH_PIXELS)), 1)
     some, known = values[::apart, ::apart], inside[::apart, ::apart]
-    means: NDArray[Any] = np.broadcast_to(some[known].mean(axis=0), some.shape)
+    means: Array = np.broadcast_to(some[known].mean(axis=0), some.shape)
     for share in _REACHES_OF_LIGHT:
         reach, light = [share * max(known.shape)] * 2, np.ones(0, np.float32)
         for _ in range(_MAX_ROUNDS):
@@ -49,7 +49,7 @@ def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | 
     return np.where(inside[..., None], values / spread(light, inside.shape)[..., None], np.float32(0))
 
 
-def is_lit_unevenly(image: NDArray[Any], inside: _Inside, n_segments: int) -> bool:
+def is_lit_unevenly(image: Array, inside: _Inside, n_segments: int) -> bool:
     """Tell whether a quadratic surface under the segments explains more than another segment would."""
     apart = max(int(np.sqrt(inside.size / _FEW_PIXELS)), 1)
     known = inside[::apart, ::apart]
@@ -70,7 +70,7 @@ def is_lit_unevenly(image: NDArray[Any], inside: _Inside, n_segments: int) -> bo
     return bool(squares.min(axis=1).sum() < more.energy)
 
 
-def _fitted(columns: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+def _fitted(columns: Array, rows: Array) -> Array:
     """Return factors of (N, M) columns whose sum is nearest to (N, D) rows."""
     shared = np.einsum("ni,nj->ij", columns, columns)
     return np.asarray(np.linalg.pinv(shared, hermitian=True) @ np.einsum("ni,nd->id", columns, rows))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.records import Claims, ReadOnly, equals, never_rises
 from cvtimg._shared.sums import take_rows
+from cvtimg._shared.types import Array, Row
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -68,7 +69,7 @@ class Segments(ReadOnly):
         """Number of segments, K."""
         return len(self.generators)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Row:
         """Return what a table says of the result, by column."""
         return {
             "k": self.n_segments,
@@ -96,7 +97,7 @@ class SegmentedFile(Segments):
     shape: tuple[int, ...]
     exact: bool
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Row:
         """Return what a table says of the result, by column."""
         left_out = self.shape[0] * self.shape[1] - int(self.masses.sum())
         return {"left_out": left_out, "exact": self.exact, **Segments.summary(self)}
@@ -151,7 +152,7 @@ class Segmentation(Segments):
             equals(self.masses, np.bincount(self.labels.ravel(), minlength=self.n_segments + 1)[1:]),
         )
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Row:
         """Return what a table says of the result, by column."""
         elbow = self.curve.elbows() if self.curve else None
         return {**Segments.summary(self), "elbow": elbow, **(asdict(self.counting) if self.counting else {})}
@@ -196,7 +197,7 @@ class Segmentation(Segments):
         )
 
 
-def measured(labels: NDArray[np.int32], image: NDArray[Any], **more: Any) -> Segmentation:
+def measured(labels: NDArray[np.int32], image: Array, **more: Any) -> Segmentation:
     """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
     rows = labels.reshape(-1, labels.shape[-1])  # planes below each other
     values, inside = image.reshape(*rows.shape, -1), (rows > 0)[..., None]

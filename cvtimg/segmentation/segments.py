@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -32,7 +33,7 @@ _CURVE, _CELLS = 0.4, 0.6
 
 @hints_at_keywords
 def segment(
-    image: Any,
+    image: ImageLike,
     n_segments: int | Literal["auto"],
     *,
     space: SpaceName = "rgb",
@@ -172,7 +173,7 @@ def segment(
 
 
 def segment_curve(
-    image: Any,
+    image: ImageLike,
     n_max: int = CHORD_ENDS,
     *,
     space: SpaceName = "rgb",
@@ -212,8 +213,8 @@ def segment_curve(
 
 
 def below_each_other(
-    bands: NDArray[Any], inside: NDArray[np.bool_], spacing: float, radius: int
-) -> tuple[NDArray[Any], NDArray[np.bool_], Planes]:
+    bands: Array, inside: NDArray[np.bool_], spacing: float, radius: int
+) -> tuple[Array, NDArray[np.bool_], Planes]:
     """Return the planes of a volume as one image, with as much around them as `Planes` needs, and what counts of it."""
     planes = Planes(bands.shape[1] + radius, spacing)
     first = int(radius / planes.spacing)

@@ -17,6 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.types import Array
 from cvtimg.colors.counting import Count
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES
@@ -161,7 +162,7 @@ class RowsOnDisk:
             for _ in range(shape[0]):
                 file.write(bytes(self._n_bytes))
 
-    def __getitem__(self, rows: slice) -> NDArray[Any]:
+    def __getitem__(self, rows: slice) -> Array:
         first, last, _ = rows.indices(self.shape[0])
         shape = (last - first, *self.shape[1:])
         return np.memmap(self._path, self.dtype, "r+", first * self._n_bytes, shape)

@@ -12,13 +12,13 @@ the generators of a tessellation, and the object is its cell.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.types import Array
 from cvtimg.segmentation.averaging import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
@@ -150,7 +150,7 @@ def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[n
     return np.square(values - color).sum(axis=-1)
 
 
-def largest_by_label(values: NDArray[Any], labels: NDArray[Any]) -> NDArray[np.float64]:
+def largest_by_label(values: Array, labels: Array) -> NDArray[np.float64]:
     """Return the largest value, >= 0, of each label from 0, whose is 0; without a sort, as in scipy.ndimage."""
     largest = np.zeros(int(labels.max(initial=0)) + 1)
     np.maximum.at(largest, labels.ravel(), values.ravel())
@@ -158,7 +158,7 @@ def largest_by_label(values: NDArray[Any], labels: NDArray[Any]) -> NDArray[np.f
     return largest
 
 
-def numbered(objects: NDArray[Any]) -> NDArray[np.int32]:
+def numbered(objects: Array) -> NDArray[np.int32]:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     return numbers_of(np.bincount(objects.ravel()) > 0)[objects]
 

@@ -9,7 +9,6 @@ levels are then identical to the last bit.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
@@ -36,7 +36,7 @@ class PictureValues:
     scale: float  # values are scale times the colors of `samples`
     spacing: Spacing  # of the samples whose levels, in "rgb", those colors are
     space: SpaceName  # the color space
-    dtype: np.dtype[Any]  # type of the image
+    dtype: np.dtype[np.generic]  # type of the image
 
     @property
     def unit(self) -> float:
@@ -48,7 +48,7 @@ class PictureValues:
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
         return at_pixels(self.samples.at_pixels(places)[0], self.inside)
 
-    def of_colors(self, colors: NDArray[Any], center: NDArray[np.float64]) -> NDArray[np.float32]:
+    def of_colors(self, colors: Array, center: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, D) values of (N, C) colors of an image without an offset, about their center."""
         scale = self.scale
         if self.space != "rgb":
@@ -88,7 +88,7 @@ class PictureValues:
         return colors * peak(self.dtype)
 
 
-def at_pixels(rows: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+def at_pixels(rows: Array, inside: NDArray[np.bool_]) -> Array:
     """Put (n, ...) rows at the n pixels `inside`, (H, W), that they belong to: (H, W, ...), 0 elsewhere."""
     if len(rows) == inside.size:
         return rows.reshape(*inside.shape, *rows.shape[1:])
@@ -97,19 +97,19 @@ def at_pixels(rows: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     return pixels
 
 
-def from_nearest(pixels: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
+def from_nearest(pixels: Array, known: NDArray[np.bool_]) -> Array:
     """Give each pixel, (H, W), that is not known what the nearest known one has."""
     from scipy.ndimage import distance_transform_edt
 
     return pixels[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
 
 
-def unit_of(space: SpaceName, dtype: np.dtype[Any]) -> float:
+def unit_of(space: SpaceName, dtype: np.dtype[np.generic]) -> float:
     """Return the value of 1 in the units of images of this type or, in another space, of that space."""
     return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)
 
 
-def picture_values(image: Any, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
+def picture_values(image: ImageLike, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
     """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
@@ -132,7 +132,7 @@ class Spacing:
         """The sample at level 0."""
         return self.offset / self.white
 
-    def samples(self, levels: NDArray[Any]) -> NDArray[np.float64]:
+    def samples(self, levels: Array) -> NDArray[np.float64]:
         """Scale levels back to samples."""
         return self.within((self.offset + self.step * levels.astype(np.float64)) / self.white)
 
@@ -145,7 +145,7 @@ def values_of(
     samples: ColorSamples,
     inside: NDArray[np.bool_],
     space: SpaceName,
-    dtype: np.dtype[Any],
+    dtype: np.dtype[np.generic],
     spacing: Spacing = Spacing(),
 ) -> PictureValues:
     """Return the values of distinct colors, which are levels of samples in the units of the image."""
@@ -155,7 +155,7 @@ def values_of(
     return PictureValues(inside, replace(samples, rows=places), 1.0, spacing, space, dtype)
 
 
-def to_levels(samples: NDArray[Any]) -> tuple[NDArray[Any], Spacing]:
+def to_levels(samples: Array) -> tuple[Array, Spacing]:
     """Find the levels of finite samples: integers or floating point, of any shape, at least one.
 
     Levels are whole numbers from 0 if samples are evenly spaced, otherwise numbers from 0 to 1.

@@ -12,6 +12,7 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_picture_de
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
+from cvtimg._shared.types import Array
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -245,7 +246,7 @@ class Coast:
         return unit(start + np.clip(part, 0, 1)[:, None] * way)
 
 
-def _smoothed(land: NDArray[Any], size: float) -> NDArray[np.float32]:
+def _smoothed(land: Array, size: float) -> NDArray[np.float32]:
     """Smooth an image of land by a length on the ground, and leave out islands and lakes that are too small."""
     from scipy.ndimage import gaussian_filter1d, label
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
+from cvtimg._shared.types import Array
 from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import Points, from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
@@ -162,9 +162,7 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
     return held
 
 
-def _largest(
-    sea: NDArray[np.bool_], starts: NDArray[Any], ends: NDArray[Any], areas: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _largest(sea: NDArray[np.bool_], starts: Array, ends: Array, areas: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return the connected part of the sea with the largest area."""
     both = sea[starts] & sea[ends]
     _, parts = connected_parts((starts[both], ends[both]), len(sea))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
 from cvtimg._shared.growth import limit_growth
+from cvtimg._shared.types import Array
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
 
 Points = NDArray[np.float64]
@@ -154,7 +155,7 @@ class GlobePicture:
         return GlobePicture.padded(blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32))
 
 
-def check_globe(name: str, picture: NDArray[Any]) -> NDArray[Any]:
+def check_globe(name: str, picture: Array) -> Array:
     """Return an image if it can be one of the globe."""
     height, width = picture.shape[:2]
     check_shape(name, picture.shape, width == 2 * height, "twice as wide as high: an image of the globe")

@@ -7,11 +7,12 @@ what the radii are too large by.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.placement import Region
 
 _Floats = NDArray[np.float64]
@@ -50,7 +51,7 @@ class Boxes(NamedTuple):
     points: NDArray[np.intp]
     distances: _Floats
 
-    def only(self, chosen: NDArray[Any]) -> Boxes:
+    def only(self, chosen: Array) -> Boxes:
         """Leave some."""
         return Boxes(self.middles[chosen], self.halves[chosen], self.points[chosen], self.distances[chosen])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,7 +81,7 @@ def measure_surface(points: ArrayLike, triangles: ArrayLike) -> SurfaceMeasures:
     )
 
 
-def _n_connected(edges: NDArray[np.integer[Any]], points: NDArray[np.integer[Any]]) -> int:
+def _n_connected(edges: NDArray[np.integer], points: NDArray[np.integer]) -> int:
     """Count the parts of some points (P,) that edges (E, 2) connect."""
     start, end = np.searchsorted(points, edges).T
     return connected_parts((start, end), len(points))[0] if len(points) else 0

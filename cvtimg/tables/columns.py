@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.types import Array
 
 #: Marks of missing values, in small letters.
 _NO_VALUE = frozenset(
@@ -147,7 +148,7 @@ def _of_array(path: Path) -> Columns:
     with path.open("rb") as file:
         try:
             # Not np.load, which would also read archives.
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+            array: Array = np.lib.format.read_array(file, allow_pickle=False)
         except (ValueError, EOFError) as error:
             raise ValueError(f"{path}: is not a complete .npy file of numbers ({one_line(error)})") from error
     if array.ndim not in ((1,) if array.dtype.names else (1, 2)):
@@ -276,10 +277,10 @@ class _Text(Columns):
         texts = [["" if cell is None else str(cell) for cell in row] for row in rows]
         return ((number, row) for number, row in enumerate(texts, 1) if any(row))
 
-    def _by_column(self, records: Iterable[tuple[int, list[str]]]) -> tuple[Sequence[int], list[NDArray[Any]]]:
+    def _by_column(self, records: Iterable[tuple[int, list[str]]]) -> tuple[Sequence[int], list[Array]]:
         """Gather the rows below the names, without comments, empty ends of rows, and notes after the last one."""
         kind, n, ordinal = np.dtypes.StringDType(), self._n_fields, None
-        parts: list[NDArray[Any]] = [np.empty((n, 0), kind)]
+        parts: list[Array] = [np.empty((n, 0), kind)]
         lines, rows, notes = array("q"), list[list[str]](), list[tuple[int, list[str]]]()
         for line, row in records:
             row = row[:n] if not any(map(str.strip, row[n:])) else row

@@ -13,6 +13,7 @@ from cvtimg._shared.checks import check_count, check_needs, check_shape, check_t
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
+from cvtimg._shared.types import Array
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
@@ -224,11 +225,11 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
     def _n_features_out(self) -> int:
         return len(self.cluster_centers_)
 
-    def _rows(self, samples: ArrayLike, *, reset: bool = False) -> NDArray[Any]:
+    def _rows(self, samples: ArrayLike, *, reset: bool = False) -> Array:
         warn_if_rounded("X", samples)
         return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
 
-    def _blocks(self, samples: Any, sample_weight: Any = None) -> Blocks:
+    def _blocks(self, samples: object, sample_weight: Any = None) -> Blocks:
         """Return samples in blocks that have as many columns as those of `fit`."""
         blocks = as_blocks(samples, sample_weight, weights_name="sample_weight")
         fits = blocks.n_dims == self.n_features_in_
@@ -243,9 +244,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return tessellate(rows, n_generators, density=weights, rng=int(seed), **how)
 
 
-def _measure(
-    centers: NDArray[Any], rows: NDArray[Any], weights: NDArray[np.float64] | None
-) -> tuple[NDArray[np.int32], float]:
+def _measure(centers: Array, rows: Array, weights: NDArray[np.float64] | None) -> tuple[NDArray[np.int32], float]:
     """Return the index of the nearest generator of each sample, and the energy."""
     density = np.ones(len(rows)) if weights is None else weights
     labels = _nearest(centers, rows)
@@ -253,19 +252,19 @@ def _measure(
     return labels, float(moments.energies.sum())
 
 
-def _nearest(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[np.int32]:
+def _nearest(centers: Array, rows: Array) -> NDArray[np.int32]:
     # The middle depends only on the generators, so that a label does not depend on the other samples.
     middle: NDArray[np.float64] = np.mean(centers, axis=0, dtype=np.float64)
     return assign_rows(rows, centers.astype(np.float64), pack(rows, np.ones(len(rows)), center=middle))
 
 
-def _distances(centers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+def _distances(centers: Array, rows: Array) -> Array:
     # Differences first: scikit-learn's own way through scalar products finds a generator 6e-8 away from itself.
-    distances: NDArray[Any] = cdist(rows, centers)
+    distances: Array = cdist(rows, centers)
     return distances.astype(rows.dtype if rows.dtype.kind == "f" else centers.dtype, copy=False)
 
 
-def _energy_of_block(block: Block, centers: NDArray[Any]) -> float:
+def _energy_of_block(block: Block, centers: Array) -> float:
     return math.fsum(_measure(centers, rows, weights)[1] for rows, weights in block.pieces())
 
 

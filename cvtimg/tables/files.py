@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_choice, check_shape
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.types import Array
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images, find_remote
 from cvtimg.files.remote import is_remote, local_copy, url_of
@@ -157,7 +158,7 @@ def _read_table(
     return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept, left_out)
 
 
-def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
+def write_row_labels(path: StrPath, labels: Array, kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
     """Write a label for each row of a table, whole or not at all.
 
     Parameters
@@ -181,7 +182,7 @@ def write_row_labels(path: StrPath, labels: NDArray[Any], kept: NDArray[np.bool_
 def write_clusters(
     path: StrPath,
     table: StrPath,
-    labels: NDArray[Any],
+    labels: Array,
     kept: NDArray[np.bool_],
     *,
     dialect: Dialect | None = None,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from cvtimg._shared.types import Options
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
@@ -40,7 +38,7 @@ TABS: dict[str, Tab] = {
 EXACT_PIXELS = 1 << 23
 
 
-def requested(store: Store, asked: Mapping[str, Any], *, is_draft: bool = False) -> tuple[Tab, Request]:
+def requested(store: Store, asked: Options, *, is_draft: bool = False) -> tuple[Tab, Request]:
     """Return the tab of a request that a page sent, and what it asks of it, checked."""
     tab = TABS.get(str(asked.get("tab")))
     if tab is None:
@@ -54,13 +52,13 @@ def requested(store: Store, asked: Mapping[str, Any], *, is_draft: bool = False)
     return tab, Request(picture, settings, store, window, tab.for_frames)
 
 
-def opened(store: Store, asked: Mapping[str, Any]) -> Picture:
+def opened(store: Store, asked: Options) -> Picture:
     """Return the picture of a request: of several the frame or page, and of several channels one, or all."""
     channel = asked.get("channel", 0)
     return store.picture(str(asked.get("picture"))).frame(frame_of(asked), channel if isinstance(channel, int) else 0)
 
 
-def frame_of(asked: Mapping[str, Any]) -> int:
+def frame_of(asked: Options) -> int:
     """Return the number of the frame or page that is shown."""
     number = asked.get("frame", 0)
     return number if isinstance(number, int) else 0

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.messages import reworded
+from cvtimg._shared.types import Array, Json, Options
 from cvtimg.explore.calls import Code, Line, call, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
@@ -51,7 +52,7 @@ class Request:
             raise UnfitRequestError("open an image first")
         return self.opened
 
-    def every(self, array: NDArray[Any]) -> NDArray[Any]:
+    def every(self, array: Array) -> Array:
         """Return the pixels of an array that are used."""
         return array[:: self.step, :: self.step] if self.step > 1 else array  # that of a file with alpha says so
 
@@ -81,11 +82,11 @@ class Tab:
         """Return the lines of Python that make the result, which are run as they are shown."""
         raise NotImplementedError
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         """Return what the page shows of the values of these lines: a layer, and facts."""
         raise NotImplementedError
 
-    def run(self, request: Request) -> dict[str, Any]:
+    def run(self, request: Request) -> Json:
         return run(self.lines(request))
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -161,7 +162,7 @@ class Tab:
             for brush in self._brushed(request)
         ]
 
-    def keywords(self, settings: Settings) -> dict[str, Any]:
+    def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
         counted = [
             control
@@ -183,7 +184,7 @@ class Tab:
         labels |= {argument: labels[name] for argument, name in self.arguments.items()}
         return reworded(message, labels, ": ")
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> Json:
         about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
         return {**about, "controls": [control.described() for control in self.controls]}
 
@@ -216,7 +217,7 @@ def reading(request: Request) -> Line:
     return Line("image", request.picture.python, request.every(request.picture.array))
 
 
-def visible(request: Request, drawing: Sequence[Line] = ()) -> tuple[list[Line], dict[str, Any]]:
+def visible(request: Request, drawing: Sequence[Line] = ()) -> tuple[list[Line], Json]:
     """Return the lines that read a picture without its transparency, and the argument that leaves out what is hidden.
 
     That is what is transparent, has no value, or is left out by a mask that lines of `drawing` read.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import find_palette, read_palette
+from cvtimg._shared.types import Array, Json, Options
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
@@ -158,7 +159,7 @@ class ColorsTab(Tab):
             more += ("--dither-strength", f"{keywords['dither_strength']:g}")
         return Tab.words(self, request, *more)
 
-    def keywords(self, settings: Settings) -> dict[str, Any]:
+    def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments; there is no usual strength of dithering for given palettes."""
         keywords = Tab.keywords(self, settings)
         usual = 1.0 if settings["aim"] == "palette" else STRENGTH
@@ -226,7 +227,7 @@ class ColorsTab(Tab):
         )
         return Outcome(*self.seen(request, {"result": result}), drawn=request.window)
 
-    def _quick_palette(self, request: Request) -> NDArray[Any] | None:
+    def _quick_palette(self, request: Request) -> Array | None:
         """Return a palette near the one that the exact result will have; None if none is found quickly."""
         settings, picture = request.settings, request.picture
         if settings["aim"] == "palette":
@@ -257,7 +258,7 @@ class ColorsTab(Tab):
             outcome.frames = [self.seen(request, {"result": frame}) for frame in result.results]
         return outcome
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Quantized = values["result"]
         if isinstance(result, QuantizedSeries):
             result = result.results[0]
@@ -271,7 +272,7 @@ class ColorsTab(Tab):
         return Indexed(indices, colors), {"k": len(result.palette), "psnr": psnr, "counts": counts.tolist()}
 
 
-def _bits(settings: Settings) -> dict[str, Any]:
+def _bits(settings: Settings) -> Json:
     """Return the bits per channel that the colors may have, as an argument."""
     return {} if settings["color_bits"] == "any" else {"color_bits": color_bits(settings["color_bits"])}
 
@@ -293,7 +294,7 @@ def _fitting(request: Request) -> Request:
     return replace(request, settings={**settings, "brushes": False})
 
 
-def read_as(name: str, colors: NDArray[Any], dtype: np.dtype[Any]) -> Line:
+def read_as(name: str, colors: Array, dtype: np.dtype[np.generic]) -> Line:
     """Return the line that reads the palette of a file or a name, in the depth of the picture."""
     read = call("cvtimg.read_palette", name)
     code = read if dtype == np.uint8 else call("cvtimg.colors.to_depth", read, dtype.name)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from cvtimg._shared.svg import drawing
+from cvtimg._shared.types import Json, Options
 from cvtimg.designs import Design, Factor
 from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of
@@ -70,7 +71,7 @@ class DesignTab(Tab):
     def scaled(self, request: Request) -> Settings:
         return {**request.settings, "effort": "fast", "n": min(request.settings["n"], self.most_drafted)}
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Design = values["result"]
         n_points, n_axes = result.points.shape
         shown = f"the first {_MOST_AXES} of " if n_axes > _MOST_AXES else ""

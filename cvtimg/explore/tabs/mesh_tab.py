@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cvtimg._shared.svg import drawing, numbers
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.calls import Code, Line, call
 from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer
@@ -91,7 +92,7 @@ class MeshTab(Tab):
         number, most = request.settings["n"], max(3, math.prod(request.size) // 16)
         return {**Tab.scaled(self, request), "n": number if number == "auto" else min(number, most)}
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Mesh = values["result"]
         each = measure_triangles(result.points, result.triangles)
         least, mean = float(each.least_angles.min()), float(each.qualities.mean())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.artwork import Mosaic
 from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Settings, controls_of
@@ -50,7 +51,7 @@ class MosaicTab(Tab):
         number = min(request.settings["n_cells"], max(1, math.prod(request.size) // 64))
         return {**Tab.scaled(self, request), "n_cells": number, "effort": "fast"}
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Mosaic = values["result"]
         svg = written_as("drawing.svg", lambda path: result.save(path, outline=request.settings["outline"]))
         return Drawing(svg), {"k": len(result.colors), "noun": "tiles"}

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import find_palette
 from cvtimg._shared.choices import SpaceName
+from cvtimg._shared.types import Json, Options
 from cvtimg.colors import to_depth
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import (
@@ -131,7 +132,7 @@ class PaletteTab(Tab):
         values = {"result": map_to_palette(picture.samples_in(request.window), colors, space=space)}
         return Outcome(*self.seen(request, run(_order_lines(settings), values)), drawn=request.window)
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Quantized = values["result"]
         counts = evaluated(N_PIXELS, values)
         order = values.get("order", np.arange(len(counts)))

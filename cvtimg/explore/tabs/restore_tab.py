@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Layer, Pixels, Window
@@ -131,7 +132,7 @@ class RestoreTab(Tab):
         """Restore the picture; files have the name of the first version."""
         return replace(Tab.exact(self, request), stem=_versions(request)[0].stem)
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Denoised = values["result"]
         facts = {**_kinds(result), "about": _found(result)}
         return _layer(request, result, len(values["images"])), facts
@@ -152,7 +153,7 @@ def _versions(request: Request) -> list[Picture]:
     return versions
 
 
-def _kinds(result: Denoised) -> dict[str, Any]:
+def _kinds(result: Denoised) -> Json:
     if isinstance(result, Restoration):
         return {"k": len(result.colors), "noun": "segments"}
     n_versions = len(result.weights)

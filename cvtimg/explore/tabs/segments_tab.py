@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
@@ -18,8 +19,8 @@ from cvtimg.labels import region_means
 from cvtimg.segmentation import Edit, Objects
 
 _SEGMENTS = {"way": ["segments"]}
-_REGIONS: dict[str, Any] = {"label": "Regions", "when": {"way": ["hierarchy"]}}
-_CELLS: dict[str, Any] = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
+_REGIONS: Json = {"label": "Regions", "when": {"way": ["hierarchy"]}}
+_CELLS: Json = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
 
 
 class SegmentsTab(Tab):
@@ -115,7 +116,7 @@ class SegmentsTab(Tab):
             lines += [Line("labels", call("cvtimg.segmentation.edit_labels", Code("labels"), edits, **by))]
         return lines
 
-    def _call(self, settings: Settings, inside: dict[str, Any]) -> Code:
+    def _call(self, settings: Settings, inside: Json) -> Code:
         keywords = inside | self.keywords(settings)
         if settings["way"] == "hierarchy":
             return call("cvtimg.segment_hierarchy", IMAGE, **keywords)
@@ -131,9 +132,9 @@ class SegmentsTab(Tab):
         """Divide the picture in a small size; what is changed by hand is seen in full."""
         return None if request.settings["edits"] else Tab.draft(self, request)
 
-    def run(self, request: Request) -> dict[str, Any]:
+    def run(self, request: Request) -> Json:
         """Run the lines; what takes long is kept, for the next cut or change by hand."""
-        values: dict[str, Any] = {}
+        values: Json = {}
         for line in self.lines(request):
             if line.name in ("tree", "segments"):
                 key = line.code, request.settings["mask"], request.step
@@ -142,14 +143,14 @@ class SegmentsTab(Tab):
                 values = run([line], values)
         return values
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         labels, image = values["labels"], values["image"]
         means = np.nan_to_num(region_means(labels, image))
         rounded = (np.rint(means) if image.dtype.kind in "iu" else means).astype(image.dtype)
         colors = request.picture.colors_seen(rounded, alpha=False)
         colors[0] = 0  # what is left out is seen through
         counts = np.bincount(labels.ravel(), minlength=len(colors))
-        facts: dict[str, Any] = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
+        facts: Json = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
         return Indexed(labels, colors), facts
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Globe, Layer
@@ -33,7 +34,7 @@ def _column(name: str, label: str, default: float, low: float, high: float, unit
 
 
 _CENTER = (_column("lon", "Lon", 0.0, -180, 180, "°"), _column("lat", "Lat", 0.0, -90, 90, "°"))
-_CIRCLES: dict[str, Any] = {
+_CIRCLES: Json = {
     "label": "Finer in",
     "flag": "--refine",
     "adds": "Add a circle",
@@ -101,7 +102,7 @@ class SphereTab(Tab):
         code = self._call(settings, min(_n_points(settings), self.most_drafted))
         return Outcome(*self.seen(request, {"result": evaluated(code, {})}))
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: SphereGrid = values["result"]
         cells, measures, widths = result.cells(), result.measures(), result.widths()
         obtuse = f"{measures.n_obtuse} obtuse triangles" if measures.n_obtuse else "no obtuse triangle"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
+from cvtimg._shared.types import Json, Options
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
@@ -120,17 +121,17 @@ class StippleTab(Tab):
         number, most = request.settings["n_dots"], max(1, math.prod(request.size) // 16)
         return {**Tab.scaled(self, request), "by": "n", "n_dots": most if number == "auto" else min(number, most)}
 
-    def seen(self, request: Request, values: Mapping[str, Any]) -> tuple[Layer, dict[str, Any]]:
+    def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Stipples = values["result"]
         svg = written_as("drawing.svg", lambda path: evaluated(self.outputs(request)[0].writing(path), values))
-        facts: dict[str, Any] = {"k": len(result), "noun": "dots"}
+        facts: Json = {"k": len(result), "noun": "dots"}
         if len(result):
             scale = self._scale(request) * request.picture.size[1] / request.size[1]
             facts["about"] = f"mean radius {float(result.radii.mean()) * scale:.3g} mm"
         return Drawing(svg), facts
 
 
-def _drawing(tab: StippleTab, settings: Settings) -> dict[str, Any]:
+def _drawing(tab: StippleTab, settings: Settings) -> Json:
     """Return the options of `Stipples.save` that are not the default."""
     there = {*tab.in_effect(settings)}
     changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual and name in there}

@@ -10,8 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cvtimg._shared.types import Options
 from cvtimg.files.whole import StrPath
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class Drawing:
     polygons: tuple[Polygon, ...]
     size: tuple[int, int]
     colors: NDArray[np.uint8]
-    properties: Mapping[int, Mapping[str, Any]]
+    properties: Mapping[int, Options]
     transform: ArrayLike | None = None
     epsg: int | None = None
     unit: str = ""

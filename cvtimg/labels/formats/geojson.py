@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.geojson import collection, feature
+from cvtimg._shared.types import Json, Options
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
@@ -29,21 +29,21 @@ def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
 
 
 def write_geojson(
-    path: StrPath, polygons: Iterable[Polygon], properties: Mapping[int, Mapping[str, Any]], *, overwrite: bool = False
+    path: StrPath, polygons: Iterable[Polygon], properties: Mapping[int, Options], *, overwrite: bool = False
 ) -> None:
     """Write polygons with the properties of each label, in pixels."""
     drawing = Drawing(tuple(polygons), (0, 0), np.empty((0, 3), np.uint8), properties)
     write_text(path, collection(_features(drawing)), overwrite=overwrite)
 
 
-def _features(drawing: Drawing) -> Iterator[dict[str, Any]]:
+def _features(drawing: Drawing) -> Iterator[Json]:
     """Yield a feature for each label."""
     matrix, digits = _map_of(drawing.transform)
     for label, pieces in groupby(drawing.polygons, key=lambda polygon: polygon.label):
         yield feature(_placed(pieces, matrix, digits), {"label": label, **drawing.place, **drawing.properties[label]})
 
 
-def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[dict[str, Any]]:
+def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[Json]:
     """Yield a feature for each line."""
     matrix, digits = _map_of(drawing.transform)
     for line, chance in zip(drawing.lines, np.round(chances, 4).tolist(), strict=True):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from io import BytesIO
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from cvtimg._shared.types import Array
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import to_depth
 from cvtimg.palettes.swatches import Swatches
@@ -41,7 +41,7 @@ def _entries(image: Image.Image) -> NDArray[np.uint8]:
     return np.asarray(to_srgb(strip))[0]
 
 
-def _distinct(image: NDArray[Any], most: int = 1 << 16) -> NDArray[np.uint8]:
+def _distinct(image: Array, most: int = 1 << 16) -> NDArray[np.uint8]:
     """Return the colors of an image without a palette, as many as that may have."""
     if image.dtype.kind == "f" or (image.ndim == 3 and image.shape[2] not in (3, 4)):
         raise UnfitContentError("has floating point samples or bands that are not colors")

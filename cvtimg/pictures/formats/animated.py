@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
@@ -26,11 +27,11 @@ _MOST = 0xFFFF  # of two bytes
 class Cel(NamedTuple):
     """One frame: (H, W) palette indices, or (H, W), (H, W, 3) or (H, W, 4) pixels without a palette."""
 
-    pixels: NDArray[Any]
+    pixels: Array
     palette: NDArray[np.uint8] | None
 
     @property
-    def image(self) -> NDArray[Any]:
+    def image(self) -> Array:
         """Pixels of the frame, (H, W, ...)."""
         return self.pixels if self.palette is None else self.palette[self.pixels]
 
@@ -51,7 +52,7 @@ def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
 
 def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
     """Yield for each frame an (H, W) mask of the pixels that differ from the previous frame."""
-    before: NDArray[Any] | None = None
+    before: Array | None = None
     for cel in cels:
         image = cel.image
         moved = np.ones(image.shape, bool) if before is None else np.asarray(image != before, bool)

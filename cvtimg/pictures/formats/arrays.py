@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
 
 NPY_MAGIC = b"\x93NUMPY"
 
 
-def as_samples(values: NDArray[Any]) -> NDArray[Any]:
+def as_samples(values: Array) -> Array:
     """Return samples C-contiguous in native byte order: integers in their own type, which says what white is.
 
     Booleans become 0 and 255, and floating point float32 or float64.
@@ -26,7 +26,7 @@ def as_samples(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values, floating if kind == "f" else values.dtype.newbyteorder("="))
 
 
-def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
+def upright(values: Array, orientation: int) -> Array:
     """Rotate or flip an array (H, W, ...) with the given EXIF orientation, 1..8, to be upright."""
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
@@ -37,7 +37,7 @@ def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.ascontiguousarray(values)
 
 
-def decode_npy(file: BinaryIO) -> NDArray[Any]:
+def decode_npy(file: BinaryIO) -> Array:
     """Read a numeric array (H, W) or (H, W, C)."""
     return as_samples(_checked(np.load(file, allow_pickle=False)))
 
@@ -50,7 +50,7 @@ def npy_header(file: BinaryIO) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return values.shape, values.dtype
 
 
-def _checked(values: NDArray[Any], few_bands: int = 4, flat: int = 4) -> NDArray[Any]:
+def _checked(values: Array, few_bands: int = 4, flat: int = 4) -> Array:
     """Check that an array is an image, and move its bands to the last axis."""
     # A last axis of few values holds bands, however small the image is; otherwise a first axis that is shorter than the
     # others by the factor `flat` is doubtful: it may hold bands or pages.

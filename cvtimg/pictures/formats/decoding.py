@@ -7,13 +7,13 @@ imported on first use, and rare compression by imagecodecs.
 from __future__ import annotations
 
 import re
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageFile, UnidentifiedImageError
 
 from cvtimg._shared.pixels import with_mark
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples, decode_npy, upright
 from cvtimg.pictures.formats.gif import composed
 from cvtimg.pictures.formats.opening import open_picture, orientation
@@ -23,7 +23,7 @@ from cvtimg.pictures.formats.tiff import TIFF_MAGICS, Layout, check_alone, decod
 from cvtimg.pictures.profiles import apply_profile
 
 
-def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> NDArray[Any]:
+def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False) -> Array:
     """Decode an open file, as `read_image` does; with `indices`, return palette indices instead of colors.
 
     An array of four bands says whether the last is alpha.
@@ -55,7 +55,7 @@ def decode(file: BinaryIO, *, keep_profile: bool = False, indices: bool = False)
         return with_mark(values, values.shape[2:] == (4,))
 
 
-def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> NDArray[Any]:
+def decode_opened(image: ImageFile.ImageFile, *, keep_profile: bool = False) -> Array:
     """Decode the current frame or page of a Pillow image."""
     bits = depth(image)  # before load(), which discards the encoding of the file
     image.load()

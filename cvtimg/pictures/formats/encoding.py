@@ -13,6 +13,7 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import deep_png, indexed, optimized, small_png
@@ -29,7 +30,7 @@ class _Picture(NamedTuple):
     """Samples (H, W) or (H, W, C) with their mode, or (H, W) indices into (K, 3) or (K, 4) colors."""
 
     mode: str
-    values: NDArray[Any]
+    values: Array
     alpha: bool = False  # whether the last band is transparency
     colors: NDArray[np.uint8] | None = None
 
@@ -83,7 +84,7 @@ _CONTENT = {
 
 def encode_image(
     suffix: str,
-    image: NDArray[Any],
+    image: Array,
     *,
     palette: NDArray[np.uint8] | None = None,
     alpha: bool | None = None,
@@ -106,7 +107,7 @@ def encode_image(
 
 def encoder(
     suffix: str,
-    image: NDArray[Any],
+    image: Array,
     palette: NDArray[np.uint8] | None,
     alpha: bool | None,
     metadata: Metadata | None,
@@ -200,7 +201,7 @@ def _by_pillow(picture: _Picture) -> Image.Image:
     return image
 
 
-def _direct(image: NDArray[Any], alpha: bool) -> _Picture:
+def _direct(image: Array, alpha: bool) -> _Picture:
     """Check an array, and find its mode."""
     image = np.asarray(image)
     numbers = image.dtype.kind in "iuf" and image.dtype.itemsize <= 8 and image.dtype != np.float16
@@ -215,7 +216,7 @@ def _direct(image: NDArray[Any], alpha: bool) -> _Picture:
     return _Picture(mode, values, alpha)
 
 
-def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -> _Picture:
+def _indexed(indices: Array, palette: NDArray[np.uint8], form: _Format) -> _Picture:
     """Check indices, and keep them if the format has palettes with such alpha; else return colors."""
     indices, palette = np.asarray(indices), np.asarray(palette)
     check_indexed(indices, palette)
@@ -228,7 +229,7 @@ def _indexed(indices: NDArray[Any], palette: NDArray[np.uint8], form: _Format) -
     return _Picture("P", indices, colors=colors)
 
 
-def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
+def check_indexed(indices: Array, palette: Array) -> None:
     """Check that a palette fits a file, and that all indices are in its range."""
     fits = palette.dtype == np.uint8 and palette.ndim == 2 and palette.shape[1] in (3, 4)
     given = f"palette of shape {palette.shape} and type {palette.dtype}"
@@ -239,7 +240,7 @@ def check_indexed(indices: NDArray[Any], palette: NDArray[Any]) -> None:
     check_within("indices", indices, 0, len(palette) - 1, ", the palette")
 
 
-def as_stored(image: NDArray[Any], suffix: str) -> tuple[NDArray[Any], list[str]]:
+def as_stored(image: Array, suffix: str) -> tuple[Array, list[str]]:
     """Return an image in the type in which a format holds its samples, and a note where that is another.
 
     Integers keep their values: those of types that only .tif and .npy hold become uint16 for other formats.

@@ -214,7 +214,7 @@ def _of_tiff(file: BinaryIO) -> ImageInfo:
         )
 
 
-def _of_array(size: tuple[int, ...], n_bands: int, dtype: np.dtype[Any]) -> ImageInfo:
+def _of_array(size: tuple[int, ...], n_bands: int, dtype: np.dtype[np.generic]) -> ImageInfo:
     return ImageInfo(
         width=size[1],
         height=size[0],

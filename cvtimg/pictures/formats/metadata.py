@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
+from cvtimg._shared.types import Options
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -59,7 +59,7 @@ class Metadata:
     exif: bytes | None = None
     geo: GeoTags = field(default_factory=dict)
     nodata: float | None = None
-    scale: Mapping[str, Any] = field(default_factory=dict)
+    scale: Options = field(default_factory=dict)
 
     @classmethod
     def of_size(cls, size: PixelSize | None) -> Metadata | None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from cvtimg._shared.types import Options
 
 _MICROMETER = "um"
 #: Other ways to write units.
@@ -78,7 +79,7 @@ class PixelSize:
         return cls(float(x or 0), float(y or 0), _UNITS.get(match[4], match[4]), z)
 
     @classmethod
-    def of(cls, scale: Mapping[str, Any]) -> PixelSize | None:
+    def of(cls, scale: Options) -> PixelSize | None:
         """Return the size in what a file says, under the names of `Pages.scale`; None if it names no unit."""
         if "PhysicalSizeX" in scale:
             named = [f"PhysicalSize{axis}" for axis in "XYZ"]

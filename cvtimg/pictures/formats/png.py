@@ -14,6 +14,7 @@ from PIL import Image, ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
 from cvtimg.pictures.formats.png_chunks import chunk, chunks_of, described
@@ -137,7 +138,7 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
     return min(files, key=len)
 
 
-def indexed(indices: NDArray[Any], palette: NDArray[np.uint8]) -> Image.Image:
+def indexed(indices: Array, palette: NDArray[np.uint8]) -> Image.Image:
     """Return (H, W) indices into a (K, 3) or (K, 4) palette, of which Pillow stores the fewest bits."""
     alphas = palette[:, 3:].tobytes().rstrip(b"\xff")
     if alphas.endswith(b"\0\n"):  # Pillow takes an alpha of 10 at the end for the end of a line

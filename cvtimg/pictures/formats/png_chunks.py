@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL.ImageFile import ImageFile
 
-Light = Callable[[NDArray[Any]], NDArray[Any]]
+from cvtimg._shared.types import Array
+
+Light = Callable[[Array], Array]
 
 _SIGNATURE = 8
 #: Chromaticities x, y of white, red, green and blue, by their numbers in ITU-T H.273; white is D65 in all.
@@ -39,7 +41,7 @@ class Described(NamedTuple):
     light: Light
     matrix: NDArray[np.float64]
 
-    def to_srgb(self, colors: NDArray[Any]) -> NDArray[Any]:
+    def to_srgb(self, colors: Array) -> Array:
         """Return (..., C) colors of integers in sRGB; C is 3, or 1 for gray, and one more for alpha that stays."""
         white, n = np.iinfo(colors.dtype).max, colors.shape[-1] - (colors.shape[-1] in (2, 4))
         levels = self.light(np.arange(white + 1) / white)
@@ -141,7 +143,7 @@ def _to_xyz(chromaticities: tuple[float, ...]) -> NDArray[np.float64]:
     return to_d65 @ columns * np.linalg.solve(columns, white)
 
 
-def _of_pq(sample: NDArray[Any]) -> NDArray[Any]:
+def _of_pq(sample: Array) -> Array:
     """Return light by SMPTE ST 2084, in shares of white."""
     root = sample ** (32 / 2523)
     return 10000 / _WHITE * (np.maximum(root - 0.8359375, 0) / (18.8515625 - 18.6875 * root)) ** (8192 / 1305)

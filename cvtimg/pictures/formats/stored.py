@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Array, Options
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples
 from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size, selected
@@ -82,11 +83,11 @@ class StoredStack:
         return Arrangement(self.letters[:-2], tuple(self.array.shape[:-2]), self.channels)
 
     @property
-    def scale(self) -> Mapping[str, Any]:
+    def scale(self) -> Options:
         """Physical sizes, as in `Pages`."""
         return self.pixel_size.scale(self.kind) if self.pixel_size else {}
 
-    def pages(self, numbers: Sequence[int]) -> list[NDArray[Any]]:
+    def pages(self, numbers: Sequence[int]) -> list[Array]:
         """Read some pages."""
         check_size(len(numbers) * math.prod(self.array.shape[-2:]))
         places = [np.unravel_index(number, self.array.shape[:-2]) if self.letters != "YX" else () for number in numbers]
@@ -100,7 +101,7 @@ def npy_stack(file: BinaryIO) -> StoredStack | None:
     return _with_axes(np.load(file, allow_pickle=False), "NPY") if is_npy and selected().axes else None
 
 
-def _with_axes(values: NDArray[Any], form: str) -> StoredStack:
+def _with_axes(values: Array, form: str) -> StoredStack:
     """Return an array as a stack with the axes that are said."""
     axes = (selected().axes or "").upper()
     if len(axes) != values.ndim or len(set(axes)) < len(axes) or not {"Y", "X"} <= {*axes}:
@@ -145,11 +146,11 @@ def is_ngff(path: Any) -> TypeGuard[StrPath]:
     return is_path and bool(_said_of(Path(path)))
 
 
-def _said_of(folder: Path) -> Mapping[str, Any]:
+def _said_of(folder: Path) -> Options:
     """Return what the group says of its images; nothing if it is no group of OME-Zarr."""
     for name, within in ((".zattrs", ()), ("zarr.json", ("attributes", "ome"))):
         with suppress(OSError, ValueError, KeyError, TypeError, IndexError):
-            said: Mapping[str, Any] = json.loads((folder / name).read_bytes())
+            said: Options = json.loads((folder / name).read_bytes())
             for key in within:
                 said = said[key]
             if said["multiscales"][0]:

@@ -17,6 +17,7 @@ from PIL.ExifTags import Base
 
 from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
+from cvtimg._shared.types import Array
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.geotiff import GeoTag, Tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
@@ -85,7 +86,7 @@ class Layout(NamedTuple):
         return cls(n_samples, bits, n_colors, alpha, alpha and extra == _ALPHA[0], for_pillow)
 
 
-def decode_tiff(file: BinaryIO, *, keep_profile: bool = False, number: int = 0) -> NDArray[Any]:
+def decode_tiff(file: BinaryIO, *, keep_profile: bool = False, number: int = 0) -> Array:
     """Read a page, from 0: (H, W) for one sample per pixel, else (H, W, C)."""
     import tifffile
 
@@ -116,7 +117,7 @@ def holds_values(tags: Tags) -> bool:
     return tags.get(Base.PhotometricInterpretation) == _Value.PHOTOMETRIC_PALETTE and describes_pages(tags)
 
 
-def finished(values: NDArray[Any], tags: Tags, *, keep_profile: bool = False) -> NDArray[Any]:
+def finished(values: Array, tags: Tags, *, keep_profile: bool = False) -> Array:
     """Bring samples to the full range of their type, to straight alpha and, with 16 bits, to sRGB."""
     values = as_samples(values)
     layout = Layout.of(tags)
@@ -285,7 +286,7 @@ def write_tiff(
     file: BinaryIO,
     values: Any,
     shape: tuple[int, ...],
-    dtype: np.dtype[Any],
+    dtype: np.dtype[np.generic],
     *,
     alpha: bool,
     before: tuple[int, ...] = (),
@@ -346,7 +347,7 @@ def scale_of(tiff: tifffile.TiffFile) -> dict[str, Any]:
     return scale
 
 
-def _divide_by_alpha(values: NDArray[Any]) -> NDArray[Any]:
+def _divide_by_alpha(values: Array) -> Array:
     alpha = values[..., -1:].astype(np.float64)
     white = np.float64(peak(values.dtype))
     colors = np.divide(values[..., :-1] * white, alpha, out=np.zeros(values[..., :-1].shape), where=alpha > 0)

@@ -8,7 +8,6 @@ apart by a second tessellation. The pair that differs least is merged, its stati
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +16,7 @@ from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import ImageLike
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.evidence import evidence_of
@@ -33,7 +33,7 @@ _READY, _FULL_SIZE = 0.2, 0.7
 
 @hints_at_keywords
 def segment_hierarchy(
-    image: Any, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
+    image: ImageLike, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
 ) -> RegionHierarchy:
     """Divide a photograph into a tree of regions, from which any number of regions is cut.
 

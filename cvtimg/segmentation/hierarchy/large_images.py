@@ -6,12 +6,11 @@ but its grain.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.types import Array
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
@@ -28,7 +27,7 @@ def reduction(n_pixels: int) -> int:
     return max(1, int(np.ceil(np.sqrt(n_pixels / SETTINGS.most_pixels))))
 
 
-def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def reduced(image: Array, inside: NDArray[np.bool_], factor: int) -> tuple[Array, NDArray[np.bool_]]:
     """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some."""
     # Blocks at the right and lower border may be smaller. Integers become floating point with white at 1: rounded means
     # would depend on the type.
@@ -47,7 +46,7 @@ def reduced(image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> tupl
     return means, occupied
 
 
-def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], factor: int) -> Leaves:
+def enlarged(leaves: Leaves, image: Array, inside: NDArray[np.bool_], factor: int) -> Leaves:
     """Carry the leaves of a reduced image to the whole one, and let their borders follow its edges."""
     height, width = inside.shape
     blocks = leaves.labels.repeat(factor, axis=0)[:height].repeat(factor, axis=1)[:, :width]
@@ -74,7 +73,7 @@ def enlarged(leaves: Leaves, image: NDArray[Any], inside: NDArray[np.bool_], fac
     )
 
 
-def _at_edges(image: NDArray[Any], labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
+def _at_edges(image: Array, labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
     """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
     some = image[:: factor * 4, :: factor * 4]
     low, high = np.percentile(some, (0.1, 99.9))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import ImageLike
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import find_borders
 from cvtimg.labels.contours import find_contours, simplify
@@ -31,7 +32,12 @@ class Lines(NamedTuple):
 
 
 def find_lines(
-    leaves: NDArray[np.int32], chances: NDArray[np.floating], least: float, most: int | None, image: Any, off: float
+    leaves: NDArray[np.int32],
+    chances: NDArray[np.floating],
+    least: float,
+    most: int | None,
+    image: ImageLike | None,
+    off: float,
 ) -> Lines:
     """Join borders between leaves, (B,) chances each, from the least on; keep the `most` that people draw most of."""
     contours = find_contours(leaves, image)

@@ -19,6 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.records import Claims, ReadOnly, equals
+from cvtimg._shared.types import Array, ImageLike
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import Borders, find_borders
@@ -171,7 +172,7 @@ class RegionHierarchy(ReadOnly):
         borders = find_borders(self.leaves)
         return borders.on_pixels(self._between(borders), self.leaves.shape)
 
-    def find_edges(self, threshold: float | None = None, *, strength: bool = False) -> NDArray[Any]:
+    def find_edges(self, threshold: float | None = None, *, strength: bool = False) -> Array:
         """Find edges in an image: the borders of the cut at a threshold, thinned to lines one pixel wide.
 
         Parameters
@@ -221,7 +222,12 @@ class RegionHierarchy(ReadOnly):
         return np.where(lines, chances_of(evidence), np.float32(0))
 
     def find_lines(
-        self, chance: float = _CHANCE, *, n_lines: int | None = None, image: Any = None, tolerance: float = 0
+        self,
+        chance: float = _CHANCE,
+        *,
+        n_lines: int | None = None,
+        image: ImageLike | None = None,
+        tolerance: float = 0,
     ) -> Lines:
         """Find edges as lines, each with the chance that a person draws it.
 

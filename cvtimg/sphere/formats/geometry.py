@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.types import Array
 from cvtimg.halfedges import find_twins, half_edges_out
 from cvtimg.sphere.triangulation import circumcenters, unit
 
@@ -119,11 +119,9 @@ def measure(points: Values, around: Connectivity) -> Geometry:
     return Geometry(vertices, edges, distances, lengths, angles, kites, areas, kites.sum(axis=1))
 
 
-def _in_blocks(
-    measure: Callable[..., tuple[NDArray[Any], ...]], *tables: NDArray[Any], size: int = 1 << 16
-) -> list[NDArray[Any]]:
+def _in_blocks(measure: Callable[..., tuple[Array, ...]], *tables: Array, size: int = 1 << 16) -> list[Array]:
     """Measure some rows of tables at a time, so that what is needed in between is small."""
-    arrays: list[NDArray[Any]] = []
+    arrays: list[Array] = []
     for start in range(0, len(tables[0]), size):
         block = measure(*(table[start : start + size] for table in tables))
         arrays = arrays or [np.empty((len(tables[0]), *values.shape[1:]), values.dtype) for values in block]

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array, Options
 from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
 
 #: Flags of cells that a grid may have.
@@ -28,14 +28,14 @@ class Variable:
 
     dimensions: tuple[str, ...]
     values: Any
-    attributes: Mapping[str, Any] = field(default_factory=dict)
+    attributes: Options = field(default_factory=dict)
     change: Callable[[Any], Any] = np.asarray
 
 
 class _Changed:
     """Values as `netcdf_file` asks for them, changed only then: those of large grids are not in memory all at once."""
 
-    def __init__(self, empty: NDArray[Any], variable: Variable) -> None:
+    def __init__(self, empty: Array, variable: Variable) -> None:
         self.shape, self.size, self.dtype, self.itemsize = empty.shape, empty.size, empty.dtype, empty.itemsize
         self._variable = variable
 
@@ -45,10 +45,7 @@ class _Changed:
 
 
 def write_netcdf(
-    file: BinaryIO,
-    dimensions: Mapping[str, int | None],
-    variables: Mapping[str, Variable],
-    attributes: Mapping[str, Any],
+    file: BinaryIO, dimensions: Mapping[str, int | None], variables: Mapping[str, Variable], attributes: Options
 ) -> None:
     """Write a netCDF file; the first dimension may be None: unlimited."""
     from scipy.io import netcdf_file
@@ -68,7 +65,7 @@ def write_netcdf(
         _describe(content, attributes)
 
 
-def _describe(described: Any, attributes: Mapping[str, Any]) -> None:
+def _describe(described: Any, attributes: Options) -> None:
     """Set attributes; floating point numbers in double precision, as other programs read them."""
     for key, value in attributes.items():
         setattr(described, key, np.float64(value) if isinstance(value, float) else value)

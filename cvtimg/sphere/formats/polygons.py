@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, BinaryIO, TypeAlias
+from typing import BinaryIO, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.geojson import collection, feature
+from cvtimg._shared.types import Array
 from cvtimg.files.vtu import POLYGON, vtu_content
 from cvtimg.placement.cells import clipped
 from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
@@ -48,12 +48,7 @@ def write_vtu(file: BinaryIO, grid: GridContent) -> None:
     around, geometry = grid.around, grid.geometry
     corners = around.vertices_on_cell[around.vertices_on_cell >= 0]
     areas = geometry.cell_areas * grid.radius**2
-    values: dict[str, NDArray[Any]] = {
-        "area": areas,
-        "neighbors": around.degrees,
-        "density": grid.density,
-        **grid.flags,
-    }
+    values: dict[str, Array] = {"area": areas, "neighbors": around.degrees, "density": grid.density, **grid.flags}
     file.write(vtu_content(geometry.vertices * grid.radius, corners, np.cumsum(around.degrees), POLYGON, values))
 
 
