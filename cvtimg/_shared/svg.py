@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-_Floats = NDArray[np.float64]
-
 #: Names of the layers that `layer` writes, for the attributes of a drawing.
 LAYERED = ' xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
@@ -17,6 +18,14 @@ class _Exported(Protocol):
 
 #: An array whose numbers are of the type of an argument.
 Array: TypeAlias = NDArray[Any]
+Floats: TypeAlias = NDArray[np.float64]
+Floats32: TypeAlias = NDArray[np.float32]
+Bools: TypeAlias = NDArray[np.bool_]
+Indices: TypeAlias = NDArray[np.intp]
+#: Points by their coordinates, (N, D).
+Points: TypeAlias = NDArray[np.float64]
+#: Triangles by the indices of their corners, (T, 3).
+Triangles: TypeAlias = NDArray[np.int32]
 #: An image, or rows: what `cvtimg._shared.pixels.array_of` takes.
 ImageLike: TypeAlias = ArrayLike | _Exported
 #: Keyword arguments by their names.

@@ -16,18 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.progress import each, part
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, place_generators
 from cvtimg.placement.descent import each_with_cell
 from cvtimg.placement.pictures import WhereMassIs, picture_moments
-
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
 
 DOTS = ("equal", "sized")
 #: Moves of dots to the centers of the ink of their cells at the end.

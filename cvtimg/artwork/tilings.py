@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import of_each
+from cvtimg._shared.types import Floats
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
-Floats = NDArray[np.float64]
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
 _PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.

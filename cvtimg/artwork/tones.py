@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
 from cvtimg._shared.pixels import array_of, peak
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
 
-Floats32 = NDArray[np.float32]
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 #: Coverage of a hexagonal lattice of disks that touch: beyond it they overlap.

@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import as_snapshots
 from cvtimg.elbow.rules import chord_linear
@@ -29,9 +29,8 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 
-_Floats = NDArray[np.float64]
 #: Centers, axes, labels and medoids in the coordinates of a sketch, as `Basis` has them.
-_Subspaces: TypeAlias = tuple[_Floats, _Floats, NDArray[np.int64], NDArray[np.int64]]
+_Subspaces: TypeAlias = tuple[Floats, Floats, NDArray[np.int64], NDArray[np.int64]]
 _KIND = "reduced basis"
 
 #: Kinds of bases, by the names of `kind`.
@@ -51,7 +50,7 @@ _STARTS = 4
 _RESTING = Stopping(tolerance=1e-6, max_iterations=100)
 
 
-def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def find_subspaces(rows: Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Tessellate (N, R) rows by `n_cells` affine subspaces of `n_axes` dimensions, each with a basis of its own.
 
     Return the (N,) cells of the best of a few starts.
@@ -66,13 +65,13 @@ def find_subspaces(rows: _Floats, n_cells: int, n_axes: int, rng: np.random.Gene
     return min(ends, key=lambda end: end[0])[1]
 
 
-def _settled(rows: _Floats) -> _Floats:
+def _settled(rows: Floats) -> Floats:
     """Round coordinates, so that equal snapshots have equal ones: these are sums, and differ in their last bits."""
     step = np.abs(rows).max() * _ROUNDED or 1.0
     return np.rint(rows / step) * step
 
 
-def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
+def distances(rows: Floats, centers: Floats, axes: Floats) -> Floats:
     """(N, C) squared distances of rows to affine subspaces."""
     columns = []
     for center, directions in zip(centers, axes, strict=True):
@@ -82,7 +81,7 @@ def distances(rows: _Floats, centers: _Floats, axes: _Floats) -> _Floats:
     return np.maximum(np.stack(columns, axis=1), 0.0)
 
 
-def principal_axes(rows: _Floats, n_axes: int) -> tuple[_Floats, _Floats]:
+def principal_axes(rows: Floats, n_axes: int) -> tuple[Floats, Floats]:
     """Mean of (N, R) rows, and their (n_axes, R) axes of greatest variance, padded by zeros."""
     center = rows.mean(axis=0)
     right = np.linalg.svd(rows - center, full_matrices=False)[2][:n_axes]
@@ -92,9 +91,9 @@ def principal_axes(rows: _Floats, n_axes: int) -> tuple[_Floats, _Floats]:
     return center, axes
 
 
-def _descended(rows: _Floats, labels: NDArray[np.int64], n_cells: int, n_axes: int) -> tuple[float, NDArray[np.int64]]:
+def _descended(rows: Floats, labels: NDArray[np.int64], n_cells: int, n_axes: int) -> tuple[float, NDArray[np.int64]]:
     """Fit each cell's subspace and assign each row to the nearest, in turns; return the energy and the cells."""
-    apart: _Floats
+    apart: Floats
 
     def step() -> float:
         nonlocal apart, labels
@@ -107,7 +106,7 @@ def _descended(rows: _Floats, labels: NDArray[np.int64], n_cells: int, n_axes: i
     return history.energies[-1], apart.argmin(axis=1)
 
 
-def _without_empty_cells(apart: _Floats, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _without_empty_cells(apart: Floats, labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """Give each empty cell the row that is farthest from its own subspace, of a cell that keeps others."""
     sizes = np.bincount(labels, minlength=apart.shape[1])
     order = np.argsort(-apart.min(axis=1), kind="stable")
@@ -133,9 +132,9 @@ class Projection:
         near 1 the basis says nothing about this snapshot.
     """
 
-    coordinates: _Floats
+    coordinates: Floats
     cells: NDArray[np.int64]
-    residuals: _Floats
+    residuals: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,12 +165,12 @@ class Basis(ReadOnly):
 
     kind: str
     shape: tuple[int, ...]
-    mean: _Floats
-    centers: _Floats
+    mean: Floats
+    centers: Floats
     modes: Array
     labels: NDArray[np.int64]
     medoids: NDArray[np.int64]
-    energies: _Floats
+    energies: Floats
     variance: float
 
     def _claims(self) -> Claims:
@@ -221,7 +220,7 @@ class Basis(ReadOnly):
         residuals = np.divide(apart.min(axis=1), sizes, out=np.zeros(len(given)), where=sizes > 0)
         return Projection(coordinates, cells, np.sqrt(residuals))
 
-    def reconstruct(self, projection: Projection) -> _Floats:
+    def reconstruct(self, projection: Projection) -> Floats:
         """(m, ...) snapshots of which only the projections are known."""
         rows = np.empty((len(projection.cells), self.mean.size))
         for cell in np.unique(projection.cells):
@@ -369,12 +368,12 @@ def _fewest(snapshots: Sketch, share: float, most: int) -> int:
     return min(n_modes, len(explained))
 
 
-def _pod(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
+def _pod(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
     centers, axes = np.zeros((1, rows.shape[1])), np.eye(n_modes, rows.shape[1])[None]
     return centers, axes, np.zeros(len(rows), np.int64), np.zeros(0, np.int64)
 
 
-def _cvt(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
+def _cvt(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
     cells = tessellate(_settled(rows), n_modes, init="k-means++", effort="best", rng=rng)
     heaviest = np.argsort(-cells.masses, kind="stable")
     axes = np.zeros((1, n_modes, rows.shape[1]))
@@ -384,7 +383,7 @@ def _cvt(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) ->
     return np.zeros((1, rows.shape[1])), axes, labels, _nearest_members(rows, labels, cells.generators[heaviest])
 
 
-def _cvod(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
+def _cvod(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
     cells = find_subspaces(rows, n_cells, n_modes, rng)
     # Axes are those of the final cells, so that their order is that of the variance in them.
     fitted = [principal_axes(rows[cells == cell], n_modes) for cell in np.unique(cells)]
@@ -393,7 +392,7 @@ def _cvod(rows: _Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -
     return centers, axes, labels, _nearest_members(rows, labels, centers)
 
 
-def _energies(rows: _Floats, centers: _Floats, axes: _Floats, labels: NDArray[np.int64]) -> _Floats:
+def _energies(rows: Floats, centers: Floats, axes: Floats, labels: NDArray[np.int64]) -> Floats:
     """Return the energies of the first 0, 1, .. n axes."""
     apart = rows - centers[labels if len(centers) > 1 else 0]
     along = np.einsum("nr,nar->na", apart, axes[labels]) if len(axes) > 1 else apart @ axes[0].T
@@ -401,7 +400,7 @@ def _energies(rows: _Floats, centers: _Floats, axes: _Floats, labels: NDArray[np
     return np.maximum((apart**2).sum() - taken, 0.0)
 
 
-def _nearest_members(rows: _Floats, labels: NDArray[np.int64], centers: _Floats) -> NDArray[np.int64]:
+def _nearest_members(rows: Floats, labels: NDArray[np.int64], centers: Floats) -> NDArray[np.int64]:
     """(k,) for each cell that has rows, the index of the row nearest to its center."""
     apart = ((rows - centers[labels]) ** 2).sum(axis=1)
     order = np.lexsort((apart, labels))

@@ -16,9 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array
-
-_Floats = NDArray[np.float64]
+from cvtimg._shared.types import Array, Floats
 
 # Oklab, Björn Ottosson 2020, https://bottosson.github.io/posts/oklab/: linear sRGB to cone responses, and the cube
 # roots of these to lightness and two opponent channels.
@@ -40,29 +38,29 @@ _TO_OPPONENT = np.array([[1], [2], [2]]) * np.array(
 _FROM_CONES, _FROM_OPPONENT = np.linalg.inv(_TO_CONES), np.linalg.inv(_TO_OPPONENT)
 
 
-def _decode(encoded: _Floats) -> _Floats:
+def _decode(encoded: Floats) -> Floats:
     """Undo the transfer curve of sRGB, IEC 61966-2-1."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _encode(light: _Floats) -> _Floats:
+def _encode(light: Floats) -> Floats:
     """Apply the transfer curve of sRGB to what is within the gamut, and bring in what is not."""
     inside = np.clip(light, 0, 1)
     return np.where(inside <= 0.0031308, 12.92 * inside, 1.055 * inside ** (1 / 2.4) - 0.055)
 
 
-def _transform(matrix: _Floats, colors: _Floats) -> _Floats:
+def _transform(matrix: Floats, colors: Floats) -> Floats:
     # Not by BLAS, whose bits depend on the number of its threads.
     return np.einsum("cd,nd->nc", matrix, colors)
 
 
-def _to_lab(rgb: _Floats) -> _Floats:
+def _to_lab(rgb: Floats) -> Floats:
     from skimage.color import rgb2lab
 
     return rgb2lab(rgb)
 
 
-def _from_lab(lab: _Floats) -> _Floats:
+def _from_lab(lab: Floats) -> Floats:
     from skimage.color import lab2xyz, xyz2rgb
 
     lightness = np.maximum(lab[:, 0], 0)
@@ -71,11 +69,11 @@ def _from_lab(lab: _Floats) -> _Floats:
     return xyz2rgb(np.maximum(lab2xyz(np.stack([lightness, lab[:, 1], yellow], axis=1)), 0))
 
 
-def _to_oklab(rgb: _Floats) -> _Floats:
+def _to_oklab(rgb: Floats) -> Floats:
     return _transform(_TO_OPPONENT, np.cbrt(_transform(_TO_CONES, _decode(rgb))))
 
 
-def _from_oklab(oklab: _Floats) -> _Floats:
+def _from_oklab(oklab: Floats) -> Floats:
     return _encode(_transform(_FROM_CONES, _transform(_FROM_OPPONENT, oklab) ** 3))
 
 
@@ -94,8 +92,8 @@ class ColorSpace:
         The three coordinates of a gray are its first coordinate times these.
     """
 
-    forward: Callable[[_Floats], _Floats]
-    backward: Callable[[_Floats], _Floats]
+    forward: Callable[[Floats], Floats]
+    backward: Callable[[Floats], Floats]
     white: float = 1.0
     gray: tuple[float, float, float] = (1.0, 0.0, 0.0)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_rows, check_within
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.designs import _designs
 from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
@@ -23,14 +23,13 @@ from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.regions import Box
 from cvtimg.placement.samples import SampleMoments
 
-_Floats = NDArray[np.float64]
 #: Dimensions up to which cells are computed exactly.
 MOST_EXACT_DIMS = 3
 #: Images nearer to a wall than this times the mean spacing are enough for most points.
 _HALO = 2.6
 
 
-def exact_cells(points: _Floats, periodic: bool) -> CellSums:
+def exact_cells(points: Floats, periodic: bool) -> CellSums:
     """Compute the cells of (n, d) points in the unit cube, d <= 3, or on the torus; no two may be equal."""
     if points.shape[1] == 1:
         return _intervals(points[:, 0], periodic)
@@ -45,7 +44,7 @@ def exact_cells(points: _Floats, periodic: bool) -> CellSums:
         width = min(2.0, 1.1 * needed)
 
 
-def _intervals(points: _Floats, periodic: bool) -> CellSums:
+def _intervals(points: Floats, periodic: bool) -> CellSums:
     order = np.argsort(points)
     levels = points[order]
     before = np.append(levels[-1] - 1, levels[:-1]) if periodic else np.append(-levels[0], levels[:-1])
@@ -56,7 +55,7 @@ def _intervals(points: _Floats, periodic: bool) -> CellSums:
     return CellSums(down + up, ((up**2 - down**2) / 2)[:, None], seconds[:, None, None], np.maximum(down, up))
 
 
-def _cells(points: _Floats, periodic: bool, width: float) -> CellSums:
+def _cells(points: Floats, periodic: bool, width: float) -> CellSums:
     from scipy.spatial import Voronoi
 
     n_points, n_dims = points.shape
@@ -85,7 +84,7 @@ def _cells(points: _Floats, periodic: bool, width: float) -> CellSums:
     return CellSums(volumes, firsts, seconds, reaches)
 
 
-def _images(points: _Floats, periodic: bool, width: float) -> list[_Floats]:
+def _images(points: Floats, periodic: bool, width: float) -> list[Floats]:
     """Return copies beyond the walls, or mirror images in each wall, of the points at most so far from them."""
     n_dims = points.shape[1]
     images = []
@@ -116,7 +115,7 @@ def unit_box(n_dims: int, periodic: bool) -> Box:
     return Box([0] * n_dims, [1] * n_dims, periodic)
 
 
-def nearest_distances(points: _Floats, periodic: bool) -> _Floats:
+def nearest_distances(points: Floats, periodic: bool) -> Floats:
     """(n,) distance from each of (n, d) points, n >= 2, to the nearest other one, in the unit cube or on the torus."""
     return np.asarray(unit_box(points.shape[1], periodic).nearest(points, points, 2)[0][:, 1])
 
@@ -137,7 +136,7 @@ class Cube(SampleMoments):
     """
 
     def __init__(
-        self, samples: NDArray[np.float32], weights: _Floats | None = None, periodic: bool = False, exact: bool = False
+        self, samples: NDArray[np.float32], weights: Floats | None = None, periodic: bool = False, exact: bool = False
     ) -> None:
         loads = np.full(len(samples), 1 / len(samples)) if weights is None else weights / weights.sum()
         region = unit_box(samples.shape[1], periodic)
@@ -148,7 +147,7 @@ class Cube(SampleMoments):
     def _packed(self) -> Points:
         return pack(self.samples, self._weights)
 
-    def __call__(self, generators: _Floats, /) -> Moments:
+    def __call__(self, generators: Floats, /) -> Moments:
         """Compute the moments of the cells of (n, d) points, which need not be inside of the torus's unit cell."""
         if self.exact:
             sums = exact_cells(generators % 1.0 if self.periodic else generators, self.periodic)
@@ -162,7 +161,7 @@ class Cube(SampleMoments):
         moves = per_mass(firsts - masses[:, None] * places, masses)
         return Moments(masses, frame.outward(places + moves), frame.energy(total))
 
-    def labels(self, generators: _Floats) -> Array:
+    def labels(self, generators: Floats) -> Array:
         """Find the point nearest to each sample (m,): with so few of them, all are compared faster than by a tree."""
         if not self.periodic:
             return assign(self._packed, self._packed.frame.inward(generators))[: len(self.samples)]

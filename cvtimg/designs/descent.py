@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.types import Floats
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
 from cvtimg.designs.latin import Slices, latinize
 from cvtimg.designs.measures import point_measures, star_discrepancy
 from cvtimg.designs.swaps import anneal, even_out
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
-
-_Floats = NDArray[np.float64]
 
 #: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
@@ -50,7 +49,7 @@ EFFORTS = {
 }
 
 
-def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator) -> list[_Floats]:
+def place(cube: Cube, n_points: int, existing: Floats, effort: EffortName, rng: np.random.Generator) -> list[Floats]:
     """Find (n, d) points of low energy beside (L, d) that exist, from a few starts, those of least energy first."""
     starts = [_tessellated(cube, n_points, existing, effort, "split", rng)]
     if not cube.exact and not cube.periodic:
@@ -70,8 +69,8 @@ def place(cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng:
 
 
 def place_latin(
-    cube: Cube, starts: list[_Floats], existing: _Floats, effort: EffortName, rng: np.random.Generator
-) -> _Floats:
+    cube: Cube, starts: list[Floats], existing: Floats, effort: EffortName, rng: np.random.Generator
+) -> Floats:
     """Make the points of each start Latin; of those whose energy is about the least, return the most even."""
     work, latin = EFFORTS[effort].swaps, partial(_latin, existing=existing)
     ends = [
@@ -87,8 +86,8 @@ def place_latin(
 
 
 def place_for(
-    criterion: str, cube: Cube, n_points: int, existing: _Floats, effort: EffortName, rng: np.random.Generator
-) -> _Floats:
+    criterion: str, cube: Cube, n_points: int, existing: Floats, effort: EffortName, rng: np.random.Generator
+) -> Floats:
     """Find (n, d) Latin points for a criterion beside (L, d) that exist."""
     start = _latin(sobol_samples(n_points, cube.samples.shape[1], rng)[:n_points].astype(np.float64), existing)
     return anneal(start, existing, criterion, cube.periodic, EFFORTS[effort].swaps, rng)
@@ -96,12 +95,12 @@ def place_for(
 
 def place_latin_within(
     cube: Cube,
-    start: _Floats,
-    existing: _Floats,
+    start: Floats,
+    existing: Floats,
     effort: EffortName,
-    allowed: Callable[[_Floats], NDArray[np.bool_]],
-    mended: Callable[[_Floats], _Floats],
-) -> tuple[_Floats, bool]:
+    allowed: Callable[[Floats], NDArray[np.bool_]],
+    mended: Callable[[Floats], Floats],
+) -> tuple[Floats, bool]:
     """Make points of a region Latin as far as they are allowed to; return them, and whether no slice is empty.
 
     Slices have equal shares of the region, because those of equal width would ask for many points where it is thin.
@@ -109,7 +108,7 @@ def place_latin_within(
     """
     slices = Slices.of_region(cube.samples, len(start) + len(existing))
 
-    def latin(points: _Floats) -> _Floats:
+    def latin(points: Floats) -> Floats:
         return slices.latinize(mended(points), existing, allowed)
 
     found = _alternate(cube, start, existing, effort, latin, slices.n_empty)
@@ -118,12 +117,12 @@ def place_latin_within(
 
 def _alternate(
     cube: Cube,
-    points: _Floats,
-    existing: _Floats,
+    points: Floats,
+    existing: Floats,
     effort: EffortName,
-    latin: Callable[[_Floats], _Floats],
-    fault: Callable[[_Floats], int] = lambda _: 0,
-) -> _Floats:
+    latin: Callable[[Floats], Floats],
+    fault: Callable[[Floats], int] = lambda _: 0,
+) -> Floats:
     """Move points to their centers of mass and make them Latin again, in turns.
 
     Returns those of least energy among those of least fault.
@@ -142,7 +141,7 @@ def _alternate(
     return best
 
 
-def _unevenness(points: _Floats, periodic: bool) -> float:
+def _unevenness(points: Floats, periodic: bool) -> float:
     """Multiply how uneven boxes and cells are where both are exact; else measure the centered L2 discrepancy."""
     from scipy.stats.qmc import discrepancy
 
@@ -152,8 +151,8 @@ def _unevenness(points: _Floats, periodic: bool) -> float:
 
 
 def _tessellated(
-    cube: Cube, n_points: int, existing: _Floats, effort: EffortName, init: Any, rng: np.random.Generator
-) -> _Floats:
+    cube: Cube, n_points: int, existing: Floats, effort: EffortName, init: Any, rng: np.random.Generator
+) -> Floats:
     locked = existing if len(existing) else None
     n_all = n_points + len(existing)
     samples, weights, start = cube.samples, cube.weights, init
@@ -166,7 +165,7 @@ def _tessellated(
     return result.generators[len(existing) :]
 
 
-def _latin(points: _Floats, existing: _Floats) -> _Floats:
+def _latin(points: Floats, existing: Floats) -> Floats:
     inside = np.clip(points, 0, 1)
     if not len(existing):
         return latinize(inside)

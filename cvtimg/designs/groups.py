@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_shape
+from cvtimg._shared.types import Floats
 from cvtimg.designs.cells import check_unit_points
 
-_Floats = NDArray[np.float64]
 _Labels = NDArray[np.intp]
 
 #: Two points change places if the terms of all pairs fall by more than this: less is rounding.
@@ -48,7 +48,7 @@ def split_evenly(
     return min(starts, key=lambda labels: _exchange(terms, labels, n_groups, len(held), random))
 
 
-def _terms(columns: _Floats, others: Sequence[NDArray[np.generic]], point: int) -> _Floats:
+def _terms(columns: Floats, others: Sequence[NDArray[np.generic]], point: int) -> Floats:
     """Return what a point costs with each (n,) in the same group: a term of the discrepancy, more in other groups."""
     terms, times = np.ones(columns.shape[1]), 1
     for column in columns:
@@ -71,12 +71,12 @@ def _start(n_points: int, n_groups: int, known: _Labels, rng: np.random.Generato
 
 
 def _exchange(
-    terms_of: Callable[[int], _Floats], labels: _Labels, n_groups: int, n_known: int, rng: np.random.Generator
+    terms_of: Callable[[int], Floats], labels: _Labels, n_groups: int, n_known: int, rng: np.random.Generator
 ) -> float:
     """Let two points change groups where that gains the most, in place, until none gains; return what is left."""
     n_points = len(labels)
     every, free = np.arange(n_points), np.arange(n_known, n_points)
-    sums: _Floats = np.stack([np.bincount(labels, terms_of(point), n_groups) for point in range(n_points)])
+    sums: Floats = np.stack([np.bincount(labels, terms_of(point), n_groups) for point in range(n_points)])
     is_better = True
     while is_better:
         is_better = False

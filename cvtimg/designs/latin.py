@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.designs.cells import check_unit_points
 
-_Floats = NDArray[np.float64]
 #: What a move costs to where no point may be: more than all others together.
 _FORBIDDEN = 1e6
 
 
-def latinize(points: ArrayLike) -> _Floats:
+def latinize(points: ArrayLike) -> Floats:
     """Move points to the middles of slices, one in each of n slices of each axis, where their order is kept.
 
     Parameters
@@ -44,7 +44,7 @@ def latinize(points: ArrayLike) -> _Floats:
 class Slices:
     """Slices of each axis (d, n), by the edges between them (d, n - 1) and their middles (d, n)."""
 
-    def __init__(self, edges: _Floats, middles: _Floats) -> None:
+    def __init__(self, edges: Floats, middles: Floats) -> None:
         self._edges, self._middles = edges, middles
 
     @classmethod
@@ -60,16 +60,16 @@ class Slices:
         levels = np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float)
         return cls(levels[:, 1::2], levels[:, ::2])
 
-    def free(self, axis: int, points: _Floats) -> _Floats:
+    def free(self, axis: int, points: Floats) -> Floats:
         """Return the middles of the slices of an axis in which none of (n, d) points is."""
         taken = np.searchsorted(self._edges[axis], points[:, axis], "right")
         return np.delete(self._middles[axis], taken)
 
-    def n_empty(self, points: _Floats) -> int:
+    def n_empty(self, points: Floats) -> int:
         """Count the slices of all axes in which no point is."""
         return sum(len(self.free(axis, points)) for axis in range(points.shape[1]))
 
-    def latinize(self, points: _Floats, existing: _Floats, allowed: Callable[[_Floats], NDArray[np.bool_]]) -> _Floats:
+    def latinize(self, points: Floats, existing: Floats, allowed: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
         """Move points along each axis in turn into slices that have none, as long as that leads to allowed places.
 
         The sum of squared moves is least; the order may change where it must.

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
+from cvtimg._shared.types import Floats
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
 
-_Floats = NDArray[np.float64]
 #: Number of samples of the cube in more dimensions.
 _N_SAMPLES = 1 << 20
 #: Walks from box to box, as they end in different corners; comparisons of points with boxes in each, about a tenth of a
@@ -53,7 +53,7 @@ def star_discrepancy(points: ArrayLike, *, rng: int | np.random.Generator = 0) -
     return _lower_bound(array, np.random.default_rng(rng)), False
 
 
-def _exact(points: _Floats) -> float:
+def _exact(points: Floats) -> float:
     """Visit all corners that coordinates of points span: boxes with and without their upper sides."""
     from scipy.stats import kstest
 
@@ -86,7 +86,7 @@ def _exact(points: _Floats) -> float:
     return greatest
 
 
-def _lower_bound(points: _Floats, rng: np.random.Generator) -> float:
+def _lower_bound(points: Floats, rng: np.random.Generator) -> float:
     n_points, n_dims = points.shape
     sides = np.concatenate([np.sort(points, axis=0), np.ones((1, n_dims))]).T.copy()
     n_steps = int(np.clip(_COMPARISONS // (n_points * n_dims), *_STEPS))

@@ -24,7 +24,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
 from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
@@ -35,7 +35,6 @@ from cvtimg.designs.swaps import CRITERIA
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 
-_Floats = NDArray[np.float64]
 CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
 
 #: Files that a design is written to.
@@ -70,10 +69,10 @@ class Design(ReadOnly):
         The axes.
     """
 
-    points: _Floats
-    unit_points: _Floats
-    bounds: _Floats
-    existing: _Floats
+    points: Floats
+    unit_points: Floats
+    bounds: Floats
+    existing: Floats
     energy: float
     latin: bool
     periodic: bool
@@ -117,7 +116,7 @@ class Design(ReadOnly):
         with whole_file(path, overwrite=overwrite) as file:
             np.save(file, self.points)
 
-    def _all_points(self) -> _Floats:
+    def _all_points(self) -> Floats:
         return np.concatenate([_units(self.factors, self.existing), self.unit_points])
 
 
@@ -128,8 +127,8 @@ def design(
     *,
     periodic: bool = False,
     latin: bool | None = None,
-    density: Callable[[_Floats], ArrayLike] | None = None,
-    feasible: Callable[[_Floats], ArrayLike] | None = None,
+    density: Callable[[Floats], ArrayLike] | None = None,
+    feasible: Callable[[Floats], ArrayLike] | None = None,
     existing: ArrayLike | None = None,
     criterion: CriterionName = "cvt",
     effort: EffortName = "balanced",
@@ -260,7 +259,7 @@ def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]
     return factors
 
 
-def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Floats:
+def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> Floats:
     if existing is None or np.size(existing) == 0:
         return np.empty((0, len(factors)))
     array = array_of(existing)
@@ -275,7 +274,7 @@ def _checked_existing(existing: ArrayLike | None, factors: list[Factor]) -> _Flo
     return unit
 
 
-def _units(factors: Sequence[Factor], points: Array) -> _Floats:
+def _units(factors: Sequence[Factor], points: Array) -> Floats:
     """Return where points (n, d) are in the unit cube."""
     return np.stack([factor.unit_of(column) for factor, column in zip(factors, points.T, strict=True)], axis=1)
 
@@ -292,7 +291,7 @@ def _check_together(region: Region, latin: bool | None, periodic: bool, criterio
         check_that(f"criterion={criterion!r}", not others, f"not be given with {' or '.join(others)}")
 
 
-def _with_categories(factors: list[Factor], existing: _Floats, unit: _Floats, rng: np.random.Generator) -> _Floats:
+def _with_categories(factors: list[Factor], existing: Floats, unit: Floats, rng: np.random.Generator) -> Floats:
     """Add the columns of categories to points (n, d) of the other axes."""
     is_axis = np.array([not factor.is_category for factor in factors])
     every, n_old = np.empty((len(existing) + len(unit), len(factors))), len(existing)

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_density, check_returned
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.designs.cells import sobol_samples
 from cvtimg.designs.factors import Factor
-
-_Floats = NDArray[np.float64]
 
 #: The least and the most samples in all.
 _FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
@@ -32,7 +30,7 @@ class Region:
         self.is_box = not self.given
         self.may_be_latin = density is None
 
-    def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], _Floats | None]:
+    def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], Floats | None]:
         """Draw about the given number of samples (m, d), and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
         samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
@@ -50,7 +48,7 @@ class Region:
             return np.ones(len(places), bool)
         return self._called("feasible", self._feasible, places).astype(bool)
 
-    def mended(self, places: _Floats, *, samples: NDArray[np.float32]) -> _Floats:
+    def mended(self, places: Floats, *, samples: NDArray[np.float32]) -> Floats:
         """Move centers of mass (n, d) that are not in the region into it."""
         outside = ~self.allows(places)
         if outside.any():

@@ -21,11 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import nearest_distances
 from cvtimg.designs.latin import Slices
-
-_Floats = NDArray[np.float64]
 
 #: The registry of criteria for which any two points swap.
 CRITERIA = {"discrepancy": _designs.DISCREPANCY, "maximin": _designs.MAXIMIN, "projection": _designs.PROJECTION}
@@ -51,7 +50,7 @@ class _Annealing:
     tries: tuple[int, int] = (10, 10_000)  # for each coordinate: with fewer only gains count, and more gain nothing
 
 
-def even_out(points: _Floats, existing: _Floats, periodic: bool, work: int, rng: np.random.Generator) -> _Floats:
+def even_out(points: Floats, existing: Floats, periodic: bool, work: int, rng: np.random.Generator) -> Floats:
     """Swap neighbors along an axis among (n, d) Latin points in the unit cube, beside (L, d) that exist and stay.
 
     Points move by a slice at a time and keep apart, so that cells stay nearly what they were; the discrepancy falls.
@@ -70,8 +69,8 @@ def even_out(points: _Floats, existing: _Floats, periodic: bool, work: int, rng:
 
 
 def anneal(
-    points: _Floats, existing: _Floats, criterion: str, periodic: bool, work: int, rng: np.random.Generator
-) -> _Floats:
+    points: Floats, existing: Floats, criterion: str, periodic: bool, work: int, rng: np.random.Generator
+) -> Floats:
     """Swap any two of (n, d) Latin points along an axis for a criterion, beside (L, d) that exist and stay.
 
     Points also move to slices of an axis that are free, as some are where two of those that exist share one.
@@ -98,7 +97,7 @@ def anneal(
 class _Swaps:
     """Latin points that swap coordinates with each other and with free places, beside those that stay."""
 
-    def __init__(self, points: _Floats, existing: _Floats, free: _Floats, criterion: str, periodic: bool) -> None:
+    def __init__(self, points: Floats, existing: Floats, free: Floats, criterion: str, periodic: bool) -> None:
         self._n, self._n_all = len(points), len(points) + len(existing)
         self._places = np.concatenate([points, existing, free]) - 0.5
         movable = np.append(np.arange(self._n), np.arange(self._n_all, len(self._places)))
@@ -111,7 +110,7 @@ class _Swaps:
         scales = {"maximin": max(self.least_distance, 1e-9) ** -2, "projection": 6.0}
         self._scale = scales.get(criterion, 1.0)
 
-    def run(self, tries: NDArray[np.int64], threshold: float, least: float = 0.0) -> _Floats:
+    def run(self, tries: NDArray[np.int64], threshold: float, least: float = 0.0) -> Floats:
         """Try swaps (T, 3), an axis and two ranks each, and take those below a threshold; return what each changes.
 
         None is taken that brings two points nearer than `least`.
@@ -124,11 +123,11 @@ class _Swaps:
         return changes
 
     @property
-    def points(self) -> _Floats:
+    def points(self) -> Floats:
         return self._places[: self._n] + 0.5
 
 
-def _free_places(points: _Floats, existing: _Floats) -> _Floats:
+def _free_places(points: Floats, existing: Floats) -> Floats:
     """Return the centers (S, d) of slices that have no point; axes with fewer than S end in NaN."""
     every = np.concatenate([points, existing])
     free = [Slices.even(1, len(every)).free(0, axis[:, None]) for axis in every.T]

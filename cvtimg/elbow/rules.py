@@ -9,11 +9,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.colors import fidelity
-
-_Floats = NDArray[np.float64]
 
 #: The rules that look at the shape of a curve end at this number of generators, so that a longer one does not move it.
 CHORD_ENDS = 32
@@ -31,31 +29,31 @@ class Scale(NamedTuple):
     n_values: float  # Number of samples times channels that the energy is summed over
     peak: float | None  # Value of white; None for samples without a PSNR
 
-    def psnr(self, energies: _Floats) -> _Floats:
+    def psnr(self, energies: Floats) -> Floats:
         """Return the peak signal-to-noise ratios in dB, infinite where the energy is 0."""
         peak = self.peak or np.nan
         if self.peak is None:
             raise ValueError("the rule 'psnr' needs colors in the space rgb: other samples have no peak")
         return fidelity.psnr(energies / self.n_values, peak)
 
-    def floor(self, energies: _Floats) -> float:
+    def floor(self, energies: Floats) -> float:
         """Return the energy below which differences do not matter: that of rounding to 8 bits."""
         if self.peak is None:
             return float(_RELATIVE_FLOOR * energies[0])
         return self.n_values * (self.peak / 255) ** 2 / 12
 
 
-def explained(energies: _Floats) -> _Floats:
+def explained(energies: Floats) -> Floats:
     """Return the fraction of E(1) that k generators remove; 1 if there is nothing to explain."""
     return 1 - energies / energies[0] if energies[0] else np.ones(len(energies))
 
 
-def chord(energies: _Floats, scale: Scale) -> int:
+def chord(energies: Floats, scale: Scale) -> int:
     """Find the point farthest below the chord of log E over log k up to k = 32; a small energy is added to each E."""
     return judged(energies, scale)[0]
 
 
-def judged(energies: _Floats, scale: Scale) -> tuple[int, bool]:
+def judged(energies: Floats, scale: Scale) -> tuple[int, bool]:
     """Return the elbow by `chord`, and whether it is clear."""
     # Without clusters E(k) is proportional to k^(-2/D) whatever D is (P. Zador, IEEE Trans. Information Theory 28
     # (1982), doi 10.1109/TIT.1982.1056490), so that the powers before and after any k are equal.
@@ -74,18 +72,18 @@ def judged(energies: _Floats, scale: Scale) -> tuple[int, bool]:
     return min(k, len(energies)), bool(clear)
 
 
-def chord_linear(energies: _Floats) -> int:
+def chord_linear(energies: Floats) -> int:
     """Find the point farthest below the chord of E over k up to k = 32."""
     known = energies[:CHORD_ENDS]
     return _farthest(np.arange(1.0, len(known) + 1), known)
 
 
-def variance(energies: _Floats, scale: Scale, target: float = 0.95) -> int:
+def variance(energies: Floats, scale: Scale, target: float = 0.95) -> int:
     """Return the smallest k that explains this fraction of the variance."""
     return _first_reaching(target, explained(energies), "of the variance explained")
 
 
-def psnr(energies: _Floats, scale: Scale, target: float = 30.0) -> int:
+def psnr(energies: Floats, scale: Scale, target: float = 30.0) -> int:
     """Return the smallest k of this PSNR in dB."""
     return _first_reaching(target, scale.psnr(energies), "dB")
 
@@ -96,7 +94,7 @@ RULES: dict[str, Callable[..., int]] = {"chord": chord, "variance": variance, "p
 TARGETED = ("variance", "psnr")
 
 
-def _farthest(across: _Floats, down: _Floats) -> int:
+def _farthest(across: Floats, down: Floats) -> int:
     """Return the k farthest below the line between the ends; the first or the last if none is below."""
     fall = down[0] - down[-1]
     if fall <= 0:
@@ -110,7 +108,7 @@ class TargetMissedError(ValueError):
     """No number of generators in the curve reaches the target of a rule."""
 
 
-def _first_reaching(target: float, values: _Floats, unit: str) -> int:
+def _first_reaching(target: float, values: Floats, unit: str) -> int:
     reached = values >= target
     if not reached.any():
         raise TargetMissedError(

@@ -8,11 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
-from cvtimg._shared.types import Array
-
-Points = NDArray[np.float64]
-Triangles = NDArray[np.int32]
-Values = NDArray[np.float64]
+from cvtimg._shared.types import Array, Floats, Points, Triangles
 
 
 class HalfEdges:
@@ -161,14 +157,14 @@ class TriangleMeasures:
         2 r / R, from 0 for triangles without area to 1 for equilateral ones.
     """
 
-    areas: Values
-    least_angles: Values
-    largest_angles: Values
-    circumradii: Values
-    qualities: Values
+    areas: Floats
+    least_angles: Floats
+    largest_angles: Floats
+    circumradii: Floats
+    qualities: Floats
 
     @property
-    def angles(self) -> Values:
+    def angles(self) -> Floats:
         """All angles (3 T,) in degrees: the least of each triangle, the middle ones, and the largest."""
         middle = 180 - self.least_angles - self.largest_angles
         return np.concatenate([self.least_angles, middle, self.largest_angles])

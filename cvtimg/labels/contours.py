@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, ImageLike, Points
 from cvtimg.labels import _labels
 from cvtimg.labels.figures import region_means
 
@@ -31,7 +31,6 @@ _LEAST_TOLERANCE = 1 / 16
 #: A region of less area than this, in squared pixels, may have none but for rounding.
 _NO_AREA = 1e-3
 
-_Points = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
@@ -50,7 +49,7 @@ class Polygon:
     """
 
     label: int
-    rings: tuple[_Points, ...]
+    rings: tuple[Points, ...]
 
     @property
     def area(self) -> float:
@@ -79,7 +78,7 @@ class Contours(ReadOnly):
         The connected pieces of all segments but label 0, by label; pixels that share a side are connected.
     """
 
-    lines: tuple[_Points, ...]
+    lines: tuple[Points, ...]
     sides: NDArray[np.int32]
     polygons: tuple[Polygon, ...]
 
@@ -148,7 +147,7 @@ def find_contours(labels: ArrayLike, image: ImageLike | None = None, *, toleranc
     return Contours(tuple(lines), sides, _polygons(lines, sides, beside))
 
 
-def simplify(lines: Sequence[_Points], tolerance: float, regions: NDArray[np.integer] | None = None) -> list[_Points]:
+def simplify(lines: Sequence[Points], tolerance: float, regions: NDArray[np.integer] | None = None) -> list[Points]:
     """Leave out points within a tolerance of the lines that remain, which keep their ends and cross no other.
 
     A line sweeps over the area between it and what remains of it. If no point of any other line lies there, it has
@@ -234,7 +233,7 @@ def _walk(rimmed: NDArray[np.int32]) -> _Cracks:
     return _Cracks(corners, steps, right, left, starts, np.append(starts[1:], len(path)) - 1, at_junction)
 
 
-def _along_sides(cracks: _Cracks) -> list[_Points]:
+def _along_sides(cracks: _Cracks) -> list[Points]:
     """Draw the lines along the sides of pixels, with points where they turn."""
     turns = np.append(True, (cracks.steps[1:] != cracks.steps[:-1]).any(axis=1))
     turns[cracks.starts] = False
@@ -242,7 +241,7 @@ def _along_sides(cracks: _Cracks) -> list[_Points]:
     return _drawn(cracks, places, turns, places[cracks.starts], places[cracks.lasts] + cracks.steps[cracks.lasts, ::-1])
 
 
-def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array) -> list[_Points]:
+def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array) -> list[Points]:
     """Draw the lines where those from pixel to pixel cross them; junctions lie in the middle of what is around them."""
     means = region_means(rimmed[1:-1, 1:-1], picture)
     labels = np.stack([rimmed[tuple(side.T)] for side in (cracks.right, cracks.left)], axis=1)
@@ -275,7 +274,7 @@ def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array)
     return _drawn(cracks, crossings, within, *junctions)
 
 
-def _drawn(cracks: _Cracks, places: _Points, inner: NDArray[np.bool_], first: _Points, last: _Points) -> list[_Points]:
+def _drawn(cracks: _Cracks, places: Points, inner: NDArray[np.bool_], first: Points, last: Points) -> list[Points]:
     """Return each line: its first point, the places of those of its cracks that are `inner`, and its last point."""
     before = np.append(0, np.cumsum(inner))
     parts = zip(before[cracks.starts], before[cracks.lasts + 1], strict=True)
@@ -283,7 +282,7 @@ def _drawn(cracks: _Cracks, places: _Points, inner: NDArray[np.bool_], first: _P
     return [np.concatenate([first[n : n + 1], drawn[i:j], last[n : n + 1]]) for n, (i, j) in enumerate(parts)]
 
 
-def _strings(lines: Sequence[_Points]) -> Array:
+def _strings(lines: Sequence[Points]) -> Array:
     """Return lines as those of shapely."""
     strings: Array = shapely.linestrings(
         np.concatenate(lines), indices=np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -291,7 +290,7 @@ def _strings(lines: Sequence[_Points]) -> Array:
     return strings
 
 
-def _polygons(lines: Sequence[_Points], sides: NDArray[np.int32], regions: NDArray[np.integer]) -> tuple[Polygon, ...]:
+def _polygons(lines: Sequence[Points], sides: NDArray[np.int32], regions: NDArray[np.integer]) -> tuple[Polygon, ...]:
     """Return the polygons of regions, of which (L, 2) are beside lines and have labels; those of label 0 have none."""
     labels, numbers = sides.T.ravel(), regions.T.ravel()
     order = np.lexsort((numbers, labels))
@@ -303,7 +302,7 @@ def _polygons(lines: Sequence[_Points], sides: NDArray[np.int32], regions: NDArr
     borders = shapely.multilinestrings(np.tile(_strings(lines), 2)[order], indices=ranks)
     areas = shapely.orient_polygons(shapely.normalize(shapely.build_area(borders)))
     rings, of_area = shapely.get_rings(areas, return_index=True)
-    polygons: list[list[_Points]] = [[] for _ in areas]
+    polygons: list[list[Points]] = [[] for _ in areas]
     for ring, area in zip(rings, of_area.tolist(), strict=True):
         places = shapely.get_coordinates(ring)
         places.flags.writeable = False

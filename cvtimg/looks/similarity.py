@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import in_parts, in_stripes, of_each
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats32
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import _looks
-
-_Plane = NDArray[np.float32]
 
 #: Each scale has half the width and height of the one before; smaller images have fewer.
 _N_SCALES, _LEAST_SIDE = 6, 8
@@ -62,8 +60,8 @@ class _Scale(NamedTuple):
     """An image at one scale: its planes (3, H, W), their blurs, and the blurs of their squares."""
 
     planes: NDArray[np.float32]
-    means: list[_Plane]
-    squares: list[_Plane]
+    means: list[Floats32]
+    squares: list[Floats32]
 
 
 class VisualQuality:
@@ -229,10 +227,10 @@ def _scale(linear: NDArray[np.float32]) -> _Scale:
     return _Scale(planes, blurred(planes), blurred(planes, planes))
 
 
-def blurred(*factors: list[_Plane] | _Plane) -> list[_Plane]:
+def blurred(*factors: list[Floats32] | Floats32) -> list[Floats32]:
     """Blur planes, or the products of planes, by a Gaussian of sigma 1.5; beyond the sides are zeros."""
 
-    def blur(channel: int) -> _Plane:
+    def blur(channel: int) -> Floats32:
         return _looks.blur(reduce(np.multiply, (planes[channel] for planes in factors)), _BLUR)
 
     return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)

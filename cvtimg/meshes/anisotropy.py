@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
+from cvtimg._shared.types import Points
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import MeshValues, estimated_factor
 from cvtimg.meshes.trees import Cells, divide
 from cvtimg.placement import as_region
 
-Points = NDArray[np.float64]
 #: From (M, 2) points to (M, 2, 2) symmetric matrices.
 MatrixFunction = Callable[[Points], Any]
 

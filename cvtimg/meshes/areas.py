@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
-Index = NDArray[np.intp]
+from cvtimg._shared.types import Indices, Points
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +28,11 @@ _NEWTON = Newton()
 class Areas:
     """The areas that polygons and their holes, or the connected pieces of segments, should have."""
 
-    pieces: Index  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
+    pieces: Indices  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
     wanted: NDArray[np.float64]  # (P,): their areas; the first is not used
 
     @classmethod
-    def of(cls, lines: list[Points], pieces: Index) -> Areas:
+    def of(cls, lines: list[Points], pieces: Indices) -> Areas:
         """Measure what lines enclose."""
         number = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
         points = np.concatenate(lines)
@@ -42,11 +41,11 @@ class Areas:
         wanted = _enclosed(points, edges, pieces[number[:-1][inner]], int(pieces.max()) + 1)
         return cls(pieces, wanted)
 
-    def of_parts(self, own: Index) -> Areas:
+    def of_parts(self, own: Indices) -> Areas:
         """Return the areas of lines that were cut: each part is of line `own`."""
         return replace(self, pieces=self.pieces[own])
 
-    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Index, ends: Index, still: Index) -> Points:
+    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Indices, ends: Indices, still: Indices) -> Points:
         """Move vertices (N, 2) of edges (E, 2) on lines (E,) so that pieces have their areas, by the least squares.
 
         Ends of lines, which are corners or junctions, hardly move; those that are still stay.
@@ -90,7 +89,7 @@ class Areas:
         return points
 
 
-def _enclosed(points: Points, edges: NDArray[np.integer], both: Index, n_pieces: int) -> NDArray[np.float64]:
+def _enclosed(points: Points, edges: NDArray[np.integer], both: Indices, n_pieces: int) -> NDArray[np.float64]:
     """Areas (P,) that edges enclose, with the pieces (E, 2) on both of their sides."""
     a, b = (points[ends] - points.mean(axis=0) for ends in edges.T)  # far from 0, products would lose digits
     swept = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2

@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.progress import first_few
+from cvtimg._shared.types import Floats, Indices, Points
 from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
 from cvtimg.meshes.triangulation import Borders
-
-Points = NDArray[np.float64]
-Values = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +99,9 @@ class _Chains:
 
     outline: Outline
     places: Points  # (P, 2): points of all lines, one after the other
-    along: Values  # (P,): the length in the metric until each
-    of_line: Index  # (C,): the line of each vertex
-    at: Values  # (C,): where it is along all lines
+    along: Floats  # (P,): the length in the metric until each
+    of_line: Indices  # (C,): the line of each vertex
+    at: Floats  # (C,): where it is along all lines
     vertices: NDArray[np.int32]  # (C,): its number; lines share their nodes, which come first
 
     @classmethod
@@ -129,7 +126,7 @@ class _Chains:
         return cls(outline, places, along, of_line, at, vertices)
 
     @property
-    def inner(self) -> Index:
+    def inner(self) -> Indices:
         """Where the vertices (I,) between nodes are in chains."""
         return np.flatnonzero(self.vertices >= len(self.outline.nodes))
 
@@ -152,7 +149,7 @@ class _Chains:
         borders = Borders(points, edges, sides, corners, of_line)
         return replace(borders, slides=self._slides(points)) if outline.mask is None else borders
 
-    def first_of_edges(self) -> Index:
+    def first_of_edges(self) -> Indices:
         """Where the first vertex (E,) of each edge is in chains."""
         return np.flatnonzero(self.of_line[1:] == self.of_line[:-1])
 
@@ -179,7 +176,7 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
 
 
 def _crowded(
-    borders: Borders, lengths: Values, chains: _Chains, nearness: float
+    borders: Borders, lengths: Floats, chains: _Chains, nearness: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     points, edges, spacing = borders.points, borders.edges, Spacing.of(chains.outline)
@@ -222,7 +219,7 @@ def _cross(a: Points, b: Points, c: Points, d: Points) -> NDArray[np.bool_]:
 
 
 def _meet_sharply(
-    borders: Borders, chains: _Chains, lengths: Values, point: Index, edge: Index, gaps: Values
+    borders: Borders, chains: _Chains, lengths: Floats, point: Indices, edge: Indices, gaps: Floats
 ) -> NDArray[np.bool_]:
     """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
     points, ends, spacing = borders.points, chains.outline.ends, Spacing.of(chains.outline)

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.growth import limit_growth
+from cvtimg._shared.types import Points
 from cvtimg.placement.pictures import draw_along_curve
-
-Points = NDArray[np.float64]
 
 #: Vertices in an area of 1 where edges have length 1: two triangles each.
 PER_AREA = 2 / 3**0.5

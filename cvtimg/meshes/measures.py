@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles
 from cvtimg._shared.extras import shapely
@@ -14,8 +14,6 @@ from cvtimg.placement import PolygonRegion
 from cvtimg.placement.cells import measure_cells
 
 __all__ = ["MeshMeasures", "TriangleMeasures", "measure_mesh", "measure_triangles"]
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

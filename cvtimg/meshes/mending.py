@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
+from cvtimg._shared.types import Points
 from cvtimg.halfedges import EdgeTable, measure_triangles
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
 from cvtimg.meshes.triangulation import FREE, Borders, PlaneTriangulation
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

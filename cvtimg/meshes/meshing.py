@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -22,7 +22,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each, part
-from cvtimg._shared.types import ImageLike
+from cvtimg._shared.types import ImageLike, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles
 from cvtimg.meshes.anisotropy import MatrixFunction
 from cvtimg.meshes.curves import keep_areas
@@ -39,8 +39,6 @@ from cvtimg.meshes.sizes import SizeLike
 from cvtimg.meshes.triangulation import PlaneTriangulation
 from cvtimg.meshes.welding import Cleaning
 from cvtimg.placement import as_region
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, ImageLike, Points
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

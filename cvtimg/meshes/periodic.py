@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Indices, Points
 from cvtimg.meshes.outlines import ON_LINE, Outline, with_points
 from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.result import Mesh
 from cvtimg.meshes.triangulation import Borders
-
-Points = NDArray[np.float64]
-Indices = NDArray[np.int32]
-Index = NDArray[np.intp]
 
 #: Along which axes regions may be periodic.
 PERIODS = ("x", "y", "xy")
@@ -94,7 +91,7 @@ def _exact(outline: Outline, periodic: str) -> tuple[Outline, list[_Twin]]:
     return replace(outline, lines=tuple(lines), nodes=nodes), found
 
 
-def _twins_along(axis: int, lines: list[Points], outer: Index, near: float) -> list[_Twin]:
+def _twins_along(axis: int, lines: list[Points], outer: Indices, near: float) -> list[_Twin]:
     """Find copies of lines, as far away as any are."""
     ends = np.array([lines[k][[0, -1]] for k in outer]).reshape(-1, 2, 2)
     found: list[_Twin] = []
@@ -115,7 +112,7 @@ def _twins_along(axis: int, lines: list[Points], outer: Index, near: float) -> l
 
 
 def _check_complete(
-    axis: int, lines: list[Points], outer: Index, twins: list[_Twin], bounds: Points, near: float
+    axis: int, lines: list[Points], outer: Indices, twins: list[_Twin], bounds: Points, near: float
 ) -> None:
     """Refuse sides along the bounds without a copy."""
     name, words = "xy"[axis], (("left", "right"), ("top", "bottom"))[axis]
@@ -147,7 +144,7 @@ def _with_chords(outline: Outline, twins: list[_Twin], borders: Borders) -> tupl
     return cut.staying(np.concatenate(asked)), chains
 
 
-def _pairs(points: Points, steps: Points, near: float) -> Indices:
+def _pairs(points: Points, steps: Points, near: float) -> NDArray[np.int32]:
     """Find the points (P, 2) that are others moved by a step."""
     from scipy.spatial import cKDTree
 
@@ -158,7 +155,7 @@ def _pairs(points: Points, steps: Points, near: float) -> Indices:
     return np.concatenate(found).astype(np.int32)
 
 
-def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Indices, near: float) -> Points:
+def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: NDArray[np.int32], near: float) -> Points:
     """Return the places of vertices on sides that are in no pair, and of the copies that they need."""
     found, places = [np.empty((0, 2))], shapely.points(mesh.points[mesh.boundary])
     for both in chains:
@@ -170,7 +167,7 @@ def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Indices, near
     return np.concatenate(found)
 
 
-def _aligned(points: Points, pairs: Indices) -> Points:
+def _aligned(points: Points, pairs: NDArray[np.int32]) -> Points:
     """Move copies to where they belong."""
     points, steps = points.copy(), points[pairs[:, 0]] - points[pairs[:, 1]]
     for axis in (0, 1):

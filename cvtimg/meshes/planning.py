@@ -6,18 +6,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_that, refuse
 from cvtimg._shared.progress import first_few
+from cvtimg._shared.types import Points
 from cvtimg.meshes.anisotropy import MatrixFunction, MetricField
 from cvtimg.meshes.borders import place_on_borders
 from cvtimg.meshes.fields import PER_AREA, Field, lengths_of
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import SizeLike, size_field
 from cvtimg.meshes.triangulation import Borders, PlaneTriangulation
-
-Points = NDArray[np.float64]
 
 #: More vertices than this need more memory than machines have.
 MOST_VERTICES = 1 << 26

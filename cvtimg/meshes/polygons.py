@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Indices, Points
 from cvtimg.halfedges import unique_edges
 from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, split_line, turns_of
 from cvtimg.meshes.welding import Cleaning, clean
 from cvtimg.placement import Box, PictureRegion, PolygonRegion, Region
-
-Points = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Where the boundary of a polygon turns by more, in degrees, it has a corner that stays; the second angle is enough
 #: between two sides longer than a part of the diameter, for these are no samples of a curve.
@@ -49,7 +47,7 @@ def outline_of_parts(regions: Sequence[Region], how: Cleaning) -> Outline:
     return Outline.of(lines, *about, polygons=whole, changes=changes)
 
 
-def _lines(rings: list[Points], polygon: Index, keep_points: bool) -> tuple[list[Points], Index]:
+def _lines(rings: list[Points], polygon: Indices, keep_points: bool) -> tuple[list[Points], Indices]:
     """Cut rings, with their polygon (R,) on the left, at corners, and where others leave or join them.
 
     Returns each line once, and the faces (M, 2) on both of its sides: polygons from 1, and then holes; 0 outside.

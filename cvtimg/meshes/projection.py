@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Points
 from cvtimg.placement import PolygonRegion
-
-Points = NDArray[np.float64]
 
 #: Radius, in km, of the sphere with the area of the earth.
 _RADIUS = 6371.0072

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.types import Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import Outline, StraightParts, cross
 
-Points = NDArray[np.float64]
 Indices = NDArray[np.int32]
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import tell
+from cvtimg._shared.types import Points
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.descent import StepMemory
 
-Points = NDArray[np.float64]
 #: From (N, 2) points to their metrics (N, 3): xx, xy and yy. Edges are wanted to have length 1 in it.
 Metric = Callable[[Points], Points]
 

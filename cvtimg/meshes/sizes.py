@@ -18,13 +18,12 @@ from cvtimg._shared.checks import (
     check_that,
     check_triangles,
 )
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import Sizes, TreeField
 from cvtimg.meshes.triangulation import PlaneTriangulation
 
-Points = NDArray[np.float64]
 #: What `mesh_region` takes for `size`.
 SizeLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike]
 

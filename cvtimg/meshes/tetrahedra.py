@@ -13,14 +13,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
 from cvtimg.halfedges import edge_keys, edges_around, unique_edges
 
-Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
-Indices = NDArray[np.intp]
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: A vertex is moved to a place where the surface cuts one of its edges, if that is nearer than this part of the edge.
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
@@ -36,7 +32,7 @@ class Levels(Protocol):
     def nearest(self, points: Points) -> Indices:
         """Return the label at each of (N, 3) points."""
 
-    def distances(self, points: Points, labels: Indices) -> Values:
+    def distances(self, points: Points, labels: Indices) -> Floats:
         """Return the distance of each of (N, 3) points to its label (N,)."""
 
 
@@ -105,11 +101,11 @@ class _Lattice:
         self.lengths = np.linalg.norm(points[used[self.edges[:, 0]]] - points[used[self.edges[:, 1]]], axis=1)
         self.near = np.where(self.lengths > 0.93 * spacing, _NEAR_LONG, _NEAR_SHORT)
 
-    def depths(self, points: Cells, others: Indices) -> Values:
+    def depths(self, points: Cells, others: Indices) -> Floats:
         """Return how deep points are in their labels, seen from other labels, which neighbors of theirs have."""
         return self._depths[np.searchsorted(self._keys, points * self.n_labels + others)]
 
-    def warped(self) -> tuple[Points, Mask]:
+    def warped(self) -> tuple[Points, Bools]:
         """Move points that are near to a surface to it; also tell which."""
         while True:
             points, on = self._moved()
@@ -119,7 +115,7 @@ class _Lattice:
                 return points, on
             self.is_free[flat] = False
 
-    def _moved(self) -> tuple[Points, Mask]:
+    def _moved(self) -> tuple[Points, Bools]:
         ends, others = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()
         shares, near = np.concatenate([self.shares, 1 - self.shares]), np.tile(self.near, 2)
         close = np.flatnonzero((shares < near) & self.is_free[ends])
@@ -279,7 +275,7 @@ def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
 
 
 def _cut(
-    cells: Cells, values: Values, labels: Indices, cuts: Callable[[Indices, Indices], Indices]
+    cells: Cells, values: Floats, labels: Indices, cuts: Callable[[Indices, Indices], Indices]
 ) -> tuple[Cells, Indices]:
     """Keep of each tetrahedron what is inside, values (T, 4) < 0, as tetrahedra that fit those beside; with labels.
 
@@ -316,7 +312,7 @@ def _oriented(points: Points, cells: Cells) -> Cells:
     return cells
 
 
-def volumes(points: Points, cells: NDArray[np.integer]) -> Values:
+def volumes(points: Points, cells: NDArray[np.integer]) -> Floats:
     """Return the volumes (T,), > 0 if the corners 1, 2 and 3 turn counter-clockwise."""
     return _cosines(points[cells])[1] / 6
 
@@ -326,7 +322,7 @@ def normals(corners: Points) -> Points:
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def qualities(points: Points, cells: NDArray[np.integer]) -> Values:
+def qualities(points: Points, cells: NDArray[np.integer]) -> Floats:
     """Return three times the radius of the ball in each tetrahedron (T,) by that of the one around it."""
     u, v, w = np.moveaxis(points[cells[:, 1:]] - points[cells[:, :1]], 1, 0)
     sides = np.cross(u, v), np.cross(v, w), np.cross(w, u)
@@ -342,13 +338,13 @@ def dihedral_angles(points: Points, cells: NDArray[np.integer]) -> Points:
     return np.degrees(np.arccos(_cosines(points[cells])[0]))
 
 
-def _least_angles(corners: Points) -> Values:
+def _least_angles(corners: Points) -> Floats:
     """Return the least dihedral angle of tetrahedra (..., 4, 3), in degrees, or 0 where they are turned over."""
     cosines, volumes = _cosines(corners)
     return np.where(volumes > 0, np.degrees(np.arccos(cosines.max(axis=-1))), 0)
 
 
-def _cosines(corners: Points) -> tuple[Points, Values]:
+def _cosines(corners: Points) -> tuple[Points, Floats]:
     """Return the cosines (..., 6) of dihedral angles, by the normals of the faces, and six times the volumes (...)."""
     u, v, w = (corners[..., k, :] - corners[..., 0, :] for k in (1, 2, 3))
     normals = [np.cross(v, w), np.cross(w, u), np.cross(u, v)]

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline, StraightParts
 from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
 
-Points = NDArray[np.float64]
 Sizes = Callable[[Points], NDArray[np.float64]]
 
 #: A cell is divided while its side is longer than this part of the least size at its corners and its center,

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Points, Triangles
 from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
-
-Points = NDArray[np.float64]
-Triangles = NDArray[np.int32]
 
 #: Flips at most, for each triangle: in a metric that varies, flips might never end.
 _MOST_FLIPS = 20

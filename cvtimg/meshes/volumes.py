@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.planning import MOST_VERTICES
@@ -27,9 +27,6 @@ from cvtimg.meshes.tetrahedra import (
     volumes,
     widened,
 )
-
-Points = NDArray[np.float64]
-Values = NDArray[np.float64]
 
 _SUFFIXES = (".vtu", ".msh", ".inp", ".vtk", ".xdmf")
 
@@ -327,7 +324,7 @@ class _VoxelLevels:
         return map_coordinates(self._fields[number], at, order=1, mode="nearest")
 
 
-def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spacing: float) -> Points:
+def _with_wanted_volumes(points: Points, filling: Filling, wanted: Floats, spacing: float) -> Points:
     """Move surfaces along their normals until labels have the wanted volumes, as far as dihedral angles let them."""
     for _ in range(_EFFORT.volume_rounds):
         heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
@@ -343,8 +340,8 @@ def _with_wanted_volumes(points: Points, filling: Filling, wanted: Values, spaci
 
 
 def _heights(
-    points: Points, cells: NDArray[np.integer], labels: NDArray[np.integer], wanted: Values
-) -> tuple[Values, bool]:
+    points: Points, cells: NDArray[np.integer], labels: NDArray[np.integer], wanted: Floats
+) -> tuple[Floats, bool]:
     """Return heights (L + 1,) by whose differences surfaces between labels must move, and if volumes are near."""
     lacking = wanted - sum_by_label(labels, volumes(points, cells), len(wanted) + 1)[1:]
     faces, own, beyond = label_faces(cells, labels)

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_non_negative, check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Indices, Points
 from cvtimg.halfedges import joined_points, unique_edges
 from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import ON_LINE
-
-Points = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Points nearer to each other than this part of the diameter are one. With more, outlines lose what is drawn; with
 #: less, digitizing leaves edges that no triangle of a useful size fits: tests/relations/test_outlines.py.
@@ -76,7 +72,7 @@ class Network:
     """Straight edges between points, each once."""
 
     points: Points  # (N, 2)
-    edges: Index  # (E, 2)
+    edges: Indices  # (E, 2)
 
     @classmethod
     def of(cls, parts: Any) -> Network:
@@ -95,7 +91,7 @@ class Network:
         """Return both ends (E, 4) of edges, the left one first."""
         return self.points[self.edges].reshape(-1, 4)
 
-    def touching(self, apart: float) -> tuple[Index, Index]:
+    def touching(self, apart: float) -> tuple[Indices, Indices]:
         """Find points nearer than `apart` to an edge that does not end there; return both."""
         tree = shapely.STRtree(shapely.linestrings(self.points[self.edges]))
         used = np.unique(self.edges)
@@ -108,7 +104,7 @@ class Network:
         """Let points nearer than `apart` to one before them, from left to right, be that one."""
         return Network(self.points, joined_points(self.points, apart)[self.edges]).once()
 
-    def bent(self, point: Index, edge: Index) -> Network:
+    def bent(self, point: Indices, edge: Indices) -> Network:
         """Lead edges over the points that touch them."""
         if not len(point):
             return self

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.pixels import is_known, not_black
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import image_info, read_image, write_image
 from cvtimg.pictures.formats.header import ImageInfo
@@ -24,7 +23,6 @@ from cvtimg.pictures.frames import is_animated, read_frames, write_frames
 from cvtimg.pictures.pages import read_pages, write_pages
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Band, Bands, open_bands, write_bands
 
-Known: TypeAlias = NDArray[np.bool_]
 #: What a file holds, or that it is read in tiles: some rows at a time.
 Kind: TypeAlias = Literal["image", "frames", "pages", "tiles"]
 
@@ -54,7 +52,7 @@ class Stack:
     header: ImageInfo | None
     nodata: float | None = None
     mask: StrPath | None = None
-    known: Sequence[Known] = ()
+    known: Sequence[Bools] = ()
 
     @property
     def images(self) -> Iterable[Array]:
@@ -64,11 +62,11 @@ class Stack:
         return found
 
     @property
-    def masks(self) -> list[Known] | None:
+    def masks(self) -> list[Bools] | None:
         """The pixels that count, or None if all do."""
         return None if all(one.all() for one in self.known) else [*self.known]
 
-    def __iter__(self) -> Iterator[tuple[Array, Known]]:
+    def __iter__(self) -> Iterator[tuple[Array, Bools]]:
         """Yield each image, or band of rows, with its pixels that count."""
         if self.kind != "tiles":
             yield from zip(self.images, self.known, strict=True)
@@ -179,14 +177,14 @@ def open_stack(
         return replace(stack, known=known_in_all([*stack.images], header, mask, nodata, noun))
 
 
-def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) -> Known:
+def not_missing(band: Band, nodata: float | None, *, has_alpha: bool = False) -> Bools:
     """(H, W) pixels of a band of rows that are finite, and not `nodata` in all bands but alpha."""
     colors = band.reshape(*band.shape[:2], -1)
     colors = colors[:, :, :-1] if has_alpha else colors
     return is_known(colors, nodata)
 
 
-def _mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Known]:
+def _mask_bands(path: StrPath, shape: tuple[int, ...]) -> Iterator[Bools]:
     """Yield the pixels of a mask that are not black, some rows at a time, or all where it cannot be read in bands."""
     bands: Iterable[Band] = ()
     if Path(path).suffix.lower() in TILED_SUFFIXES:
@@ -209,7 +207,7 @@ def _check_mask_size(path: StrPath, size: tuple[int, ...], shape: tuple[int, ...
 
 def known_in_all(
     images: Sequence[Array], header: ImageInfo, mask: StrPath | None, nodata: float | None, noun: str = ""
-) -> list[Known]:
+) -> list[Bools]:
     """Find the pixels that are finite, not nodata and not black in a mask, which is for all images, or has as many.
 
     `nodata` is by default what the header of the file says. A page or frame, called by `noun`, in which none counts is

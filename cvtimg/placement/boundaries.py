@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range, check_needs, check_places, check_that
 from cvtimg._shared.extras import shapely
-from cvtimg.placement.densities import Density, Points
+from cvtimg._shared.types import Points
+from cvtimg.placement.densities import Density
 from cvtimg.placement.implicit import ImplicitRegion
 from cvtimg.placement.regions import Box, Region
 

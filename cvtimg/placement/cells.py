@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array
-from cvtimg.placement.densities import ConstantDensity, Density, Points
+from cvtimg._shared.types import Array, Points
+from cvtimg.placement.densities import ConstantDensity, Density
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.polygons import triangle_areas, triangulate
 from cvtimg.placement.regions import Box, Region

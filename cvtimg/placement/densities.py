@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse, refuse_type
+from cvtimg._shared.types import Points
 
-Points = NDArray[np.float64]
 #: From (N, D) points to their (N,) densities.
 Density: TypeAlias = Callable[[Points], NDArray[np.float64]]
 #: What `as_density` takes.

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
-from cvtimg.placement.densities import Points
+from cvtimg._shared.types import Array, Points
 from cvtimg.placement.moments import CellMoments, Moments
 
 #: Where generators (K, D) that have moved may be, given where they came from.

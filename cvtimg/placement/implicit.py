@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_returned, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
-from cvtimg.placement.densities import Points
+from cvtimg._shared.types import Points
 from cvtimg.placement.regions import Box, Geometry, Region, low_discrepancy
 
 #: Points by which the measure of a region is counted.

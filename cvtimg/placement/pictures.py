@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.engine.samples import along_curve
-from cvtimg.placement.densities import Points
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
 from cvtimg.placement.polygons import NearestPixel

@@ -20,10 +20,11 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
+from cvtimg._shared.types import Points
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
-from cvtimg.placement.densities import Density, DensityLike, PictureDensity, Points, as_density
+from cvtimg.placement.densities import Density, DensityLike, PictureDensity, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
 from cvtimg.placement.moments import CellMoments
 from cvtimg.placement.pictures import EFFORTS, PlacementEffort, check_apart, picture_moments, place_by_levels

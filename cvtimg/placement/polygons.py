@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.labels.contours import find_contours
 from cvtimg.labels.files import one_band
-from cvtimg.placement.densities import Points
 from cvtimg.placement.regions import Geometry, Region
 
 #: Where a boundary turns by less, in degrees, it has no corner.

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.placement.densities import DensityLike, Points, as_density
+from cvtimg.placement.densities import DensityLike, as_density
 
 #: shapely has no types that a checker could use.
 Geometry: TypeAlias = Any

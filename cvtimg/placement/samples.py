@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.sums import per_mass, sum_by_label
+from cvtimg._shared.types import Points
 from cvtimg.engine.samples import WeightedSamples
-from cvtimg.placement.densities import Points
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.regions import Box, Region
 

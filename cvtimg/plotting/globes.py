@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, show_box
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
-Values = NDArray[np.float64]
 
 #: Of coasts and other lines.
 _LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
@@ -23,13 +23,13 @@ _LINE: Any = {"color": "0.05", "linewidth": 0.7, "zorder": 3}
 
 @chart
 def draw_globe(
-    cells: Sequence[Values],
-    sizes: Values,
+    cells: Sequence[Floats],
+    sizes: Floats,
     suffix: str,
     *,
     center: tuple[float, float] = (0.0, 20.0),
     image: NDArray[np.uint8] | None = None,
-    lines: Sequence[Values] = (),
+    lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
 ) -> bytes:
@@ -77,11 +77,11 @@ def draw_globe(
 @chart
 def draw_map(
     rings: Sequence[Sequence[Any]],
-    sizes: Values,
+    sizes: Floats,
     suffix: str,
     *,
     image: NDArray[np.uint8] | None = None,
-    lines: Sequence[Values] = (),
+    lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
 ) -> bytes:
@@ -116,9 +116,9 @@ def draw_map(
 
 @chart
 def draw_surface(
-    points: Values,
+    points: Floats,
     triangles: NDArray[np.int32],
-    qualities: Values,
+    qualities: Floats,
     suffix: str,
     *,
     center: tuple[float, float] = (-60.0, 30.0),
@@ -146,7 +146,7 @@ def draw_surface(
 
 
 def _add_polygons(
-    figure: Figure, axes: Axes, outlines: list[Any], values: Values, every: Values, scale: str, *, over_image: bool
+    figure: Figure, axes: Axes, outlines: list[Any], values: Floats, every: Floats, scale: str, *, over_image: bool
 ) -> PolyCollection:
     """Add polygons with colors on a scale of all values."""
     from matplotlib.colors import LogNorm, Normalize
@@ -175,13 +175,13 @@ def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) ->
     figure.colorbar(drawn, ax=axes, label=label, shrink=0.6, format="{x:g}", ticks=ticks).minorticks_off()
 
 
-def _unit_vectors(places: Values) -> Values:
+def _unit_vectors(places: Floats) -> Floats:
     """Return longitudes and latitudes (M, 2) in degrees as unit vectors (3, M)."""
     x, y = np.radians(places).T
     return np.stack([np.cos(y) * np.cos(x), np.cos(y) * np.sin(x), np.sin(y)])
 
 
-def _axes_of_view(longitude: float, latitude: float) -> Values:
+def _axes_of_view(longitude: float, latitude: float) -> Floats:
     """Rows: the directions to the right, up and to the viewer, who is above a place given in degrees."""
     toward = _unit_vectors(np.array([[longitude, latitude]]))[:, 0]
     right = np.cross([0.0, 0.0, 1.0], toward)

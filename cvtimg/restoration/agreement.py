@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes, side_by_side
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions
+from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg.restoration.versions import Versions
 
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
 _SIDES = (1, 3, 5)
@@ -30,7 +31,7 @@ _MOVED, _SLACK = (7, 0.2), 0.5
 _SHARE, _JUDGED = 1e-3, 256
 
 
-def without_outliers(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
+def without_outliers(versions: Versions, noise: Floats, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the median of all, which the majority decides."""
     # Versions that were `moved` show what is finer than the pixels differently, each at its place: where the median
     # varies from pixel to pixel, so may they.
@@ -51,7 +52,7 @@ def without_outliers(versions: Versions, noise: Doubles, *, moved: bool = False)
     return _in_bands(versions, kept)
 
 
-def without_motion(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
+def without_motion(versions: Versions, noise: Floats, *, moved: bool = False) -> Versions:
     """Leave out each version where it departs from the first, as it does where something moved by itself."""
     from scipy.ndimage import uniform_filter
 
@@ -67,7 +68,7 @@ def without_motion(versions: Versions, noise: Doubles, *, moved: bool = False) -
     return _in_bands(versions, kept)
 
 
-def without_background(versions: Versions, noise: Doubles, *, moved: bool = False) -> Versions:
+def without_background(versions: Versions, noise: Floats, *, moved: bool = False) -> Versions:
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
     # most frequent color: the mean of the fullest of boxes, as many for each channel.
@@ -101,7 +102,7 @@ HIDDEN: dict[str, Callable[..., Versions]] = {
 class _Part:
     """Some rows of all versions: (S, h, W, C) values, and (S, h, W) which of them are known."""
 
-    values: Floats
+    values: Floats32
     known: Bools
     versions: Versions
 
@@ -111,7 +112,7 @@ class _Part:
         values = np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
         return cls(values, np.moveaxis(versions.known[rows], 2, 0), versions)
 
-    def apart(self, version: int, reference: Floats) -> Floats:
+    def apart(self, version: int, reference: Floats32) -> Floats32:
         """(h, W, C) departure of a version from a reference, in units in which noise is even."""
         return (self.values[version] - reference) / np.sqrt(self.versions.noisiness(reference))[:, :, None]
 
@@ -124,14 +125,14 @@ class _Part:
         return np.asarray((ends & self.known).any(axis=0))
 
     @property
-    def median(self) -> Floats:
+    def median(self) -> Floats32:
         """(h, W, C) median of what is known of each pixel; NaN where nothing is."""
         ordered = np.sort(np.where(self.known[..., None], self.values, np.float32(np.nan)), axis=0)
         count = self.known.sum(axis=0)[None, :, :, None]
         low, high = np.maximum((count - 1) // 2, 0), np.minimum(count // 2, len(ordered) - 1)
         return (np.take_along_axis(ordered, low, 0) + np.take_along_axis(ordered, high, 0))[0] / 2
 
-    def departing(self, reference: Floats, scales: Floats, *, moved: bool) -> Bools:
+    def departing(self, reference: Floats32, scales: Floats32, *, moved: bool) -> Bools:
         """(S, h, W) where each version departs from a reference, (h, W, C)."""
         from scipy.ndimage import maximum_filter, minimum_filter
 
@@ -142,7 +143,7 @@ class _Part:
         apart = (self.apart(version, reference) for version in range(len(self.values)))
         return np.stack([self.departs(one - np.clip(one, -slack, slack), s, scales[s]) for s, one in enumerate(apart)])
 
-    def departs(self, residual: Floats, version: int, scales: Floats) -> Bools:
+    def departs(self, residual: Floats32, version: int, scales: Floats32) -> Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
         # `scales` are (sides, C) standard deviations of the noise of the mean in windows of these sides.
         from scipy.ndimage import uniform_filter
@@ -188,7 +189,7 @@ def _sample(versions: Versions, most: int = 1 << 20, rows: int = 32) -> _Part:
     return _Part.of(versions, np.unique(np.clip(tops[:, None] + np.arange(rows), 0, height - 1)))
 
 
-def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Floats:
+def _scales(part: _Part, reference: Floats32, judged: Bools, noise: Floats) -> Floats32:
     """(S, sides, C) standard deviations by which the means of versions in windows depart from a reference anyway."""
     # That is its noise, or more where versions differ all over: in exposure, or because they do not line up. About the
     # median of three or more versions, .88 of the noise is left.
@@ -196,7 +197,7 @@ def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Fl
 
     is_cut_off = part.is_cut_off
 
-    def scale(version: int) -> Floats:
+    def scale(version: int) -> Floats32:
         seen = judged & part.known[version] & ~is_cut_off
         residual = np.where(part.known[version][..., None], part.apart(version, reference), np.float32(0))
         residual = part.versions.even(np.nan_to_num(residual), is_cut_off)
@@ -218,11 +219,11 @@ def _scales(part: _Part, reference: Floats, judged: Bools, noise: Doubles) -> Fl
 class Suspicion:
     """How often versions hold additions."""
 
-    shares: Doubles  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
-    noise: Doubles  # (S,): standard deviation of the noise of each version
+    shares: Floats  # (S,): share of the pixels of each version that hold an addition; 0 without evidence
+    noise: Floats  # (S,): standard deviation of the noise of each version
 
     @classmethod
-    def of(cls, versions: Versions, kept: Versions, noise: Doubles) -> Suspicion | None:
+    def of(cls, versions: Versions, kept: Versions, noise: Floats) -> Suspicion | None:
         """Measure how often the majority of `versions` has left each out of those `kept`; None if never."""
         judged = (versions.coverage >= 3)[:, :, None] & versions.known
         n_judged = np.count_nonzero(judged, axis=(0, 1))
@@ -230,7 +231,7 @@ class Suspicion:
         evident = (shares > _SHARE) & (n_judged >= _JUDGED)
         return cls(np.where(evident, np.minimum(shares, 0.5), 0.0), noise) if evident.any() else None
 
-    def kept(self, versions: Versions, estimate: Floats) -> Versions:
+    def kept(self, versions: Versions, estimate: Floats32) -> Versions:
         """Leave out values of suspected versions that the estimate and its errors nearby do not explain."""
         known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
         n_bands = estimate.shape[2]
@@ -252,7 +253,7 @@ class Suspicion:
             known[:, :, version] &= confirmed | (squares <= 2 * likelier * variance)
         return replace(versions, known=known)
 
-    def _variance(self, version: int, squares: Floats, seen: Bools, n_bands: int, around: int = 5) -> Floats:
+    def _variance(self, version: int, squares: Floats32, seen: Bools, n_bands: int, around: int = 5) -> Floats32:
         """(H, W) variance per band by which a version differs from the estimate nearby: noise, and errors of it."""
         from scipy.ndimage import uniform_filter
 
@@ -263,7 +264,7 @@ class Suspicion:
         return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
 
 
-def first_estimate(fused: Floats) -> Floats:
+def first_estimate(fused: Floats32) -> Floats32:
     """(H, W, C) median of near pixels, which additions to single pixels do not reach."""
     from scipy.ndimage import median_filter
 

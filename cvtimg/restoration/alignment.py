@@ -18,7 +18,8 @@ from scipy.ndimage import gaussian_filter
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_stripes, side_by_side
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
+from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg.restoration.versions import Versions, fill
 
 #: Models of motion, from simple to rich, and how many of the generators below each has.
 MODELS = {"translation": 2, "euclidean": 3, "affine": 6, "homography": 8}
@@ -49,7 +50,7 @@ _ZOOM = 1.5
 class Alignment:
     """Where versions lie."""
 
-    transforms: Doubles  # (S, 3, 3): from pixels (x, y, 1) of the first version to those of each
+    transforms: Floats  # (S, 3, 3): from pixels (x, y, 1) of the first version to those of each
     models: tuple[str, ...]  # (S,): model of the motion of each
 
     @classmethod
@@ -57,7 +58,7 @@ class Alignment:
         """Return versions where they are."""
         return cls(np.tile(np.eye(3), (n_versions, 1, 1)), ("translation",) * n_versions)
 
-    def shifts(self, shape: tuple[int, ...]) -> Doubles:
+    def shifts(self, shape: tuple[int, ...]) -> Floats:
         """(S, 2) pixels, down and to the right, by which the center of each version was moved."""
         center = (np.array(shape[1::-1]) - 1) / 2
         places = np.array([_mapped(transform, *center) for transform in self.transforms])
@@ -73,7 +74,7 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     models, stuck = list(found.models), []
     fixed = _pyramid(versions, 0)
 
-    def move(version: int) -> tuple[Doubles, str, Floats, Bools] | None:
+    def move(version: int) -> tuple[Floats, str, Floats32, Bools] | None:
         moving, seen = _pyramid(versions, version), versions.known[:, :, version]
         if fixed[-1].is_flat or moving[-1].is_flat or np.count_nonzero(seen & versions.known[:, :, 0]) < _FEWEST:
             return None
@@ -98,11 +99,11 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
 class _Level:
     """A gray image without its finest noise, and how far its pixels are known, 0..1."""
 
-    values: Floats
-    weight: Floats
+    values: Floats32
+    weight: Floats32
 
     @classmethod
-    def of(cls, values: Floats, weight: Floats) -> _Level:
+    def of(cls, values: Floats32, weight: Floats32) -> _Level:
         """Blur an image by normalized convolution."""
         share = gaussian_filter(weight, _BLUR, axes=(0, 1))
         blurred = fill(
@@ -126,7 +127,7 @@ def _pyramid(versions: Versions, version: int) -> list[_Level]:
     return levels
 
 
-def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[Doubles, str]:
+def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[Floats, str]:
     """(3, 3) transform from pixels of one image to those of another, and its model."""
     most = MODELS["euclidean" if model == "auto" else model]
     transform = _whole_shift(fixed[-1], moving[-1])
@@ -142,13 +143,13 @@ def _transform(fixed: list[_Level], moving: list[_Level], model: str) -> tuple[D
     return _simplest(pair, transform) if model == "auto" else (transform, model)
 
 
-def _whole_shift(fixed: _Level, moving: _Level) -> Doubles:
+def _whole_shift(fixed: _Level, moving: _Level) -> Floats:
     """(3, 3) translation by whole pixels."""
     from skimage.registration import phase_cross_correlation
 
     correlate: Any = phase_cross_correlation
 
-    def structure(level: _Level) -> Floats:
+    def structure(level: _Level) -> Floats32:
         window = np.outer(*(np.hanning(side + 2)[1:-1] for side in level.values.shape))
         fine = gaussian_filter(level.values, 1, axes=(0, 1)) - gaussian_filter(level.values, _COARSE, axes=(0, 1))
         return np.asarray(fine * window * level.weight)
@@ -157,7 +158,7 @@ def _whole_shift(fixed: _Level, moving: _Level) -> Doubles:
     return np.eye(3) + np.tensordot(-np.asarray(shift, np.float64)[::-1], _GENERATORS[:2], 1)
 
 
-def _simplest(pair: _Pair, transform: Doubles) -> tuple[Doubles, str]:
+def _simplest(pair: _Pair, transform: Floats) -> tuple[Floats, str]:
     """Return the simplest model that fits as well as richer ones, by the Bayesian information criterion."""
     center = (np.array(pair.shape[::-1]) - 1) / 2
     shift = np.eye(3) + np.tensordot(np.array(_mapped(transform, *center)) - center, _GENERATORS[:2], 1)
@@ -175,12 +176,12 @@ class _Pair:
     """Pixels of one image that are to be found in another."""
 
     shape: tuple[int, int]
-    places: Doubles  # (2, N): x and y of pixels
-    values: Floats  # (N,)
-    weights: Floats  # (N,)
-    slopes: Floats  # (2, N): along x and y
-    look: Callable[[Doubles], Floats]  # gives the values of the other image at places
-    other_weight: Floats | None  # of the other image; None if all is known
+    places: Floats  # (2, N): x and y of pixels
+    values: Floats32  # (N,)
+    weights: Floats32  # (N,)
+    slopes: Floats32  # (2, N): along x and y
+    look: Callable[[Floats], Floats32]  # gives the values of the other image at places
+    other_weight: Floats32 | None  # of the other image; None if all is known
     n_independent: float  # number of pixels whose noise differs
 
     @classmethod
@@ -205,7 +206,7 @@ class _Pair:
             n_independent,
         )
 
-    def seen(self, transform: Doubles) -> tuple[Floats, Floats]:
+    def seen(self, transform: Floats) -> tuple[Floats32, Floats32]:
         """(N,) values of the other image at the places of the pixels, and weight behind both."""
         from scipy.ndimage import map_coordinates
 
@@ -218,7 +219,7 @@ class _Pair:
             weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
         return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
 
-    def improved(self, transform: Doubles, n_generators: int) -> tuple[Doubles, float, float]:
+    def improved(self, transform: Floats, n_generators: int) -> tuple[Floats, float, float]:
         """Take steps of least squares along some generators; the transform as it was if they lead nowhere.
 
         Return also the gain and the offset of the other image.
@@ -254,7 +255,7 @@ class _Pair:
                 break
         return current, gain, offset
 
-    def evidence(self, simple: tuple[Doubles, float, float], rich: tuple[Doubles, float, float]) -> float:
+    def evidence(self, simple: tuple[Floats, float, float], rich: tuple[Floats, float, float]) -> float:
         """Twice the logarithm of the likelihood ratio of a richer motion and a simpler one, as `improved` has them."""
         seen = [self.seen(transform) for transform, _, _ in (simple, rich)]
         both = np.minimum(seen[0][1], seen[1][1]) > 0
@@ -265,20 +266,20 @@ class _Pair:
         return float(self.n_independent * (costs[0] - costs[1]))
 
 
-def _scale(apart: Floats) -> float:
+def _scale(apart: Floats32) -> float:
     """Return the standard deviation, > 0, of differences some of which are not noise."""
     size = np.abs(apart)
     return max(1.4826 * float(np.median(size)), 1e-6 * float(size.max()), 1e-30)
 
 
-def _mapped(transform: Doubles, x: Any, y: Any) -> tuple[Any, Any]:
+def _mapped(transform: Floats, x: Any, y: Any) -> tuple[Any, Any]:
     """Apply a transform to places."""
     (a, b, c), (d, e, f), (g, h, i) = transform
     scale = g * x + h * y + i
     return (a * x + b * y + c) / scale, (d * x + e * y + f) / scale
 
 
-def moved(bands: Floats, known: Bools, transform: Doubles, estimate: Floats | None = None) -> tuple[Floats, Bools]:
+def moved(bands: Floats32, known: Bools, transform: Floats, estimate: Floats32 | None = None) -> tuple[Floats32, Bools]:
     """(H, W, C) values of a version at the place of the first, and where they are known."""
     # Without an estimate of what versions show they are interpolated. With one, they are those of the nearest pixels,
     # each moved by what the estimate changes by over that way, a part of a pixel: this keeps noise white, and what is
@@ -305,7 +306,7 @@ def moved(bands: Floats, known: Bools, transform: Doubles, estimate: Floats | No
     return values, still_known
 
 
-def _interpolation(image: Floats) -> Callable[[Doubles], Floats]:
+def _interpolation(image: Floats32) -> Callable[[Floats], Floats32]:
     """Return what gives the (..., C) values of an image, (H, W, C), at rows and columns, (2, ...)."""
     from scipy.ndimage import map_coordinates, spline_filter
 

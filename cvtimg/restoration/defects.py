@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
+from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg.restoration.versions import Versions, fill
 
 #: Chance that what is there by itself seems to be impulses.
 _CHANCE = 1e-3
@@ -36,8 +37,8 @@ _ROUNDS = 4
 class Defects:
     """What was found in each version."""
 
-    impulses: Doubles  # (S,): share of the known pixels that are impulses, which are unknown from then on
-    stripes: Doubles  # (S, 2): standard deviations of what stripes of rows and of columns added and was taken away
+    impulses: Floats  # (S,): share of the known pixels that are impulses, which are unknown from then on
+    stripes: Floats  # (S, 2): standard deviations of what stripes of rows and of columns added and was taken away
 
     @classmethod
     def none(cls, n_versions: int) -> Defects:
@@ -71,7 +72,7 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
 # --- impulses
 
 
-def _impulses(bands: Floats, around: Floats, known: Bools) -> Bools | None:
+def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     """(H, W) impulses at the ends of the levels of each band of a version, (H, W, C); None without evidence."""
     from scipy.stats import binom
 
@@ -121,7 +122,7 @@ def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
     return bool(near <= _NEAR * 24 * ends.mean())
 
 
-def _lone(bands: Floats, around: Floats) -> Bools | None:
+def _lone(bands: Floats32, around: Floats32) -> Bools | None:
     """(H, W) hot and dead pixels of any level: they stand out from all around them as no light does through a lens."""
     from scipy.stats import binom
 
@@ -138,13 +139,13 @@ def _lone(bands: Floats, around: Floats) -> Bools | None:
     return hits if hits.any() else None
 
 
-def _vary(heights: Floats) -> bool:
+def _vary(heights: Floats32) -> bool:
     """Tell whether values stand out by this and that, as steps of dithering do not."""
     some, most = np.quantile(heights, (0.1, 0.9))
     return bool(most > 2 * some)
 
 
-def _around(bands: Floats) -> Floats:
+def _around(bands: Floats32) -> Floats32:
     """(8, H, W, C) neighbors of each pixel; NaN outside."""
     height, width = bands.shape[:2]
     padded = np.pad(bands, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
@@ -155,7 +156,7 @@ def _around(bands: Floats) -> Floats:
 # --- stripes
 
 
-def _stripes(image: Floats) -> Floats:
+def _stripes(image: Floats32) -> Floats32:
     """(H, W, C) what offsets of the rows of an image add, or gains, whichever explain more; 0 without evidence."""
     if min(image.shape[:2]) < 4 * _PART:
         return np.zeros_like(image)
@@ -166,7 +167,7 @@ def _stripes(image: Floats) -> Floats:
     return image - without[int(np.argmin(left))]
 
 
-def _offsets(image: Floats) -> Floats:
+def _offsets(image: Floats32) -> Floats32:
     """(H, 1, C) offsets of the rows of an image, (H, W, C), from those around; 0 without evidence."""
     offsets = np.zeros((len(image), 1, image.shape[2]), np.float32)
     for band in range(image.shape[2]):
@@ -178,7 +179,7 @@ def _offsets(image: Floats) -> Floats:
     return offsets
 
 
-def _white_part(offsets: Floats) -> Floats:
+def _white_part(offsets: Floats32) -> Floats32:
     """(H,) that part of what rows depart by which has the same power in all waves; edges of the picture have less."""
     from scipy.ndimage import uniform_filter1d
 
@@ -192,7 +193,7 @@ def _white_part(offsets: Floats) -> Floats:
     return np.fft.irfft(parts * np.fft.rfft(offsets), len(offsets)).astype(np.float32)
 
 
-def _departures(band: Floats) -> Floats:
+def _departures(band: Floats32) -> Floats32:
     """(H, P) median of what each part of a row departs by from the rows around."""
     from scipy.ndimage import median_filter
 
@@ -201,7 +202,7 @@ def _departures(band: Floats) -> Floats:
     return np.stack([np.median(part, axis=1) for part in np.array_split(apart, n_parts, axis=1)], axis=1)
 
 
-def _are_of_rows(departures: Floats) -> bool:
+def _are_of_rows(departures: Floats32) -> bool:
     """Tell whether parts of rows, (H, P), depart alike in the left and in the right half."""
     from scipy.stats import norm, spearmanr
 

@@ -14,11 +14,12 @@ from scipy.ndimage import gaussian_filter
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import in_stripes, side_by_side
+from cvtimg._shared.types import Bools, Floats32
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Bools, Clipped, Floats, Versions, fill, fuse
+from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -39,7 +40,7 @@ _OWN = 3
 _NEAR, _STRICT, _SURE = 1.5, 48.0, 1.5
 
 
-def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats, Versions]:
+def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats32, Versions]:
     """(H, W, C) image of versions of one look, or of a single one, by groups of patches; also return what was used."""
     versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
     fused, _ = fuse(versions, trust)
@@ -80,7 +81,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
     return estimate, kept
 
 
-def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats:
+def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats32:
     """Group the patches of each block, and filter the groups of all blocks."""
     height, width = (side - 2 * REACH for side in noisy.precision.shape)
     near = np.float32(_PLACE * np.sqrt(noisy.usual_variance))
@@ -108,8 +109,8 @@ def _parts(side: int) -> list[slice]:
 
 
 def _fused(
-    versions: Versions, evidence: Evidence, variance: float, estimate: Floats, *, own: bool
-) -> tuple[Floats, Floats]:
+    versions: Versions, evidence: Evidence, variance: float, estimate: Floats32, *, own: bool
+) -> tuple[Floats32, Floats32]:
     """Fuse versions with what an estimate of what they show tells of each: (H, W, C) values, and (H, W) weights."""
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
@@ -158,7 +159,7 @@ def _fused(
     return fill(total, weights), weights
 
 
-def clipped_ends(values: Floats, known: Bools, true: Floats, sigma: Floats, white: float) -> tuple[bool, bool]:
+def clipped_ends(values: Floats32, known: Bools, true: Floats32, sigma: Floats32, white: float) -> tuple[bool, bool]:
     """Tell whether known values pile up at 0 and at `white` as Gaussian noise that is clipped there would."""
     from scipy.special import ndtr
 

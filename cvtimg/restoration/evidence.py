@@ -11,13 +11,14 @@ from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import Floats
 from cvtimg.restoration.agreement import HIDDEN, Suspicion
 from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.defects import Defects, without_defects
 from cvtimg.restoration.fitting import equalized, exposures, fitting
 from cvtimg.restoration.noise import Noise
-from cvtimg.restoration.versions import Doubles, Versions, disagreement, trust_in, usual_noise
+from cvtimg.restoration.versions import Versions, disagreement, trust_in, usual_noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,9 +29,9 @@ class Evidence:
     placed: Versions  # all that is known, in place; and what is left of it where versions disagree
     versions: Versions
     alignment: Alignment  # how each version was moved
-    misfits: Doubles  # (S,): misfit of each version, in place, with the one that most fit
+    misfits: Floats  # (S,): misfit of each version, in place, with the one that most fit
     noise: Noise
-    trust: Doubles  # (S,): weight of each version, with mean 1
+    trust: Floats  # (S,): weight of each version, with mean 1
     suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
@@ -44,7 +45,7 @@ class Evidence:
         return [*found, apart] if np.isfinite(apart) else found or [0.0]
 
     @property
-    def noise_lines(self) -> Doubles | None:
+    def noise_lines(self) -> Floats | None:
         """(C, 2) constant and slope of the variance of noise of weight 1 in each band; None where it is even."""
         if self.noise.lines is None:
             return None

@@ -18,9 +18,9 @@ import numpy as np
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fill
+from cvtimg.restoration.versions import Versions, fill
 
 #: A version fits another if in the median of windows, what they differ by is below this part of what there is.
 MOST_MISFIT = 0.25
@@ -43,7 +43,7 @@ _LONGER, _NEAR_WHITE = 0.95, 1 / 16
 _DRAWN = 256
 
 
-def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = None) -> Doubles:
+def misfits(versions: Versions, noise: Floats, shared: SharedNoise | None = None) -> Floats:
     """(S, S) misfit of each version with each other, 0 where nothing tells; `noise`, (S,), is that of versions."""
     n = versions.n_versions
     structure = [*side_by_side(partial(_structure, versions), range(n))]
@@ -77,7 +77,7 @@ def misfits(versions: Versions, noise: Doubles, shared: SharedNoise | None = Non
     return found
 
 
-def _structure(versions: Versions, version: int) -> tuple[Floats, Bools]:
+def _structure(versions: Versions, version: int) -> tuple[Floats32, Bools]:
     """(H, W) fine structure of the mean of the bands, and where it is known."""
     from scipy.ndimage import uniform_filter
 
@@ -95,7 +95,7 @@ def _between_blurs(image: Array) -> Array:
     return gaussian_filter(image, 1) - gaussian_filter(image, 4)
 
 
-def _means(values: Array, known: Bools) -> Doubles:
+def _means(values: Array, known: Bools) -> Floats:
     """(T,) mean of known values in each window; NaN where too few are known."""
     from scipy.ndimage import uniform_filter
 
@@ -106,8 +106,8 @@ def _means(values: Array, known: Bools) -> Doubles:
 
 
 def fitting(
-    versions: Versions, noise: Doubles, shared: SharedNoise | None, *, aligned: bool, hidden: str
-) -> tuple[Versions, Doubles]:
+    versions: Versions, noise: Floats, shared: SharedNoise | None, *, aligned: bool, hidden: str
+) -> tuple[Versions, Floats]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
     # Where motion is hidden, they must fit the first. Return also the (S,) misfit with that one.
     apart = misfits(versions, noise, shared)
@@ -128,7 +128,7 @@ def fitting(
 # --- exposure
 
 
-def exposures(placed: Versions) -> Doubles:
+def exposures(placed: Versions) -> Floats:
     """(S, C, 2) gain and offset of each version in place that bring it to the levels of the first."""
     found = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
     first = _levels(placed, 0)
@@ -143,7 +143,7 @@ def exposures(placed: Versions) -> Doubles:
     return found
 
 
-def _levels(versions: Versions, version: int) -> Doubles:
+def _levels(versions: Versions, version: int) -> Floats:
     """(T, C) means of the known pixels of windows; NaN where few are known or some are clipped."""
     values, known = versions.bands(version), versions.known[:, :, version]
     means = np.stack([_means(band, known) for band in np.moveaxis(values, 2, 0)], axis=1)
@@ -153,7 +153,7 @@ def _levels(versions: Versions, version: int) -> Doubles:
     return means
 
 
-def _line(pairs: tuple[Doubles, Doubles]) -> tuple[float, float] | None:
+def _line(pairs: tuple[Floats, Floats]) -> tuple[float, float] | None:
     """Gain and offset from values to those wanted, most of which are on a line; None if they are on none."""
     from scipy.stats import theilslopes
 
@@ -166,7 +166,7 @@ def _line(pairs: tuple[Doubles, Doubles]) -> tuple[float, float] | None:
     return (gain, offset) if scale**2 < _LEFT * np.var(wanted) and 1 / _LARGEST < gain < _LARGEST else None
 
 
-def equalized(versions: Versions, tones: Doubles) -> Versions:
+def equalized(versions: Versions, tones: Floats) -> Versions:
     """Bring versions to the levels of the first; what longer exposures show near white is unknown."""
     from scipy.ndimage import uniform_filter
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each
+from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.colors.spaces import from_space
 from cvtimg.elbow.curves import auto_count
 from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Restoration
-from cvtimg.restoration.versions import Bools, Doubles, Floats, Versions, fuse
+from cvtimg.restoration.versions import Versions, fuse
 from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 
 #: Blurs, in pixels, of the images in which the search for segments begins; the lowest end is kept.
@@ -108,7 +109,7 @@ def merge_versions(
     )
 
 
-def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats:
+def _fused_rows(versions: Versions, evidence: Evidence, blur: float) -> Floats32:
     """(N, C) colors of the versions fused and blurred; channels side by side."""
     trust, numbers = evidence.trust, [*range(versions.n_versions)]
     looks = [[number] for number in numbers] if evidence.channels else [numbers]
@@ -125,20 +126,20 @@ class Levels:
 
     versions: Versions
     labels: _Labels  # (H, W): labels from 1
-    generators: Doubles  # (S, K, C): means and weights of the segments in each version; of channels, in the first
-    masses: Doubles
+    generators: Floats  # (S, K, C): means and weights of the segments in each version; of channels, in the first
+    masses: Floats
     #: Takes the number of a version and returns its segments once they have settled in it alone
     alone: Callable[[int], EdgeWeighted]
 
 
-def mean_colors(levels: Levels) -> Doubles:
+def mean_colors(levels: Levels) -> Floats:
     """(K, C) mean of the known values of each segment in all versions."""
     totals = levels.masses.sum(axis=0)
     sums = (levels.masses * levels.generators).sum(axis=0)
     return np.divide(sums, totals, out=levels.generators.mean(axis=0), where=totals > 0)
 
 
-def median_colors(levels: Levels) -> Doubles:
+def median_colors(levels: Levels) -> Floats:
     """(K, C) median of the known values of each segment: right while less than half of it is painted over."""
     colors, known = mean_colors(levels), levels.versions.known
     some = range(len(levels.masses))
@@ -149,7 +150,7 @@ def median_colors(levels: Levels) -> Doubles:
     return colors
 
 
-def range_colors(levels: Levels) -> Doubles:
+def range_colors(levels: Levels) -> Floats:
     """(K, C) median over the versions of the level that each segment has in that version alone."""
     # In a single version, painted-over parts belong to the background and no longer dilute the level of the rest, so
     # the levels span the range of the versions again. Levels are those of segments, not of the least and greatest
@@ -164,7 +165,7 @@ def range_colors(levels: Levels) -> Doubles:
 
 
 #: The registry: names for `renormalize` and ``--renormalize``; "none" keeps the means.
-RENORMALIZATIONS: dict[str, Callable[[Levels], Doubles]] = {
+RENORMALIZATIONS: dict[str, Callable[[Levels], Floats]] = {
     "range": range_colors,
     "median": median_colors,
     "none": mean_colors,

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg.restoration.versions import Clipped, Doubles, Floats, Versions
+from cvtimg._shared.types import Floats, Floats32
+from cvtimg.restoration.versions import Clipped, Versions
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
 #: each of their values. Those looked at have about so many pixels together.
@@ -53,24 +54,24 @@ class SharedNoise:
     """Noise with one autocovariance everywhere; whitening patches by it makes it that for which the filters are."""
 
     #: (2 L + 1, 2 L + 1, C, C): covariance of the bands of a pixel with those of one so many rows and columns away
-    autocovariance: Doubles
+    autocovariance: Floats
 
     @classmethod
-    def of(cls, noise: Doubles) -> SharedNoise:
+    def of(cls, noise: Floats) -> SharedNoise:
         """Measure (H, W, C) noise that goes on at its other end."""
         waves = np.fft.rfft2(noise, axes=(0, 1))
         powers = np.einsum("xyi,xyj->xyij", waves, waves.conj()) / noise[:, :, 0].size
         return cls(_near(powers, noise.shape[:2]))
 
     @classmethod
-    def white(cls, covariance: Doubles) -> SharedNoise:
+    def white(cls, covariance: Floats) -> SharedNoise:
         """Noise of which pixels share nothing, and the bands of a pixel what their covariance, (C, C), tells."""
         autocovariance = np.zeros((2 * _LAGS + 1, 2 * _LAGS + 1, *covariance.shape))
         autocovariance[_LAGS, _LAGS] = covariance
         return cls(autocovariance)
 
     @property
-    def bands(self) -> Doubles:
+    def bands(self) -> Floats:
         """(C, C) covariance of the bands of a pixel."""
         return np.asarray(self.autocovariance[_LAGS, _LAGS])
 
@@ -79,12 +80,12 @@ class SharedNoise:
         """Correlation of pixels next to each other in a row."""
         return float(np.trace(self.autocovariance[_LAGS, _LAGS + 1]) / np.trace(self.bands))
 
-    def along(self, matrix: Doubles) -> SharedNoise:
+    def along(self, matrix: Floats) -> SharedNoise:
         """Noise of bands times a matrix, (C, D)."""
         return SharedNoise(matrix.T @ self.autocovariance @ matrix)
 
 
-def _near(powers: Doubles, sides: tuple[int, ...]) -> Doubles:
+def _near(powers: Floats, sides: tuple[int, ...]) -> Floats:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what has powers, (X, Y, C, C), of waves over sides of pixels."""
     lags = np.ix_(*(np.arange(-_LAGS, _LAGS + 1),) * 2)
     return np.asarray(np.fft.irfft2(powers, sides, axes=(0, 1))[lags])
@@ -94,17 +95,17 @@ def _near(powers: Doubles, sides: tuple[int, ...]) -> Doubles:
 class Noise:
     """The noise of versions."""
 
-    bands: list[Doubles]  # (C,) of each version: standard deviation in each band; NaN where unknown
+    bands: list[Floats]  # (C,) of each version: standard deviation in each band; NaN where unknown
     shared: SharedNoise | None = None  # what pixels share of the noise of weight 1; None if it is white
-    lines: Doubles | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
+    lines: Floats | None = None  # (C, 2): relative variance by level, as constant and slope; None if it is even
     is_seen: bool = True  # whether any version has noise that can be seen, or that was given
 
     @property
-    def levels(self) -> Doubles:
+    def levels(self) -> Floats:
         """(S,) standard deviations in each version, root mean square over bands."""
         return np.array([np.sqrt(np.mean(np.square(sigmas))) for sigmas in self.bands])
 
-    def whitening(self, least: float) -> Doubles | None:
+    def whitening(self, least: float) -> Floats | None:
         """(C, C) matrix after which bands share no noise of a pixel, with as much in all; None if they share none."""
         # `least` is a standard deviation that noise is not taken to be below, in any direction.
         if self.shared is None or not _is_shared(self.shared.bands):
@@ -150,14 +151,14 @@ class Noise:
         return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
 
 
-def _mean_of(squares: list[Doubles], ratios: Doubles) -> Doubles:
+def _mean_of(squares: list[Floats], ratios: Floats) -> Floats:
     """(C, C) mean covariance of versions, (C, C) each, whose noise has ratios, (S,)."""
     told = [own / ratio**2 for own, ratio in zip(squares, ratios, strict=True) if ratio > 0]
     are_alike = len({own.shape for own in squares}) == 1  # channels may have other bands
     return np.asarray(np.mean(told, axis=0) if told and are_alike else np.zeros_like(squares[0]))
 
 
-def _is_shared(covariance: Doubles) -> bool:
+def _is_shared(covariance: Floats) -> bool:
     """Tell whether bands share noise of a covariance, (C, C)."""
     return bool(np.tril(covariance, -1).any())
 
@@ -169,9 +170,9 @@ def _is_shared(covariance: Doubles) -> bool:
 class _Look:
     """What noise is measured in."""
 
-    values: Floats  # (H, W, C): noise, even if its lines are known, and the image unless versions were subtracted
-    image: Floats  # (H, W, C): the image
-    lost: Floats  # (H, W): share of the bands that are cut off; infinite where nothing is known
+    values: Floats32  # (H, W, C): noise, even if its lines are known, and the image unless versions were subtracted
+    image: Floats32  # (H, W, C): the image
+    lost: Floats32  # (H, W): share of the bands that are cut off; infinite where nothing is known
     has_texture: bool  # False where versions were subtracted
     white: float | None  # where values end, if pixels are missing, so that few patches are whole
 
@@ -191,7 +192,7 @@ class _Look:
         white = versions.white if versions.lines is None and np.isinf(lost).any() else None
         return cls(values, image, lost, len(bands) == 1, white)
 
-    def patches(self, *sides: int, per_value: int = _PER_VALUE) -> tuple[Doubles, Doubles] | None:
+    def patches(self, *sides: int, per_value: int = _PER_VALUE) -> tuple[Floats, Floats] | None:
         """(N, side, side, C) patches of the first side of which enough are whole, and their levels, (N, C)."""
         for side in sides or _SIDES:
             if min(self.lost.shape) >= side:
@@ -216,7 +217,7 @@ def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
     return list(pairwise(numbers)) if in_place and len(numbers) > 1 else [(number,) for number in numbers]
 
 
-def _halves_of(patches: Doubles) -> tuple[Doubles, Doubles]:
+def _halves_of(patches: Floats) -> tuple[Floats, Floats]:
     """(N, P / 2) even and odd parts of patches, (N, side, side, C), about their centers."""
     rows = patches.reshape(len(patches), -1, patches.shape[3])
     half = rows.shape[1] // 2
@@ -224,7 +225,7 @@ def _halves_of(patches: Doubles) -> tuple[Doubles, Doubles]:
     return (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)
 
 
-def _order_of(halves: Doubles) -> NDArray[np.intp]:
+def _order_of(halves: Floats) -> NDArray[np.intp]:
     """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
     rows = halves - halves.mean(axis=0)
     squares = np.square(rows @ np.linalg.eigh(rows.T @ rows)[1])
@@ -235,7 +236,7 @@ def _order_of(halves: Doubles) -> NDArray[np.intp]:
 # --- the level, and what bands share
 
 
-def _covariances(versions: Versions, *, in_place: bool) -> list[Doubles]:
+def _covariances(versions: Versions, *, in_place: bool) -> list[Floats]:
     """(C, C) covariance of the noise of the bands of each version; NaN where too little is known."""
     numbers = range(versions.n_versions)
     measured = side_by_side(lambda number: _covariance_of(versions, number), numbers)
@@ -259,7 +260,7 @@ def _covariances(versions: Versions, *, in_place: bool) -> list[Doubles]:
     return [mean * (trace / np.trace(mean)) if s in seen else alone[s] for s, trace in enumerate(traces)]
 
 
-def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
+def _covariance_of(versions: Versions, *numbers: int) -> Floats:
     """(C, C) covariance of the noise of bands, of a version or of half of what two differ by; NaN where unknown."""
     look = _Look.of(versions, *numbers)
     large, squares = look.patches(_SIDES[0], per_value=1), np.diag(np.square(_levels_of(look)))
@@ -284,7 +285,7 @@ def _covariance_of(versions: Versions, *numbers: int) -> Doubles:
     return np.asarray(squares + (axes * excess) @ axes.T)
 
 
-def _flat(patches: Doubles, least: Doubles) -> tuple[Doubles, Doubles]:
+def _flat(patches: Floats, least: Floats) -> tuple[Floats, Floats]:
     """(C, C) axes of bands and (C,) the power along each that all waves of patches, (N, side, side, C), have."""
     # Middle waves have power n + m t and high ones n + h t, n of white noise and t of the texture of a patch. What both
     # grow by, from quiet patches to louder ones, tells the slope h / m; n is where the line of the one against the
@@ -317,7 +318,7 @@ def _flat(patches: Doubles, least: Doubles) -> tuple[Doubles, Doubles]:
     return axes, high - slope / (1 - slope) * np.maximum(middle - high, 0)
 
 
-def _levels_of(look: _Look) -> Doubles:
+def _levels_of(look: _Look) -> Floats:
     """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
     found = look.patches()
     levels = np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
@@ -327,7 +328,7 @@ def _levels_of(look: _Look) -> Doubles:
     return levels
 
 
-def _levels_in(patches: Doubles) -> Doubles:
+def _levels_in(patches: Floats) -> Floats:
     """(C,) standard deviation of the noise in each band of patches, (N, side, side, C)."""
     bands = np.array([*side_by_side(_least, np.split(patches, patches.shape[3], axis=3))])
     if len(bands) == 1 or not bands.max():
@@ -337,7 +338,7 @@ def _levels_in(patches: Doubles) -> Doubles:
     return np.asarray(bands * _least(patches / bands))
 
 
-def _least(patches: Doubles) -> float:
+def _least(patches: Floats) -> float:
     """Return the standard deviation of patches in the directions in which they vary least, which only noise fills."""
     even, odd = _halves_of(patches)
     few = min(_FEWEST * patches.shape[3], int(_OF_FEW * len(patches)))
@@ -354,7 +355,7 @@ def _least(patches: Doubles) -> float:
     return float(np.sqrt(max(means[last] + min(again[order[: last + 1]].mean(), _AGAIN * means[last]), 0.0) / 2))
 
 
-def _powers(halves: Doubles) -> Doubles:
+def _powers(halves: Floats) -> Floats:
     """(2, P) power along the axes of every second of the halves of patches: of these, and of the others."""
     rows = halves - halves.mean(axis=0)
     values, axes = np.linalg.eigh(rows[::2].T @ rows[::2] / len(rows[::2]))
@@ -365,7 +366,7 @@ def _powers(halves: Doubles) -> Doubles:
 # A. Foi et al., IEEE Trans. Image Processing 17 (2008) 1737-1754, doi 10.1109/TIP.2008.2001399, for the model.
 
 
-def lines_of(versions: Versions, *, in_place: bool, across: Doubles | None = None) -> tuple[Doubles, Doubles] | None:
+def lines_of(versions: Versions, *, in_place: bool, across: Floats | None = None) -> tuple[Floats, Floats] | None:
     """(C, 2) relative variance by level, as constant and slope, and (C,) its mean; None if chance explains as much."""
     # What bands share, as far as `across`, (C, C), has any, is measured along its main axis.
     axes = np.linalg.eigh(across)[1][:, -1:] if across is not None and _is_shared(across) else None
@@ -391,7 +392,7 @@ def lines_of(versions: Versions, *, in_place: bool, across: Doubles | None = Non
     return (line, np.mean(usual, axis=0)) if max(chance, *chances) < _CHANCE else None
 
 
-def _line(levels: Doubles, told: Doubles) -> tuple[Doubles, float]:
+def _line(levels: Floats, told: Floats) -> tuple[Floats, float]:
     """(C, 2) constants and slopes of what is told at levels, (N, C), and the chance that explains as much."""
     from scipy.stats import f as distribution
 
@@ -413,7 +414,7 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Doubles | None:
+def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
     found, level = look.patches(_BLOCK, per_value=1), _levels_of(look).min()
@@ -428,7 +429,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Doubles | None:
     side = np.hanning(_BLOCK + 2)[1:-1]
     window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
-    def spectrum(*shares: float) -> Doubles:
+    def spectrum(*shares: float) -> Floats:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
         group = slice(*(int(share * len(blocks)) for share in shares))
         waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
@@ -448,11 +449,11 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Doubles | None:
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: Doubles, louder: Doubles, white: float, frequencies: Doubles) -> Doubles:
+def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats) -> Floats:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
-    def by_ring(values: NDArray[np.complex128]) -> Doubles:
+    def by_ring(values: NDArray[np.complex128]) -> Floats:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))

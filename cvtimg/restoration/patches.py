@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
 from cvtimg.restoration import _patches
 from cvtimg.restoration.noise import SharedNoise
-from cvtimg.restoration.versions import Doubles, Floats
 
 #: Patches are 5 x 5 pixels.
 REACH = 2
@@ -62,11 +61,11 @@ _STEP = 1.9
 class Axes:
     """Axes along which the bands of an image have equal noise, at most a few of them at a time."""
 
-    matrix: Doubles  # (C, C): maps bands to axes
+    matrix: Floats  # (C, C): maps bands to axes
     slices: tuple[slice, ...]  # axes that are filtered together
 
     @classmethod
-    def of(cls, noise_by_band: list[Doubles], image: Floats, most: int = 4) -> Axes:
+    def of(cls, noise_by_band: list[Floats], image: Floats32, most: int = 4) -> Axes:
         """Give bands, (C,) in each version, equal noise; of more than `most`, put what they share first."""
         n_bands = image.shape[2]
         slices = tuple(slice(first, first + most) for first in range(0, n_bands, most))
@@ -78,15 +77,15 @@ class Axes:
         turned = np.linalg.eigh(np.cov(rows.T))[1][:, ::-1] if len(slices) > 1 else np.eye(n_bands)
         return cls(scales[:, None] * turned, slices)
 
-    def along(self, image: Floats) -> Floats:
+    def along(self, image: Floats32) -> Floats32:
         """(H, W, C) image, by axes."""
         return product(image, self.matrix.astype(np.float32))
 
-    def back(self, image: Floats) -> Floats:
+    def back(self, image: Floats32) -> Floats32:
         """(H, W, C) image, by bands again."""
         return product(image, np.linalg.inv(self.matrix).astype(np.float32))
 
-    def looks(self, image: Floats) -> Floats:
+    def looks(self, image: Floats32) -> Floats32:
         """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
         return product(image, _OPPONENT) if image.shape[2] == 3 else image[:, :, self.slices[0]]
 
@@ -103,12 +102,12 @@ def cells_of(rows: Array, most: int, **how: Any) -> Tessellation:
 class Kinds:
     """Cells of the patches of an image."""
 
-    mean: Floats  # (P,): mean patch
-    basis: Floats  # (P, D): main components of the patches
-    generators: Doubles  # (K, D): kinds of patches, in these components
+    mean: Floats32  # (P,): mean patch
+    basis: Floats32  # (P, D): main components of the patches
+    generators: Floats  # (K, D): kinds of patches, in these components
 
     @classmethod
-    def of(cls, bordered: Floats, n_generators: int, rng: np.random.Generator, n_components: int = 16) -> Kinds:
+    def of(cls, bordered: Floats32, n_generators: int, rng: np.random.Generator, n_components: int = 16) -> Kinds:
         """Find kinds of patches from some patches of an image with a border of `REACH` pixels."""
         patches = windows(bordered)
         n_pixels = patches.shape[0] * patches.shape[1]
@@ -121,17 +120,17 @@ class Kinds:
         points = product(sample, basis)
         return cls(mean, basis, cells_of(points, n_generators, effort="fast", rng=rng).generators)
 
-    def features(self, bordered: Floats, chunk: int = 1 << 15) -> Floats:
+    def features(self, bordered: Floats32, chunk: int = 1 << 15) -> Floats32:
         """(N, D) features of the patches of an image with a border of `REACH` pixels, about `chunk` at a time."""
         patches = windows(bordered)
 
-        def part(rows: slice) -> Floats:
+        def part(rows: slice) -> Floats32:
             return product(patches[rows].reshape(-1, len(self.mean)) - self.mean, self.basis)
 
         step = max(1, chunk // patches.shape[1])
         return np.concatenate(in_stripes(part, len(patches), work=float(patches.size * self.basis.shape[1]), n=step))
 
-    def label(self, features: Floats) -> NDArray[np.int32]:
+    def label(self, features: Floats32) -> NDArray[np.int32]:
         """(N,) kind of each patch, from 0."""
         points = pack(features, np.ones(len(features)), center=np.zeros(features.shape[1]))
         return assign(points, points.frame.inward(self.generators))[: points.n_points]
@@ -159,7 +158,7 @@ class Groups:
         return found
 
 
-def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> Groups:
+def group_patches(features: Floats32, labels: NDArray[np.int32], largest: int) -> Groups:
     """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)
@@ -176,19 +175,19 @@ def group_patches(features: Floats, labels: NDArray[np.int32], largest: int) -> 
         bounds = np.insert(bounds, large + 1, cuts)
 
 
-def product(image: Floats, matrix: Floats) -> Floats:
+def product(image: Floats32, matrix: Floats32) -> Floats32:
     """Multiply by a matrix, without warnings."""
     # NumPy's BLAS for 64-bit ARM computes in lanes that hold no numbers, and raises their flags of division by zero.
     with np.errstate(all="ignore"):
         return image @ matrix
 
 
-def with_border(image: Floats) -> Floats:
+def with_border(image: Floats32) -> Floats32:
     """Mirror the border of an image, so that there is a patch around each pixel."""
     return np.pad(image, ((REACH, REACH), (REACH, REACH), (0, 0)), mode="symmetric")
 
 
-def windows(bordered: Floats) -> Floats:
+def windows(bordered: Floats32) -> Floats32:
     """(H, W, 5, 5, C) view of the patches of an (H + 4, W + 4, C) image."""
     seen = np.lib.stride_tricks.sliding_window_view(bordered, (SIDE, SIDE), axis=(0, 1))
     return np.moveaxis(seen, 2, 4)
@@ -202,9 +201,9 @@ class Noisy:
     """A noisy image, what it is taken to be, and how well its pixels are known; with a border of `REACH` pixels."""
 
     #: (H + 4, W + 4, C): the noisy image, anything where nothing is known, and an estimate of it without noise
-    values: Floats
-    estimate: Floats
-    precision: Floats  # (H + 4, W + 4): 1 / variance of the noise of each pixel; 0 where nothing is known
+    values: Floats32
+    estimate: Floats32
+    precision: Floats32  # (H + 4, W + 4): 1 / variance of the noise of each pixel; 0 where nothing is known
     shared: SharedNoise | None = None  # what pixels share of their noise; None where it is white
 
     @property
@@ -235,7 +234,7 @@ class PatchBlock:
         return rows, columns
 
 
-def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats:
+def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) -> Floats32:
     """(H, W, C) image, from patches filtered by group, of blocks that do not overlap."""
     # Patches reach from block to block: a pixel is the mean of all patches that contain it, whichever block they are
     # of. Covariances are those of patches of the estimate, or else those of the noisy patches less the noise.
@@ -251,7 +250,7 @@ def filtered(noisy: Noisy, blocks: Sequence[PatchBlock], from_estimate: bool) ->
         change = noisy.precision[:, :, None] * (noisy.values - estimate)
         total, weight = np.zeros_like(estimate), np.zeros_like(noisy.precision)
 
-        def sums_of(number: int, estimate: Floats = estimate, change: Floats = change) -> tuple[Floats, Floats]:
+        def sums_of(number: int, estimate: Floats32 = estimate, change: Floats32 = change) -> tuple[Floats32, Floats32]:
             return (kept[number] if kept else filters_of(blocks[number])).sums(estimate, change)
 
         for block, (sums, weights) in zip(each(blocks), side_by_side(sums_of, range(len(blocks))), strict=True):
@@ -266,10 +265,10 @@ class _Filters:
     """A block with the filters of its groups."""
 
     block: PatchBlock
-    means: Floats  # (G, P): mean patches
-    matrices: Floats  # (G, P, P): filters
-    variances: Doubles  # (G,): of the noise
-    trust: Floats  # (G, 25): weight of the pixels of filtered patches
+    means: Floats32  # (G, P): mean patches
+    matrices: Floats32  # (G, P, P): filters
+    variances: Floats  # (G,): of the noise
+    trust: Floats32  # (G, 25): weight of the pixels of filtered patches
 
     @classmethod
     def of(cls, noisy: Noisy, from_estimate: bool, usual: float, block: PatchBlock) -> _Filters:
@@ -310,7 +309,7 @@ class _Filters:
         trust = usual / variances[:, None] / (left + _LEFT)
         return cls(block, means, matrices, variances, trust.astype(np.float32))
 
-    def sums(self, estimate: Floats, change: Floats) -> tuple[Floats, Floats]:
+    def sums(self, estimate: Floats32, change: Floats32) -> tuple[Floats32, Floats32]:
         """Weighted sums of the filtered patches, and their weights, in the block and its border."""
         groups, size = self.block.groups, self.means.shape[1]
         image, own_change = (np.ascontiguousarray(one[self.block.bordered]) for one in (estimate, change))
@@ -331,7 +330,7 @@ class _Filters:
         return sums, weights
 
 
-def covariance_of(shared: SharedNoise) -> Doubles:
+def covariance_of(shared: SharedNoise) -> Floats:
     """(P, P) covariance of the noise of patches, as a part of its mean variance; some in each direction."""
     places, lags = np.indices((SIDE, SIDE)).reshape(2, -1).T, len(shared.autocovariance) // 2
     rows, columns = np.moveaxis(places[:, None] - places, 2, 0) + lags
@@ -342,7 +341,7 @@ def covariance_of(shared: SharedNoise) -> Doubles:
     return np.asarray(raised * (size / np.trace(raised)))
 
 
-def _variances(precision: Floats, groups: Groups, usual: float) -> Doubles:
+def _variances(precision: Floats32, groups: Groups, usual: float) -> Floats:
     """(G,) variance of the noise in the patches of each group: that of the mean precision of their pixels."""
     patches, starts = windows(precision[:, :, None]).reshape(len(groups.order), -1)[groups.order], groups.bounds[:-1]
     means = np.add.reduceat(patches.mean(axis=1, dtype=np.float32), starts, dtype=np.float64) / groups.sizes
@@ -351,7 +350,7 @@ def _variances(precision: Floats, groups: Groups, usual: float) -> Doubles:
     return np.minimum(variances, _STEP / np.maximum(best.astype(np.float64), 1e-30))
 
 
-def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> Doubles:
+def _noise_by_place(precision: Floats32, groups: Groups, n_bands: int) -> Floats:
     """(G, P) variance of the noise at each place of the patches of each group."""
     usual = precision.mean() / max((precision > 0).mean(), 1e-30)
     variance = np.reciprocal(np.maximum(precision, np.float32(_FILLED * usual)), dtype=np.float32)
@@ -360,7 +359,7 @@ def _noise_by_place(precision: Floats, groups: Groups, n_bands: int) -> Doubles:
     return np.repeat(sums / groups.sizes[:, None], n_bands, axis=1)
 
 
-def _lessen_noise(covariances: Floats, noise: Doubles, variances: Doubles) -> None:
+def _lessen_noise(covariances: Floats32, noise: Floats, variances: Floats) -> None:
     """Turn (G, P, P) covariances of noisy patches into those of what they show."""
     # A direction of power p keeps p^2 / (p + b): about p - b where it is strong, and little where it is noise alone.
     # That is p less b times a Wiener filter for noise of variance b, so that no eigenvalues are needed.

@@ -13,6 +13,7 @@ from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, 
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
+from cvtimg._shared.types import Floats32
 from cvtimg.engine.search import EFFORTS
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, that_tell
@@ -20,7 +21,7 @@ from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Denoised, Restoration
-from cvtimg.restoration.versions import Floats, fuse, stack_versions, trust_in
+from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
@@ -250,7 +251,9 @@ def denoise(
     return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
 
 
-def _in_part(image: Floats, before: tuple[Floats, Floats], luma: float, chroma: float, space: SpaceName) -> Floats:
+def _in_part(
+    image: Floats32, before: tuple[Floats32, Floats32], luma: float, chroma: float, space: SpaceName
+) -> Floats32:
     """(H, W, C) image with a part of the noise of what was fused, and its weights, back in lightness and in colors."""
     fused, weights = before
     noise = np.where(weights[:, :, None] > 0, fused - image, 0)

@@ -18,13 +18,9 @@ from cvtimg._shared.checks import check_image, check_in_range, check_shape, chec
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
-
-Floats = NDArray[np.float32]
-Doubles = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
 _SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
@@ -54,7 +50,7 @@ class Rounding:
         subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
         return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
 
-    def lost(self, values: Array) -> Doubles | None:
+    def lost(self, values: Array) -> Floats | None:
         """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
         n_bands = values.shape[2]  # one, of gray, has the table of luma
         fits = n_bands == 1 or (n_bands == 3 and len(self.tables) == 2)
@@ -74,12 +70,12 @@ class Rounding:
 class Clipped:
     """What clipping at the ends of an integer type does to noisy values; arrays of the shape of the true ones."""
 
-    added: Floats  # what it adds to their mean
-    slope: Floats  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
-    variance: Floats  # variance that is left, as a share of that of the noise
+    added: Floats32  # what it adds to their mean
+    slope: Floats32  # how much the mean of clipped values follows the true one: 1 far from the ends, 1/2 at an end
+    variance: Floats32  # variance that is left, as a share of that of the noise
 
     @classmethod
-    def of(cls, true: Floats, sigma: Floats, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
+    def of(cls, true: Floats32, sigma: Floats32, white: float, ends: tuple[bool, bool] = (True, True)) -> Clipped:
         """Clip values to 0..white, or at one of these ends, with Gaussian noise of standard deviations `sigma` > 0."""
         from scipy.special import ndtr
 
@@ -109,10 +105,10 @@ class Versions:
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
     roundings: tuple[Rounding | None, ...] = ()  # of versions that were JPEG files; none if empty
-    tones: Doubles | None = None  # (S, C, 2): gain and offset to the exposure of the first
-    lines: Doubles | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
+    tones: Floats | None = None  # (S, C, 2): gain and offset to the exposure of the first
+    lines: Floats | None = None  # (C, 2): constant and slope of how noise follows the level; None if even
     alpha: Array | None = None  # (H, W): that all versions have; None if there is none, or it differs
-    whitening: Doubles | None = None  # (C, C): gives bands noise that they do not share; None if they share none
+    whitening: Floats | None = None  # (C, C): gives bands noise that they do not share; None if they share none
 
     @property
     def n_versions(self) -> int:
@@ -125,11 +121,11 @@ class Versions:
         return sum(np.moveaxis(self.known, 2, 0), np.zeros(self.known.shape[:2], np.int32))
 
     @property
-    def values(self) -> Floats:
+    def values(self) -> Floats32:
         """(H, W, D) values of all bands of all versions."""
         return np.concatenate([self.bands(version) for version in range(self.n_versions)], axis=2)
 
-    def bands(self, version: int, rows: Any = slice(None)) -> Floats:
+    def bands(self, version: int, rows: Any = slice(None)) -> Floats32:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
         source, known = self.stack[version][rows], self.known[rows, :, version]
         values = np.empty(source.shape, np.float32)
@@ -171,7 +167,7 @@ class Versions:
         tones, lines = (None if one is None else one[..., chosen, :] for one in (tones, self.lines))
         return replace(self, stack=stack, version_of=version_of, tones=tones, lines=lines), places
 
-    def with_all(self, image: Floats, places: NDArray[np.intp]) -> Floats:
+    def with_all(self, image: Floats32, places: NDArray[np.intp]) -> Floats32:
         """(H, W, C) image of all bands from one of those that are `distinct`; others have the value that they have."""
         first = next(s for s in range(self.n_versions) if self.known[:, :, s].any())
         of_one_value = self.stack[first][self.known[:, :, first]][0]
@@ -184,14 +180,14 @@ class Versions:
         low, high = seen.min(initial=np.inf), seen.max(initial=-np.inf)
         return np.asarray((values <= low) | (values >= high))
 
-    def noisiness(self, levels: Floats) -> Floats:
+    def noisiness(self, levels: Floats32) -> Floats32:
         """(H, W) variance of noise at levels, (H, W, C), as a multiple of the usual one."""
         if self.lines is None:
             return np.ones(levels.shape[:2], np.float32)
         constant, slope = self.lines.T.astype(np.float32)
         return np.maximum((constant + slope * levels).mean(axis=2), np.float32(0.1))
 
-    def even(self, apart: Floats, is_cut_off: Bools) -> Floats:
+    def even(self, apart: Floats32, is_cut_off: Bools) -> Floats32:
         """(H, W, C) departures in bands that share no noise; where values are cut off, as noise at most."""
         if self.whitening is None:
             return apart
@@ -308,13 +304,13 @@ def _place(values: Array, known: Bools, space: SpaceName) -> Array:
     return places if known.all() else np.where(known[:, :, None], places, places.dtype.type(0))
 
 
-def usual_noise(versions: Versions, noise: Doubles) -> Doubles:
+def usual_noise(versions: Versions, noise: Floats) -> Floats:
     """Replace unknown noise by that of the others, and noise below that of rounding by this."""
     usual = np.nanmedian(noise) if np.isfinite(noise).any() else versions.rounding
     return np.maximum(np.where(np.isnan(noise), usual, noise), versions.rounding)
 
 
-def disagreement(versions: Versions, trust: Doubles) -> float:
+def disagreement(versions: Versions, trust: Floats) -> float:
     """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
     # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
     mean, _ = fuse(versions, trust)
@@ -326,7 +322,7 @@ def disagreement(versions: Versions, trust: Doubles) -> float:
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
-def trust_in(versions: Versions, weights: ArrayLike | None, noise: Doubles) -> Doubles:
+def trust_in(versions: Versions, weights: ArrayLike | None, noise: Floats) -> Floats:
     """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
     if weights is not None:
         trust = np.asarray(weights, np.float64)
@@ -339,8 +335,8 @@ def trust_in(versions: Versions, weights: ArrayLike | None, noise: Doubles) -> D
 
 
 def fuse(
-    versions: Versions, trust: Doubles, sigma: float = 0.0, some: Sequence[int] | None = None
-) -> tuple[Floats, Floats]:
+    versions: Versions, trust: Floats, sigma: float = 0.0, some: Sequence[int] | None = None
+) -> tuple[Floats32, Floats32]:
     """Weighted mean of the known values of each pixel, (H, W, C), and the (H, W) weight behind it."""
     # With a blur by sigma pixels, known values nearby count too. Unknown pixels are filled from nearby in any case. Of
     # versions that are channels, `some` have the same bands.
@@ -358,7 +354,7 @@ def fuse(
     return fill(*sums), weight
 
 
-def fill(total: Floats, weight: Floats) -> Floats:
+def fill(total: Floats32, weight: Floats32) -> Floats32:
     """Divide weighted sums, (H, W, C), by their weights, (H, W), and fill pixels without weight from nearby."""
     # This is normalized convolution.
     # H. Knutsson and C.-F. Westin, CVPR 1993, doi 10.1109/CVPR.1993.341081.

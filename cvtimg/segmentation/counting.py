@@ -29,16 +29,13 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats32, ImageLike
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
 from cvtimg.segmentation.noise import estimate_noise
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, largest_by_label, numbers_of, split_at_saddles, with_own_borders
-
-_Floats = NDArray[np.float32]
-_Inside = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +211,7 @@ def at_edges(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
     return touching
 
 
-def _warn_of_doubts(labels: NDArray[np.int32], inside: _Inside, radius: float, size: tuple[float, ...]) -> None:
+def _warn_of_doubts(labels: NDArray[np.int32], inside: Bools, radius: float, size: tuple[float, ...]) -> None:
     """Warn of counts that are doubtful, and say why."""
     from scipy.ndimage import find_objects
 
@@ -236,7 +233,7 @@ def _warn_of_doubts(labels: NDArray[np.int32], inside: _Inside, radius: float, s
 
 def checked_bands(
     image: Any, spacing: Sequence[float] | None, mask: ArrayLike | None
-) -> tuple[Array, _Inside, tuple[float, ...]]:
+) -> tuple[Array, Bools, tuple[float, ...]]:
     """Return an image or a volume with an axis of bands, the pixels that count, and their sides in those of a plane."""
     if spacing is None:
         return *check_partial_image("image", image, mask), (1.0, 1.0)
@@ -274,7 +271,7 @@ def _most_compact(objects: NDArray[np.int32], n: int) -> NDArray[np.float64]:
     return SETTINGS.most_discs * np.pi * radii**2
 
 
-def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
+def _radius(bright: Bools, size: tuple[float, ...]) -> float:
     """Return the radius of the usual object, 0 if there is none; of a large image, in its middle."""
     from scipy.ndimage import distance_transform_edt
 
@@ -289,7 +286,7 @@ def _radius(bright: _Inside, size: tuple[float, ...]) -> float:
 
 
 def _in_tiles(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
+    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
 ) -> NDArray[np.int32]:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
     from scipy.ndimage import center_of_mass
@@ -321,7 +318,7 @@ def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ..
         yield (..., *map(slice, top, bottom)), np.array([first - top, last - top])
 
 
-def denoised(gray: _Floats, inside: _Inside, size: tuple[float, ...]) -> tuple[_Floats, float, float]:
+def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Floats32, float, float]:
     """Return a blurred image, the blur that its noise calls for, and the noise that is left."""
     from scipy.ndimage import gaussian_filter
     from skimage.filters import threshold_otsu
@@ -339,7 +336,7 @@ def denoised(gray: _Floats, inside: _Inside, size: tuple[float, ...]) -> tuple[_
     return gaussian_filter(gray, sigmas), blur, noise * float(np.prod(left))
 
 
-def _most_noise(values: _Floats) -> float:
+def _most_noise(values: Floats32) -> float:
     """Return the noise that would explain all that values of two classes vary within these: dots are no noise."""
     from skimage.filters import threshold_otsu
 
@@ -350,7 +347,7 @@ def _most_noise(values: _Floats) -> float:
     return float(np.abs(away).mean()) / _SPREAD_OF_HALF
 
 
-def _noise_of_ground(contrast: _Floats, inside: _Inside, radius: float) -> float:
+def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:
     """Return the noise of the ground after the blur, in contrasts: what varies over less than the size of an object."""
     lag, noise, top = max(round(radius), 1), 0.0, 0.5
     for _ in range(SETTINGS.clippings):  # dim objects are no ground
@@ -363,7 +360,7 @@ def _noise_of_ground(contrast: _Floats, inside: _Inside, radius: float) -> float
     return noise
 
 
-def _are_two(contrast: _Floats, inside: _Inside) -> bool:
+def _are_two(contrast: Floats32, inside: Bools) -> bool:
     """Tell whether fewer pixels lie halfway between ground and objects than at the ground: noise has most there."""
     values = contrast[inside]
     values = values[:: max(values.size >> 20, 1)]
@@ -376,7 +373,7 @@ def _are_two(contrast: _Floats, inside: _Inside) -> bool:
     return bool(np.count_nonzero(np.abs(values - 0.5) < width) < most)
 
 
-def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floats, float]:
+def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
     The image is overwritten.
@@ -414,7 +411,7 @@ def contrast_of(image: _Floats, inside: _Inside, background: str) -> tuple[_Floa
 
 
 def _explains(
-    some: _Floats, generators: tuple[_Floats, _Floats], objects: _Inside, counts: _Inside, reach: Sequence[float]
+    some: Floats32, generators: tuple[Floats32, Floats32], objects: Bools, counts: Bools, reach: Sequence[float]
 ) -> bool:
     """Tell whether two generators that vary across an image explain more of it than one does: of shaded noise, not."""
     ground, above = (spread(field, some.shape) for field in generators)
@@ -424,7 +421,7 @@ def _explains(
 
 
 def split(
-    contrast: _Floats, inside: _Inside, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
+    contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
 ) -> NDArray[np.int32]:
     """Return labels of the objects, touching ones split at their necks."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter, label, zoom
@@ -448,7 +445,7 @@ def split(
     return parts[(slice(None, None, fine),) * contrast.ndim]
 
 
-def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[float, ...]) -> _Inside:
+def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[float, ...]) -> Bools:
     """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave."""
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
@@ -466,7 +463,7 @@ def _peeled(contrast: _Floats, threshold: float, radius: float, size: tuple[floa
     return _whole(found)
 
 
-def _whole(objects: _Inside) -> _Inside:
+def _whole(objects: Bools) -> Bools:
     """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background."""
     from scipy.ndimage import label
     from skimage.measure import regionprops
@@ -481,7 +478,7 @@ def _whole(objects: _Inside) -> _Inside:
     return whole
 
 
-def _ground(objects: _Inside) -> _Inside:
+def _ground(objects: Bools) -> Bools:
     """Return what is no hole: open to the border, the widest, or around several objects thinner than the space there.
 
     The last is the inside of a ring, or of a dish.

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-_Floats = NDArray[np.float32]
-_Inside = NDArray[np.bool_]
+from cvtimg._shared.types import Bools, Floats32
 
 #: Share of the pixels next to a margin that have its value, above which it is no margin but the ground.
 _GROUND = 0.1
@@ -25,7 +23,7 @@ _SPECK = 9
 _DEGREE, _ROUNDS, _ENOUGH_PIXELS = 4, 20, 1 << 16
 
 
-def within_margins(gray: _Floats, inside: _Inside) -> _Inside:
+def within_margins(gray: Floats32, inside: Bools) -> Bools:
     """Leave out margins, each row, column or plane of one value: frames, bars and padding, several if one in another.
 
     Where a tenth or more of the pixels next to a margin have its value, it is the ground.
@@ -40,7 +38,7 @@ def within_margins(gray: _Floats, inside: _Inside) -> _Inside:
     return inside if np.ptp(rest) == 0 or not (inside & ~margins).any() else inside & ~margins
 
 
-def _without_margin(gray: _Floats, axis: int, end: int, kept: slice) -> slice:
+def _without_margin(gray: Floats32, axis: int, end: int, kept: slice) -> slice:
     """Return what is kept of an axis if the margin at its first (0) or last (-1) end is left out."""
     lines = np.moveaxis(gray, axis, 0).reshape(gray.shape[axis], -1)
     lines = lines[::-1] if end else lines
@@ -54,7 +52,7 @@ def _without_margin(gray: _Floats, axis: int, end: int, kept: slice) -> slice:
     return slice(kept.start, kept.stop - width) if end else slice(kept.start + width, kept.stop)
 
 
-def surroundings(gray: _Floats, objects: _Inside, inside: _Inside, near: int) -> _Inside | None:
+def surroundings(gray: Floats32, objects: Bools, inside: Bools, near: int) -> Bools | None:
     """Return what lies around the convex field of view of an image, with `near` pixels at its rim; None without one.
 
     The field is the largest part of the ground, of the objects, or of what has not the one value of all corners, its
@@ -82,7 +80,7 @@ def surroundings(gray: _Floats, objects: _Inside, inside: _Inside, near: int) ->
     return None
 
 
-def _largest_part(region: _Inside) -> _Inside | None:
+def _largest_part(region: Bools) -> Bools | None:
     """Return the largest part of a region, its holes filled, without what hangs on by a narrow bridge."""
     from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
 
@@ -97,7 +95,7 @@ def _largest_part(region: _Inside) -> _Inside | None:
     return np.asarray(filled & (distance_transform_edt(core != sizes.argmax()) <= wide))
 
 
-def _is_view(field: _Inside, others: _Inside | None, inside: _Inside, near: int) -> bool:
+def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bool:
     """Tell whether a field is one of view, with others on it that are to be there: see `surroundings`."""
     from scipy.ndimage import binary_dilation, binary_erosion, label
     from skimage.morphology import convex_hull_image
@@ -123,7 +121,7 @@ def _is_view(field: _Inside, others: _Inside | None, inside: _Inside, near: int)
     return not outer.any() or bool(edges[outer].mean() < edges[within].mean())
 
 
-def evenly_lit(gray: _Floats, inside: _Inside, outside: _Inside) -> _Floats:
+def evenly_lit(gray: Floats32, inside: Bools, outside: Bools) -> Floats32:
     """Divide a field of view that is brighter than what is around it by its light, which is brightest in the middle.
 
     The light is a polynomial in the logarithm of values, at the least mean distance, which objects hardly move. What is

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.tessellation import tessellate
 
 #: Light varies over this share of the longer side, then, to follow it into the corners, over half of that. It is found
@@ -21,11 +20,8 @@ _MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.
 _PRIOR = 0.02
 
-_Floats = NDArray[np.float32]
-_Inside = NDArray[np.bool_]
 
-
-def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | np.random.Generator) -> _Floats:
+def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | np.random.Generator) -> Floats32:
     """Divide (H, W, D) values, 0 for black, by the light: a gain that varies slowly, times the means of segments."""
     # The values less the gain times the mean of their segment are least in squares, of which those near a place count
     # there: segments are found in what the gain of the segments before leaves.
@@ -49,7 +45,7 @@ def in_even_light(values: _Floats, inside: _Inside, n_segments: int, rng: int | 
     return np.where(inside[..., None], values / spread(light, inside.shape)[..., None], np.float32(0))
 
 
-def is_lit_unevenly(image: Array, inside: _Inside, n_segments: int) -> bool:
+def is_lit_unevenly(image: Array, inside: Bools, n_segments: int) -> bool:
     """Tell whether a quadratic surface under the segments explains more than another segment would."""
     apart = max(int(np.sqrt(inside.size / _FEW_PIXELS)), 1)
     known = inside[::apart, ::apart]
@@ -76,7 +72,7 @@ def _fitted(columns: Array, rows: Array) -> Array:
     return np.asarray(np.linalg.pinv(shared, hermitian=True) @ np.einsum("ni,nd->id", columns, rows))
 
 
-def local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: float) -> _Floats:
+def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float) -> Floats32:
     """Return the Gaussian mean of some pixels around each, drawn to the mean of all where there are few, in blocks."""
     from scipy.ndimage import gaussian_filter
 
@@ -92,7 +88,7 @@ def local_mean(values: _Floats, of: _Inside, reach: Sequence[float], prior: floa
     return np.asarray((total + prior * mean) / (mass + prior), np.float32)
 
 
-def spread(blocks: _Floats, shape: tuple[int, ...]) -> _Floats:
+def spread(blocks: Floats32, shape: tuple[int, ...]) -> Floats32:
     """Interpolate between the centers of blocks, of which the last one along an axis may be cut off."""
     across, down, *along = (_shares(length, n) for length, n in zip(shape[::-1], blocks.shape[::-1], strict=True))
     for shares in along:
@@ -101,7 +97,7 @@ def spread(blocks: _Floats, shape: tuple[int, ...]) -> _Floats:
 
 
 @lru_cache(maxsize=8)
-def _shares(length: int, n_blocks: int) -> _Floats:
+def _shares(length: int, n_blocks: int) -> Floats32:
     """Return the share of each block in each of the pixels along an axis."""
     at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
     return np.maximum(1 - np.abs(at[:, None] - np.arange(n_blocks)), 0).astype(np.float32)

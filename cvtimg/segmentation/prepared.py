@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight, check_in_range, check_non_negative
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.types import Floats32
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
@@ -38,8 +39,6 @@ _LARGEST_START = 5.0
 _LARGEST_RADIUS, _LARGEST_AVERAGING = 30, 1000
 #: Curves start from an image blurred as for this many segments.
 _SEGMENTS_AT_START = 4
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +104,13 @@ class Prepared:
 
     how: Smoothness
     values: PictureValues  # the colors inside the mask
-    field: Floats  # (H, W, D): values of the pixels about their mean; 0 outside the mask
-    data: Floats  # (H, W, D): the values to segment: the field, in even light or averaged first
+    field: Floats32  # (H, W, D): values of the pixels about their mean; 0 outside the mask
+    data: Floats32  # (H, W, D): the values to segment: the field, in even light or averaged first
     noise: NDArray[np.float64]  # (D, D): covariance of the noise of the field; measured only where edges cost
     edge_weight: float  # cost of each pair of near pixels in different segments, in squared values; or the least
     smallest_detail: float  # radius of the discs that are just worth their edge; 0 if the weight is given
 
-    def start(self, n_segments: int) -> Floats | None:
+    def start(self, n_segments: int) -> Floats32 | None:
         """(H, W, D) values in which to find the first cells, or None if the distinct colors serve."""
         # An image that is averaged or in even light is taken as it is; another is blurred here if noise would hide its
         # segments.

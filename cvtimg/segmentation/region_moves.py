@@ -17,6 +17,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.segmentation import _segments
 
 #: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
@@ -24,7 +25,6 @@ _WORTHWHILE, _MAX_CYCLES = 1e-5, 10
 #: How often lost segments are given back, and two are joined to free one.
 _MAX_GIFTS, _MAX_TRADES = 4, 4
 
-_Floats = NDArray[np.float64]
 _Labels = NDArray[np.int64]
 
 
@@ -35,33 +35,33 @@ class Parts:
     In a segment of the rates (f, o), a pixel costs f times its squared distance from the generator, and o.
     """
 
-    masses: _Floats  # (N,): pixels
-    sums: _Floats  # (N, D): sums of their values
-    squares: _Floats  # (N,): sums of their squared values
+    masses: Floats  # (N,): pixels
+    sums: Floats  # (N, D): sums of their values
+    squares: Floats  # (N,): sums of their squared values
     first: NDArray[np.int32]  # (N + 1,): arcs of a part are those from first[i] to first[i + 1]
     tails: NDArray[np.int32]  # (A,): part that each arc comes from
     heads: NDArray[np.int32]  # (A,): part that it leads to
     backs: NDArray[np.int32]  # (A,): the arc back
-    borders: _Floats  # (A,): what it costs if the two are in different segments
-    rates: _Floats  # (K, 2): f and o
+    borders: Floats  # (A,): what it costs if the two are in different segments
+    rates: Floats  # (K, 2): f and o
 
-    def moments(self, labels: _Labels, n_labels: int) -> tuple[_Floats, _Floats, _Floats]:
+    def moments(self, labels: _Labels, n_labels: int) -> tuple[Floats, Floats, Floats]:
         """Return the masses, the sums and the energies about the means of all labels, from 0."""
         masses = np.bincount(labels, self.masses, n_labels).astype(np.float64)
-        sums: _Floats = np.stack([np.bincount(labels, column, n_labels) for column in self.sums.T], axis=1)
+        sums: Floats = np.stack([np.bincount(labels, column, n_labels) for column in self.sums.T], axis=1)
         squares = np.bincount(labels, self.squares, n_labels).astype(np.float64)
         return masses, sums, squares - _squared(sums) / np.maximum(masses, 1e-9)
 
-    def costs(self, labels: _Labels) -> tuple[_Floats, _Floats]:
+    def costs(self, labels: _Labels) -> tuple[Floats, Floats]:
         """Return the energy of each segment, and (K, D) its sums over its mass."""
         masses, sums, energies = self.moments(labels, len(self.rates))
         means = sums / np.maximum(masses, 1e-9)[:, None]
         return self.rates[:, 0] * energies + self.rates[:, 1] * masses, means
 
-    def costs_at(self, means: _Floats) -> _Floats:
+    def costs_at(self, means: Floats) -> Floats:
         """(K, N) costs of each part in each segment with these generators."""
         away = self.squares - 2 * np.einsum("kd,nd->kn", means, self.sums) + self.masses * _squared(means)[:, None]
-        costs: _Floats = self.rates[:, :1] * away + self.rates[:, 1:] * self.masses
+        costs: Floats = self.rates[:, :1] * away + self.rates[:, 1:] * self.masses
         return costs
 
     def energy(self, labels: _Labels) -> float:
@@ -70,8 +70,8 @@ class Parts:
         return float(self.costs(labels)[0].sum() + self.borders[apart].sum() / 2)
 
 
-def _squared(rows: _Floats) -> _Floats:
-    squares: _Floats = np.einsum("kd,kd->k", rows, rows)
+def _squared(rows: Floats) -> Floats:
+    squares: Floats = np.einsum("kd,kd->k", rows, rows)
     return squares
 
 
@@ -81,7 +81,7 @@ def parts_of(
     margin: int,
     steps: NDArray[np.int32],
     border: float,
-    rates: _Floats,
+    rates: Floats,
 ) -> Parts:
     """Measure parts on (H, W, D) values; numbers, from 1 and 0 outside, are padded by the margin.
 
@@ -166,7 +166,7 @@ class _Flow:
         self._borders = np.rint(parts.borders * self._scale)
         self._distances, self._scratch = np.empty(n_parts, np.int32), np.empty(3 * n_parts, np.int32)
 
-    def expanded(self, labels: _Labels, label: int, costs: _Floats) -> _Labels | None:
+    def expanded(self, labels: _Labels, label: int, costs: Floats) -> _Labels | None:
         """Return labels where the best set of parts has joined a segment, by (K, N) costs; None if that is none."""
         parts, free, border = self._parts, labels != label, self._borders
         tails, heads = parts.tails, parts.heads

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.records import Claims, ReadOnly, equals, never_rises
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Array, Row
+from cvtimg._shared.types import Array, Floats32, Row
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -23,8 +23,6 @@ from cvtimg.pictures.showing import shown
 from cvtimg.segmentation.edge_weight import EdgeWeighted, moments_of
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.values import PictureValues, dark_to_bright, in_order
-
-Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +216,7 @@ def measured(labels: NDArray[np.int32], image: Array, **more: Any) -> Segmentati
 
 def from_labels(
     values: PictureValues,
-    field: Floats,
+    field: Floats32,
     labels: NDArray[np.int32],
     iteration: EdgeWeighted | Tessellation,
     edge_weight: float,

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_picture_de
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -24,7 +24,7 @@ from cvtimg.sphere.densities import (
 from cvtimg.sphere.descent import polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
 
 
 @dataclass(frozen=True, slots=True)

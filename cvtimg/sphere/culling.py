@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.halfedges import connected_parts
-from cvtimg.sphere.densities import Points, from_degrees
+from cvtimg.sphere.densities import from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
 from cvtimg.sphere.parts import PartLike, inside_of
 from cvtimg.sphere.result import SavedGrid, SphereGrid

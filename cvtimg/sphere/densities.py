@@ -11,10 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
 from cvtimg._shared.growth import limit_growth
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Points
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
-
-Points = NDArray[np.float64]
 
 #: Densities below this part of the largest are raised to it: cells there have 100 times the size.
 LEAST_DENSITY = 1e-8

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
+from cvtimg._shared.types import Points
 from cvtimg.placement.descent import Projection, StepMemory, by_rows
 from cvtimg.sphere import _sphere
-from cvtimg.sphere.triangulation import Cells, Points, SphereTriangulation, SumCells, counted, unit
+from cvtimg.sphere.triangulation import Cells, SphereTriangulation, SumCells, counted, unit
 
 #: No point moves farther than this part of the size of its cell.
 _LONGEST = 0.3

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Points
 from cvtimg.sphere.starts import icosahedron
-from cvtimg.sphere.triangulation import Points, unit
+from cvtimg.sphere.triangulation import unit
 
 #: Points are the same if they are so near, and are moved so far towards the middle of a face to be in one triangle.
 _SAME, _INWARD = 1e-7, 1e-9

@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
+from cvtimg._shared.types import Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
@@ -26,7 +27,6 @@ from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, without
 from cvtimg.sphere.triangulation import (
     Cells,
-    Points,
     SphereTriangulation,
     SumCells,
     WeightedCells,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_at_least, check_choice, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
+from cvtimg._shared.types import Points
 from cvtimg.sphere.densities import (
     GROWTH,
     GlobePicture,
@@ -25,7 +26,7 @@ from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.grids import EFFORTS, as_grid, sphere_grid
 from cvtimg.sphere.parts import Cap, PartLike, inside_of
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, WeightedCells, check_sphere_points, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, WeightedCells, check_sphere_points, unit
 
 #: New points keep out of the circumscribed caps of kept triangles by this part of their radii, and are moved out so
 #: often, as one may lead into the next.

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_returned, check_that
-from cvtimg._shared.types import Options
-from cvtimg.sphere.densities import GlobePicture, Points, angles_from, check_center, check_globe, to_radians
+from cvtimg._shared.types import Options, Points
+from cvtimg.sphere.densities import GlobePicture, angles_from, check_center, check_globe, to_radians
 
 #: A part of the globe: a function from (N, 3) unit vectors to booleans, polygons in degrees (GeoJSON or shapely), or a
 #: map of the globe, white inside.

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_positive
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly, equals
+from cvtimg._shared.types import Points
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
-from cvtimg.sphere.triangulation import Points, SphereCells, SphereTriangulation
+from cvtimg.sphere.triangulation import SphereCells, SphereTriangulation
 from cvtimg.sphere.widths import EARTH_RADIUS
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cvtimg._shared.types import Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import SphereDensity, fibonacci
-from cvtimg.sphere.triangulation import Points, SphereTriangulation, unit
+from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 #: Places that draws choose from, for each point, and at least.
 _CANDIDATES, _FEWEST = 64, 1 << 17

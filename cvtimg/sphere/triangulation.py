@@ -15,14 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
 from cvtimg.placement.descent import by_rows
 from cvtimg.sphere import _sphere
 from cvtimg.sphere.densities import SphereDensity
-
-Points = NDArray[np.float64]
-Triangles = NDArray[np.int32]
 
 #: Least distance of two points on the unit sphere: doubles cannot tell the convex hull of points that are much nearer.
 LEAST_DISTANCE = 1e-7

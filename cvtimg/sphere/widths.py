@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
+from cvtimg._shared.types import Points
 from cvtimg.sphere.densities import (
     GROWTH,
     GlobePicture,
-    Points,
     angles_from,
     check_center,
     check_globe,

@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.placement import Region
-
-_Floats = NDArray[np.float64]
 
 #: Boxes at first, for each point; and all that are made.
 _BOXES_PER_POINT, _MOST_BOXES = 16, 1 << 19
@@ -46,17 +44,17 @@ _HOW = Tightening()
 class Boxes(NamedTuple):
     """Middles of boxes (m, d), half their diagonals (m,), and the (m, k) nearest points with their distances."""
 
-    middles: _Floats
-    halves: _Floats
+    middles: Floats
+    halves: Floats
     points: NDArray[np.intp]
-    distances: _Floats
+    distances: Floats
 
     def only(self, chosen: Array) -> Boxes:
         """Leave some."""
         return Boxes(self.middles[chosen], self.halves[chosen], self.points[chosen], self.distances[chosen])
 
 
-def lies_in(region: Region, places: _Floats, tolerance: float) -> NDArray[np.bool_]:
+def lies_in(region: Region, places: Floats, tolerance: float) -> NDArray[np.bool_]:
     """Tell which places lie in a region, or no farther than a tolerance from it."""
     inside = region.contains(places)
     outside = np.flatnonzero(~inside)
@@ -65,7 +63,7 @@ def lies_in(region: Region, places: _Floats, tolerance: float) -> NDArray[np.boo
     return inside
 
 
-def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool) -> _Floats:
+def radii_by_boxes(points: Floats, region: Region, order: int, tightened: bool) -> Floats:
     """Find radii of balls around (n, d) points that cover a region `order` times."""
     tightened = tightened and order > 1
     n_near = min(len(points), order + (_HOW.few if tightened else _HOW.fewest))
@@ -97,12 +95,12 @@ def radii_by_boxes(points: _Floats, region: Region, order: int, tightened: bool)
     return _tightened(points, radii, boxes, order) if tightened else radii
 
 
-def _halved(middles: _Floats, sides: _Floats) -> _Floats:
+def _halved(middles: Floats, sides: Floats) -> Floats:
     corners = np.array(list(np.ndindex(*(2,) * len(sides)))) - 0.5
     return (middles[:, None] + corners * sides).reshape(-1, len(sides))
 
 
-def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region, n_near: int) -> Boxes:
+def _looked_up(middles: Floats, sides: Floats, points: Floats, region: Region, n_near: int) -> Boxes:
     """Leave boxes that meet the region, and find the points nearest to each."""
     from scipy.spatial import cKDTree
 
@@ -113,18 +111,18 @@ def _looked_up(middles: _Floats, sides: _Floats, points: _Floats, region: Region
     return Boxes(middles, np.full(len(middles), half), near, distances)
 
 
-def _reach(radii: _Floats, boxes: Boxes, order: int, *, beyond: bool) -> None:
+def _reach(radii: Floats, boxes: Boxes, order: int, *, beyond: bool) -> None:
     """Let the nearest balls reach the middles of boxes, or beyond them, so that they hold them as a whole."""
     distances = boxes.distances[:, :order] + (boxes.halves[:, None] if beyond else 0)
     np.maximum.at(radii, boxes.points[:, :order].ravel(), distances.ravel())
 
 
-def _depths(boxes: Boxes, radii: _Floats) -> NDArray[np.intp]:
+def _depths(boxes: Boxes, radii: Floats) -> NDArray[np.intp]:
     """How many balls hold each box as a whole."""
     return (boxes.distances + boxes.halves[:, None] <= radii[boxes.points]).sum(axis=1)
 
 
-def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Floats:
+def _tightened(points: Floats, radii: Floats, boxes: Boxes, order: int) -> Floats:
     """Let balls shrink as long as enough of them hold each box, so that fewer of them meet.
 
     They take turns: balls grow as far as they meet no others, which costs nothing, and shrink by as much as parts them
@@ -147,7 +145,7 @@ def _tightened(points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> _Fl
 class _Cover:
     """Balls that hold boxes, each box at least `order` of them, and no ball less than it holds as the nearest."""
 
-    def __init__(self, points: _Floats, radii: _Floats, boxes: Boxes, order: int) -> None:
+    def __init__(self, points: Floats, radii: Floats, boxes: Boxes, order: int) -> None:
         from scipy.spatial import cKDTree
 
         self.radii = radii.copy()
@@ -226,6 +224,6 @@ class _Cover:
             self.set(*best[1:3])
             self.set(ball, best[3])
 
-    def _room(self, ball: int) -> _Floats:
+    def _room(self, ball: int) -> Floats:
         """Return the radii up to which a ball does not meet others."""
         return (1 - _APART) * (self._gaps[ball] - self.radii[self._others[ball]])

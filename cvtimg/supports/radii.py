@@ -19,11 +19,10 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import lies_in, radii_by_boxes
-
-_Floats = NDArray[np.float64]
 
 #: Points may lie outside of the region by this share of its size: those on its boundary are rounded.
 _OUTSIDE = 1e-9
@@ -47,8 +46,8 @@ class Supports(ReadOnly):
     region : Region
     """
 
-    points: _Floats
-    radii: _Floats
+    points: Floats
+    radii: Floats
     overlap: Any
     cover: int
     proved: bool
@@ -147,7 +146,7 @@ def support_radii(points: ArrayLike, region: Any, cover: int = 1, *, tighten: bo
     return Supports(centers, radii, _overlap(centers, radii), order, proved, where)
 
 
-def _check_points(points: _Floats, region: Region) -> None:
+def _check_points(points: Floats, region: Region) -> None:
     periodic = isinstance(region, Box) and any(region.periodic)
     check_in_range("region", region, not periodic, "not periodic")
     size = float(np.linalg.norm(np.ptp(region.bounds, axis=0)))
@@ -162,7 +161,7 @@ def _check_points(points: _Floats, region: Region) -> None:
         raise ValueError(f"points must differ from each other: number {twice}, {points[twice].tolist()}, occurs twice")
 
 
-def _overlap(points: _Floats, radii: _Floats) -> Any:
+def _overlap(points: Floats, radii: Floats) -> Any:
     """Which balls meet, each itself among them."""
     from scipy.sparse import csr_array
 
@@ -173,7 +172,7 @@ def _overlap(points: _Floats, radii: _Floats) -> Any:
     return (one_way + one_way.T).astype(bool)
 
 
-def _held(places: _Floats, points: _Floats, radii: _Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _held(places: Floats, points: Floats, radii: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return all pairs of a ball and of a place in it."""
     from scipy.spatial import cKDTree
 

@@ -11,12 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import EdgeTable, connected_parts
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, number_edges, unit
-
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from cvtimg.surfaces.triangulation import SurfaceTriangulation, number_edges, unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +39,7 @@ class Seen:
 _SEEN = Seen()
 
 
-def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Mask:
+def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Floats) -> Bools:
     """Tell which half-edges (3 T,) are of features: boundaries, edges of three faces, and creases.
 
     Creases are where faces meet at more than `angle` degrees from flat, and the surfaces on both sides, as far as a
@@ -59,7 +56,7 @@ def find_features(mesh: SurfaceTriangulation, angle: float, sizes: Values) -> Ma
     return (n_faces != 2) | (creased & _is_long(mesh, creased, sizes))
 
 
-def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
+def extra_points(mesh: SurfaceTriangulation, sizes: Floats) -> float:
     """Return how many points more there are than whole cells: those on a boundary have half of one."""
     edge = number_edges(mesh.triangles, len(mesh.points))
     a, b = mesh.edges.T
@@ -68,8 +65,8 @@ def extra_points(mesh: SurfaceTriangulation, sizes: Values) -> float:
 
 
 def _is_broad(
-    mesh: SurfaceTriangulation, features: Mask, creased: Mask, normals: Points, sizes: Values, angle: float
-) -> Mask:
+    mesh: SurfaceTriangulation, features: Bools, creased: Bools, normals: Points, sizes: Floats, angle: float
+) -> Bools:
     """Tell which half-edges (3 T,), of those creased, are creases of the surfaces around, not of single faces.
 
     Between junctions, a crease is one if it is along half of its length, but not if it is short and has a free end.
@@ -115,7 +112,7 @@ class _Grains:
     vectors: Points  # (G, 3): sums of normals by area
 
     @classmethod
-    def of(cls, mesh: SurfaceTriangulation, apart: Values, *, by_axis: bool) -> _Grains:
+    def of(cls, mesh: SurfaceTriangulation, apart: Floats, *, by_axis: bool) -> _Grains:
         """Join faces in boxes with sides of about `apart` (T,): those that face along one axis, or that are connected.
 
         By axes, faces at both sides of a crease stay apart; connected ones are those of one sheet, however noisy.
@@ -139,7 +136,7 @@ class _Grains:
         total = sum_by_label(of_face, rows, int(of_face.max()) + 1)
         return cls(of_face, total[:, 1:4] / total[:, :1], total[:, 4:])
 
-    def near(self, places: Points, reach: Values) -> Iterator[tuple[slice, Indices, Indices]]:
+    def near(self, places: Points, reach: Floats) -> Iterator[tuple[slice, Indices, Indices]]:
         """Find the grains nearer to places (M, 3) than `reach` (M,): blocks of places, and pairs of both."""
         from scipy.spatial import KDTree
 
@@ -151,7 +148,7 @@ class _Grains:
             yield own, of, np.concatenate(lists).astype(np.intp)
 
 
-def _is_flat(mesh: SurfaceTriangulation, sizes: Values, angle: float) -> Mask:
+def _is_flat(mesh: SurfaceTriangulation, sizes: Floats, angle: float) -> Bools:
     """Tell which faces (T,) have no crease around, whatever noise: halves of the surface there meet at a less angle."""
     apart = sizes[mesh.triangles].mean(axis=1)
     grains = _Grains.of(mesh, _SEEN.coarse * apart, by_axis=False)
@@ -174,7 +171,7 @@ def _is_flat(mesh: SurfaceTriangulation, sizes: Values, angle: float) -> Mask:
     return np.asarray((least > np.cos(np.radians(angle)))[grains.of_face])
 
 
-def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
+def _is_long(mesh: SurfaceTriangulation, creased: Bools, sizes: Floats) -> Bools:
     """Tell which half-edges (3 T,) belong to connected creases that are long beside the distances of points."""
     a, b = mesh.edges[creased].T
     _, group = connected_parts((a, b), len(mesh.points))
@@ -183,7 +180,7 @@ def _is_long(mesh: SurfaceTriangulation, creased: Mask, sizes: Values) -> Mask:
     return np.asarray((lengths > _SEEN.shortest)[group[mesh.edges[:, 0]]])
 
 
-def place_on_curves(mesh: SurfaceTriangulation, features: Mask, sizes: Values, angle: float) -> tuple[Indices, Points]:
+def place_on_curves(mesh: SurfaceTriangulation, features: Bools, sizes: Floats, angle: float) -> tuple[Indices, Points]:
     """Choose the vertices (M,) that stay on features, and the places (M, 3) they go to, `sizes` (N,) apart."""
     edge = number_edges(mesh.triangles, len(mesh.points))
     ends = mesh.edges[features & (edge == np.arange(len(edge)))]
@@ -216,7 +213,7 @@ def _chains(ends: Triangles) -> list[Indices]:
     return chains
 
 
-def _divided(points: Points, chain: Indices, sizes: Values, angle: float) -> list[Indices]:
+def _divided(points: Points, chain: Indices, sizes: Floats, angle: float) -> list[Indices]:
     """Divide a chain of vertices at its corners, where it turns by more than an angle."""
     places, is_closed = points[chain], chain[0] == chain[-1]
     along = _lengths(places)
@@ -238,7 +235,7 @@ def _divided(points: Points, chain: Indices, sizes: Values, angle: float) -> lis
     return [chain[i : j + 1] for i, j in pairwise(corners)]
 
 
-def _spaced(places: Points, sizes: Values) -> tuple[Indices, Points]:
+def _spaced(places: Points, sizes: Floats) -> tuple[Indices, Points]:
     """Choose inner vertices of a curve (M, 3), and the places that divide it by the distances of points.
 
     In one dimension this is a centroidal Voronoi tessellation, whose ends stay.
@@ -260,6 +257,6 @@ def _spaced(places: Points, sizes: Values) -> tuple[Indices, Points]:
     return np.minimum(distinct, most - n + inner), divided(n)[1:-1]
 
 
-def _lengths(places: Points) -> Values:
+def _lengths(places: Points) -> Floats:
     """Return how far (M,) each of places (M, 3) is from the first, along straight lines from one to the next."""
     return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])

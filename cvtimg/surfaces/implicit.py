@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_places, check_positive, check_shape, check_that
+from cvtimg._shared.types import Points, Triangles
 from cvtimg.placement import Box
 from cvtimg.placement.implicit import ImplicitFunction
 from cvtimg.surfaces.surface import Surface
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, divided, unit
+from cvtimg.surfaces.triangulation import SurfaceTriangulation, divided, unit
 
 #: Cubes along the longest side of the bounds, by default.
 _CUBES = 64

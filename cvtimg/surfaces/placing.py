@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, hints_at_keywords, refuse_type
 from cvtimg._shared.choices import EffortName
+from cvtimg._shared.types import Floats, Indices, Points, Triangles
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
@@ -22,11 +23,7 @@ from cvtimg.surfaces.files import as_surface
 from cvtimg.surfaces.result import SurfacePoints
 from cvtimg.surfaces.sizes import HEXAGON, Sizes
 from cvtimg.surfaces.surface import Surface
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, split_long_edges
-
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from cvtimg.surfaces.triangulation import SurfaceTriangulation, split_long_edges
 
 _MOST_POINTS = 1 << 24
 
@@ -163,7 +160,7 @@ def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: flo
 
 
 def _collapsed(
-    fine: SurfaceTriangulation, sizes: Values, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
+    fine: SurfaceTriangulation, sizes: Floats, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
 ) -> tuple[Indices, Triangles]:
     """Collapse the shortest edges until n sites of vertices are left, those kept among them.
 

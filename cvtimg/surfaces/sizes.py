@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.messages import warn
+from cvtimg._shared.types import Floats, Points
 from cvtimg.meshes.trees import limited_along_edges
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces.surface import VertexDensity
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation
-
-Values = NDArray[np.float64]
+from cvtimg.surfaces.triangulation import SurfaceTriangulation
 
 #: Area of a regular hexagon whose neighbors are at distance 1.
 HEXAGON = 0.75**0.5
@@ -55,25 +53,25 @@ class Sizes:
         if (limited_along_edges(mesh, wanted, _GRADING.grade) * _GRADING.too_steep >= wanted).all():
             return
 
-        def graded(power: float) -> Values:
+        def graded(power: float) -> Floats:
             return limited_along_edges(mesh, np.exp(power) * wanted, _GRADING.grade)
 
         power = brentq(lambda power: np.log(_scale(areas, graded(power), n)), -1, _GRADING.most, xtol=_GRADING.near)
         self.distance, sizes = float(self.distance * np.exp(power)), graded(power)
         self._lower = VertexDensity(mesh.points, mesh.triangles, sizes / self.distance)
 
-    def relative(self, places: Points) -> Values:
+    def relative(self, places: Points) -> Floats:
         """Return the distances (N,) of points around (N, 3) places, by that where the density is largest."""
         sizes = np.minimum(
             (np.maximum(self.given(places), 0) / self._top + _GRADING.sparsest**-4) ** -0.25, _GRADING.sparsest
         )
         return sizes if self._lower is None else np.minimum(sizes, self._lower(places))
 
-    def __call__(self, places: Points) -> Values:
+    def __call__(self, places: Points) -> Floats:
         """Return the distances (N,) of points around (N, 3) places."""
         return self.distance * self.relative(places)
 
-    def density(self, places: Points) -> Values:
+    def density(self, places: Points) -> Floats:
         """Return the density (N,) by which points have these distances."""
         return self.given(places) if self._lower is None else self.relative(places) ** -4
 
@@ -85,6 +83,6 @@ class Sizes:
         return is_near
 
 
-def _scale(areas: Values, sizes: Values, n: int) -> float:
+def _scale(areas: Floats, sizes: Floats, n: int) -> float:
     """Return by how much sizes (N,) have to be longer for n points."""
     return float((areas / sizes**2).sum() / (HEXAGON * n)) ** 0.5

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles, check_weights
+from cvtimg._shared.types import Points, Triangles
 from cvtimg.halfedges import measure_triangles
-from cvtimg.surfaces.triangulation import Points, SurfaceTriangulation, Triangles, check_directions, divided
+from cvtimg.surfaces.triangulation import SurfaceTriangulation, check_directions, divided
 
 
 class Surface(ABC):

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Points, Triangles
 from cvtimg.halfedges import HalfEdges, connected_parts, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
-
-Points = NDArray[np.float64]
-Triangles = NDArray[np.int32]
 
 #: Rounds of splitting at most; each halves the longest edges.
 _ROUNDS = 24

@@ -16,13 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
-_Floats = NDArray[np.float64]
 
-
-def evidence_of(borders: Borders, views: Sequence[_Floats], inside: NDArray[np.bool_]) -> _Floats:
+def evidence_of(borders: Borders, views: Sequence[Floats], inside: NDArray[np.bool_]) -> Floats:
     """(B,) evidence of borders; views, (B,) each, are the altitude, the strength, and the altitude from afar."""
     if not len(borders.pairs):
         return np.zeros(0)
@@ -43,17 +42,17 @@ def chances_of(evidence: NDArray[np.floating]) -> NDArray[np.float32]:
     return (odds / (1 + odds)).astype(np.float32)
 
 
-def _inward(inside: NDArray[np.bool_], accuracy: float) -> _Floats:
+def _inward(inside: NDArray[np.bool_], accuracy: float) -> Floats:
     """(H, W) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
     from scipy.ndimage import distance_transform_edt, label
 
     gaps, _ = label(~inside)
     is_small = np.bincount(gaps.ravel()) < np.pi * accuracy**2
-    distances: _Floats = distance_transform_edt(np.pad(inside | is_small[gaps], 1))
+    distances: Floats = distance_transform_edt(np.pad(inside | is_small[gaps], 1))
     return distances[1:-1, 1:-1] - 0.5
 
 
-def _around(places: NDArray[np.integer], strengths: _Floats, borders: Borders, shape: tuple[int, ...]) -> _Floats:
+def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, shape: tuple[int, ...]) -> Floats:
     """(P,) mean strength of the borders around each crack."""
     from scipy.ndimage import gaussian_filter
 
@@ -67,6 +66,6 @@ def _around(places: NDArray[np.integer], strengths: _Floats, borders: Borders, s
     return total / length
 
 
-def _mean(values: _Floats, borders: Borders) -> _Floats:
+def _mean(values: Floats, borders: Borders) -> Floats:
     """(B,) means of what cracks, (P,), have."""
     return np.add.reduceat(values, borders.starts[:-1]) / borders.lengths

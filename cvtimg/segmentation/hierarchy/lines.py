@@ -8,12 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import ImageLike
+from cvtimg._shared.types import ImageLike, Points
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import find_borders
 from cvtimg.labels.contours import find_contours, simplify
-
-_Points = NDArray[np.float64]
 
 
 class Lines(NamedTuple):
@@ -27,7 +25,7 @@ class Lines(NamedTuple):
         Chance that a person draws each line, the mean along it, in 0..1.
     """
 
-    lines: tuple[_Points, ...]
+    lines: tuple[Points, ...]
     chances: NDArray[np.float64]
 
 
@@ -59,7 +57,7 @@ def find_lines(
     return Lines(tuple(simple[line] for line in order), means[order])
 
 
-def _chains(lines: Sequence[_Points]) -> list[list[tuple[int, bool]]]:
+def _chains(lines: Sequence[Points]) -> list[list[tuple[int, bool]]]:
     """Join lines at the ends where just two meet: numbers of lines, and whether each is passed forward."""
     ends: dict[tuple[float, float], list[tuple[int, bool]]] = {}
     for number, line in enumerate(lines):

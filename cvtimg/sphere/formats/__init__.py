@@ -9,9 +9,10 @@ from typing import BinaryIO
 import numpy as np
 
 from cvtimg._shared.checks import refuse
+from cvtimg._shared.types import Floats
 from cvtimg.files.text_tables import csv_text
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.sphere.formats.geometry import CulledContent, GridContent, Values, latitudes_longitudes
+from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import write_mpas, write_scrip, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
 
@@ -44,7 +45,7 @@ def write_graph(file: BinaryIO, grid: GridContent) -> None:
     file.write(("\n".join(lines) + "\n").encode())
 
 
-def _degrees(points: Values) -> tuple[Values, Values]:
+def _degrees(points: Floats) -> tuple[Floats, Floats]:
     """Return longitudes in -180..180 and latitudes."""
     latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(points))
     return (longitudes + 180) % 360 - 180, latitudes

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.halfedges import find_twins, half_edges_out
 from cvtimg.sphere.triangulation import circumcenters, unit
 
-Values = NDArray[np.float64]
 Indices = NDArray[np.int32]
 
 
@@ -76,35 +75,35 @@ def connect(triangles: Indices, n: int) -> Connectivity:
 class Geometry:
     """Measures of cells, edges and vertices, on the unit sphere."""
 
-    vertices: Values  # (T, 3): circumcenters of the triangles
-    edges: Values  # (E, 3): middles between neighboring generators
+    vertices: Floats  # (T, 3): circumcenters of the triangles
+    edges: Floats  # (E, 3): middles between neighboring generators
     # (E,): from generator to generator, and from vertex to vertex, along great circles.
-    cell_distances: Values
-    edge_lengths: Values
+    cell_distances: Floats
+    edge_lengths: Floats
     # (E,): of the direction from the first cell to the second with the east, counterclockwise, in -pi..pi.
-    angles: Values
+    angles: Floats
     # (T, 3): part of each triangle in the cell of each corner. They have signs: those of an obtuse angle's neighbors
     # are negative in part, and all add up to the cells.
-    kites: Values
+    kites: Floats
     # (N,).
-    cell_areas: Values
-    triangle_areas: Values
+    cell_areas: Floats
+    triangle_areas: Floats
 
 
-def measure(points: Values, around: Connectivity) -> Geometry:
+def measure(points: Floats, around: Connectivity) -> Geometry:
     """Measure a grid whose generators are unit vectors."""
     triangles = around.cells_on_vertex
 
-    def of_triangles(triangles: Indices) -> tuple[Values]:
+    def of_triangles(triangles: Indices) -> tuple[Floats]:
         return (circumcenters(points, triangles),)
 
-    def of_edges(cells: Indices, ends: Indices) -> tuple[Values, ...]:
+    def of_edges(cells: Indices, ends: Indices) -> tuple[Floats, ...]:
         first, second = points[cells[:, 0]], points[cells[:, 1]]
         middles = unit(first + second)
         lengths = _arcs(vertices[ends[:, 1]], vertices[ends[:, 0]])
         return middles, _arcs(first, second), lengths, _angles_with_east(middles, second - first)
 
-    def of_corners(triangles: Indices, vertices: Values, around: Indices) -> tuple[Values]:
+    def of_corners(triangles: Indices, vertices: Floats, around: Indices) -> tuple[Floats]:
         each = (
             _triangle_areas(points[triangles[:, k]], edges[around[:, k]], vertices)
             + _triangle_areas(points[triangles[:, k]], vertices, edges[around[:, k - 1]])
@@ -130,14 +129,14 @@ def _in_blocks(measure: Callable[..., tuple[Array, ...]], *tables: Array, size: 
     return arrays
 
 
-def latitudes_longitudes(places: Values) -> tuple[Values, Values]:
+def latitudes_longitudes(places: Floats) -> tuple[Floats, Floats]:
     """Return latitudes in -pi/2..pi/2 and longitudes in 0..2 pi, below 2 pi."""
     latitudes = np.arctan2(places[:, 2], np.hypot(places[:, 0], places[:, 1]))
     longitudes = np.arctan2(places[:, 1], places[:, 0]) % (2 * np.pi)
     return latitudes, np.where(longitudes < 2 * np.pi, longitudes, 0.0)
 
 
-def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indices, Values]:
+def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indices, Floats]:
     """Compute how velocities u through edges nearby add up to that along an edge, to the left of that through it.
 
     Along edge e it is the sum of weights[e, j] u[edges_on_edge[e, j]], (E, 2 M) arrays: the other edges of the first
@@ -147,13 +146,13 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
     arbitrarily structured C-grids, Journal of Computational Physics 228 (2009), doi 10.1016/j.jcp.2009.08.006.
     """
 
-    def of_edges(edges: Indices, pairs: Indices) -> tuple[Indices, Values]:
+    def of_edges(edges: Indices, pairs: Indices) -> tuple[Indices, Floats]:
         first, second = of_cells(edges, pairs[:, 0], 1.0), of_cells(edges, pairs[:, 1], -1.0)
         return _those_first(
             np.concatenate([first[0], second[0]], axis=1), np.concatenate([first[1], second[1]], axis=1)
         )
 
-    def of_cells(edges: Indices, cells: Indices, sign: float) -> tuple[Indices, Values]:
+    def of_cells(edges: Indices, cells: Indices, sign: float) -> tuple[Indices, Floats]:
         around_cell, corners = around.edges_on_cell[cells], around.vertices_on_cell[cells]
         kites = np.where(around.cells_on_vertex[corners] == cells[:, None, None], geometry.kites[corners], 0)
         shares = kites.sum(axis=2) / geometry.cell_areas[cells, None]
@@ -171,17 +170,17 @@ def tangential_weights(around: Connectivity, geometry: Geometry) -> tuple[Indice
     return edges_on_edge, weights
 
 
-def _those_first(table: Indices, weights: Values) -> tuple[Indices, Values]:
+def _those_first(table: Indices, weights: Floats) -> tuple[Indices, Floats]:
     """Move entries of a table that are -1, and their weights, behind the others of their rows."""
     order = np.argsort(table < 0, axis=1, kind="stable")
     return np.take_along_axis(table, order, 1), np.take_along_axis(weights, order, 1)
 
 
-def _arcs(a: Values, b: Values) -> Values:
+def _arcs(a: Floats, b: Floats) -> Floats:
     return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1)))
 
 
-def _triangle_areas(a: Values, b: Values, c: Values) -> Values:
+def _triangle_areas(a: Floats, b: Floats, c: Floats) -> Floats:
     """Area of spherical triangles, > 0 if they go around counterclockwise.
 
     A. Van Oosterom, J. Strackee, The solid angle of a plane triangle, IEEE Trans. Biomedical Engineering 30 (1983). The
@@ -192,7 +191,7 @@ def _triangle_areas(a: Values, b: Values, c: Values) -> Values:
     return np.asarray(2 * np.arctan2(triple, 1 + cosines))
 
 
-def _angles_with_east(places: Values, directions: Values) -> Values:
+def _angles_with_east(places: Floats, directions: Floats) -> Floats:
     _, longitudes = latitudes_longitudes(places)
     east = np.stack([-np.sin(longitudes), np.cos(longitudes), np.zeros(len(places))], axis=1)
     north = np.cross(places, east)
@@ -204,9 +203,9 @@ def _angles_with_east(places: Values, directions: Values) -> Values:
 class GridContent:
     """A grid of the sphere, as it goes into a file."""
 
-    points: Values  # (N, 3): generators, unit vectors
+    points: Floats  # (N, 3): generators, unit vectors
     triangles: Indices  # (T, 3): indices of points, counterclockwise as seen from outside
-    density: Values  # (N,): at the generators
+    density: Floats  # (N,): at the generators
     radius: float  # Of the sphere in the file; lengths and areas are in its unit
     flags: Mapping[str, Indices] = field(default_factory=dict)  # (N,): of cells, such as 1 on land
     attributes: Mapping[str, str] = field(default_factory=dict)  # of the whole file, where a format has them
@@ -229,7 +228,7 @@ class GridContent:
         return measure(self.points, self.around)
 
     @cached_property
-    def tangential(self) -> tuple[Indices, Values]:
+    def tangential(self) -> tuple[Indices, Floats]:
         """Edges on edges, and their weights; see `tangential_weights`."""
         return tangential_weights(self.around, self.geometry)
 
@@ -301,7 +300,7 @@ class CulledContent(GridContent):
         )
 
     @cached_property
-    def tangential(self) -> tuple[Indices, Values]:
+    def tangential(self) -> tuple[Indices, Floats]:
         """Edges on edges that are left, and their weights: turned edges count with the other sign."""
         table, weights = (values[self._edges] for values in self.whole.tangential)
         table = _renumbered(self._edges)[table]

@@ -9,8 +9,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from cvtimg._shared.types import Array, Options
-from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
+from cvtimg._shared.types import Array, Floats, Options
+from cvtimg.sphere.formats.geometry import GridContent, Indices, latitudes_longitudes
 
 #: Flags of cells that a grid may have.
 FLAGS = {
@@ -242,7 +242,7 @@ def write_scrip(file: BinaryIO, grid: GridContent) -> None:
     write_netcdf(file, dimensions, variables, attributes)
 
 
-def _coordinates(name: str, places: Values) -> dict[str, Variable]:
+def _coordinates(name: str, places: Floats) -> dict[str, Variable]:
     latitudes, longitudes = (np.degrees(angles) for angles in latitudes_longitudes(places))
     return {
         f"{name}_lat": Variable((f"n_{name}",), latitudes, {"standard_name": "latitude", "units": "degrees_north"}),

@@ -9,10 +9,10 @@ from typing import BinaryIO, TypeAlias
 import numpy as np
 
 from cvtimg._shared.geojson import collection, feature
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.files.vtu import POLYGON, vtu_content
 from cvtimg.placement.cells import clipped
-from cvtimg.sphere.formats.geometry import GridContent, Indices, Values, latitudes_longitudes
+from cvtimg.sphere.formats.geometry import GridContent, Indices, latitudes_longitudes
 
 #: Decimals of degrees: about a centimeter on the earth.
 _DECIMALS = 7
@@ -52,7 +52,7 @@ def write_vtu(file: BinaryIO, grid: GridContent) -> None:
     file.write(vtu_content(geometry.vertices * grid.radius, corners, np.cumsum(around.degrees), POLYGON, values))
 
 
-def cell_polygons(vertices: Values, corners: Indices, offsets: Indices) -> Iterator[list[Ring]]:
+def cell_polygons(vertices: Floats, corners: Indices, offsets: Indices) -> Iterator[list[Ring]]:
     """Yield the polygons of cells on a map, for charts and files.
 
     Parameters
@@ -80,12 +80,12 @@ def cell_polygons(vertices: Values, corners: Indices, offsets: Indices) -> Itera
             yield [rings[start:end]]
 
 
-def _on_map(places: Values) -> Values:
+def _on_map(places: Floats) -> Floats:
     latitudes, longitudes = (np.degrees(angles).round(_DECIMALS) for angles in latitudes_longitudes(places))
     return np.stack([((longitudes + 180) % 360 - 180).round(_DECIMALS), latitudes], axis=1)
 
 
-def _dense_ring(vertices: Values, table: Values, corners: list[int]) -> Ring:
+def _dense_ring(vertices: Floats, table: Floats, corners: list[int]) -> Ring:
     """Put points between corners that are far apart, and let a corner at a pole have the longitudes beside it."""
     kept = [corner for corner in corners if abs(table[corner, 1]) < 90]
     path = []
