@@ -187,6 +187,19 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
     return shares.astype(np.float32), Spacing(limits[0], span, 1.0, *limits)
 
 
+def in_whole_numbers(image: Array, inside: NDArray[np.bool_]) -> Array:
+    """Return an (H, W, C) image as the integers of 8 or 16 bits that floating point in 0..1 was made of, if it was."""
+    if image.dtype.kind != "f":
+        return image
+    levels, spacing = to_levels(image[inside])
+    numbers = spacing.offset + spacing.step * levels
+    if spacing.white == 1 or spacing.offset % 1 or numbers.min() < 0 or numbers.max() > spacing.white:
+        return image
+    whole = np.zeros(image.shape, np.uint8 if spacing.white == 255 else np.uint16)
+    whole[inside] = numbers
+    return whole
+
+
 def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
     """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
     order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))

@@ -110,8 +110,8 @@ TREATMENTS = {
     "shade": lambda image: image + np.linspace(0, 60, SIDE),
 }
 SINCE = "2026-11-27"
-#: Noise that interpolation shares among pixels moves outlines farther than the law of ripples says: a rod may be two.
-MAY_SPLIT = {"larger by half": close(0, 1)}
+#: Noise that interpolation shares among pixels moves outlines farther than the law of ripples says: one may be two.
+MAY_SPLIT = {"larger by half": close(0, 4)}
 RELATIONS = [
     *(
         Relation("count_objects", name, picture, number, change, MAY_SPLIT.get(name, equal), SINCE)

@@ -42,9 +42,9 @@ def with_alpha(image: Image, alpha: Image) -> PIL.Image.Image:
 
 
 #: What is compared of each verb, and how. Parts may differ by a few pixels where two are equally near; descents of
-#: other roundings may end elsewhere.
+#: other roundings may end elsewhere; colors rounded to 8 bits cost a tenth of a decibel at most.
 VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
-    "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(2e-3)),
+    "quantize": (lambda image: cvtimg.quantize(image, 8).psnr, close(5e-3)),
     "segment": (lambda image: cvtimg.segment(image, 4).labels, alike),
     "superpixels": (lambda image: cvtimg.superpixels(image, 40).labels, alike),
     "segment_hierarchy": (lambda image: cvtimg.segment_hierarchy(image).cut(), alike),

@@ -32,8 +32,8 @@ def deep(rng: np.random.Generator) -> NDArray[np.uint16]:
 
 
 def measured(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return seven bands of floating point, some below 0."""
-    sides = rng.integers(1, 40, 2)
+    """Return seven bands of floating point, some below 0; one row could be bands to a .npy file, and is refused."""
+    sides = rng.integers(2, 40, 2)
     return rng.normal(0, 1e3, (*sides, 7)).astype(np.float32)
 
 

@@ -24,7 +24,7 @@ from cvtimg.segmentation.hierarchy.large_images import enlarged, reduced, reduct
 from cvtimg.segmentation.hierarchy.leaves import Leaves, find_leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy, altitudes_between
-from cvtimg.segmentation.values import PictureValues, picture_values
+from cvtimg.segmentation.values import PictureValues, in_whole_numbers, picture_values
 
 _MOST_LEAVES = 1 << 16
 #: Parts of the time until leaves are sought, and until those of the whole image are found.
@@ -84,6 +84,8 @@ def segment_hierarchy(
         array = np.ascontiguousarray(array[..., :-1])  # as an alpha that is opaque, though none is declared
     if array.shape[2] not in (1, 3):
         space = "rgb"
+    white = peak(array.dtype)
+    array = in_whole_numbers(array, inside)  # means of rounded values would depend on the type
     factor = reduction(inside.size)
     seen, seen_inside = reduced(array, inside, factor) if factor > 1 else (array, inside)
     values = picture_values(seen, space, seen_inside)
@@ -96,7 +98,7 @@ def segment_hierarchy(
             leaves = aligned(leaves, find_leaves(half, find_channels(half), max(n_leaves // 2, 1)))
     if factor > 1:
         leaves = enlarged(leaves, array, inside, factor)
-    return _measured(leaves, values, peak(array.dtype) / peak(values.dtype))
+    return _measured(leaves, values, white / peak(values.dtype))
 
 
 def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
