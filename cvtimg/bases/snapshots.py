@@ -45,7 +45,7 @@ class Snapshots:
             yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)
 
 
-def _checked(rows: Any, start: int, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Array:
+def _checked(rows: object, start: int, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> Array:
     block = np.asarray(rows, dtype).reshape(shape)
     finite = np.isfinite(block).all(axis=1)
     first = f"be finite: number {start + int(np.argmin(finite))} contains NaN or infinity"

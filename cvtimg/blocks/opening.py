@@ -178,7 +178,7 @@ def _type_of(place: str, schema: Any, name: str) -> np.dtype[Any]:
     return np.dtype(kind.to_pandas_dtype())
 
 
-def _is_number(kind: Any) -> bool:
+def _is_number(kind: object) -> bool:
     from pyarrow import types
 
     return bool(types.is_integer(kind) or types.is_floating(kind))

@@ -123,7 +123,7 @@ def _mapped(rows: Array, *, function: Callable[[Array], Array], empty: Array, bl
         raise BlockError(number, one_line(error)) from error
 
 
-def _on_rows(number: int, rows: Any, weights: Any, common: tuple[Any, ...]) -> Any:
+def _on_rows(number: int, rows: object, weights: object, common: tuple[Any, ...]) -> Any:
     """Work on rows of the promised length and width, in one thread: Dask works on several blocks at a time."""
     work, promised, n_dims, shared = common
     try:

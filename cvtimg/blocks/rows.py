@@ -71,7 +71,7 @@ def is_blocked(samples: object) -> bool:
     return isinstance(samples, Blocks) or type(samples).__module__.partition(".")[0] in ("dask", "zarr")
 
 
-def as_blocks(samples: object, weights: Any = None, *, weights_name: str = "density") -> Blocks:
+def as_blocks(samples: object, weights: object = None, *, weights_name: str = "density") -> Blocks:
     """Return samples of any kind in blocks.
 
     Parameters

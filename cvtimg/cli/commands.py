@@ -70,7 +70,7 @@ class _Command(TyperCommand):
         given.command = f"{ctx.command_path} {shlex.join(ctx.meta['words'])}"
         return self.function(given)
 
-    def get_help(self, ctx: Any) -> str:
+    def get_help(self, ctx: object) -> str:
         return help_of(str(self.name))
 
 
@@ -107,10 +107,10 @@ def _made(verb: str) -> Any:
 class _Commands(TyperGroup):
     """Imports a command when it is needed."""
 
-    def list_commands(self, ctx: Any) -> list[str]:
+    def list_commands(self, ctx: object) -> list[str]:
         return list(COMMANDS)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: object, cmd_name: str) -> Any:
         if cmd_name in COMMANDS and cmd_name not in self.commands:
             self.commands[cmd_name] = _made(cmd_name)
         return self.commands.get(cmd_name)
@@ -121,7 +121,7 @@ class _Commands(TyperGroup):
             ctx.fail(f"No such command {args[0]!r}" + "".join(f"; did you mean {name}?" for name in near))
         return super().resolve_command(ctx, args)
 
-    def get_help(self, ctx: Any) -> str:
+    def get_help(self, ctx: object) -> str:
         return overview()
 
 

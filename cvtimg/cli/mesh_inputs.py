@@ -40,7 +40,7 @@ def read_region(path: Path, name_by: str) -> Any:
         raise ValueError(f"is not a {suffix} file of polygons: {error}") from error
 
 
-def _parts(shape: Any, name_by: str) -> Any:
+def _parts(shape: object, name_by: str) -> Any:
     """Return GeoJSON as it is, or, if all features have names, a dict of these and of polygons."""
     from cvtimg.placement import PolygonRegion
 

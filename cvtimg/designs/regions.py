@@ -22,7 +22,7 @@ _ENOUGH = 0.1
 class Region:
     """The part of the unit cube where points may lie, and how densely."""
 
-    def __init__(self, axes: list[Factor], feasible: Any, density: Any) -> None:
+    def __init__(self, axes: list[Factor], feasible: object, density: object) -> None:
         self.axes = axes
         self._feasible, self._density = feasible, density
         limits = {"density": density, "feasible": feasible}

@@ -53,7 +53,7 @@ def as_python(lines: Sequence[Line], last: Code) -> str:
     return "\n".join([*imports, "", *written])
 
 
-def literal(value: Any) -> str:
+def literal(value: object) -> str:
     """Write a value in Python."""
     if isinstance(value, str):
         return value if isinstance(value, Code) else json.dumps(value, ensure_ascii=False)

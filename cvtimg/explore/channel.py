@@ -69,7 +69,7 @@ class Work(Generic[T]):
         if self._ended:
             raise OvertakenError
 
-    def _report(self, tell: Callable[[Any], None], what: Any) -> None:
+    def _report(self, tell: Callable[[Any], None], what: object) -> None:
         def first() -> None:
             if not self.result.done():
                 tell(what)

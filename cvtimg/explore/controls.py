@@ -29,7 +29,7 @@ class UnfitRequestError(Exception):
     """A request that cannot be answered; the message tells the person why."""
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """Whether a value that the page sent is a finite number."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -57,14 +57,14 @@ class Control:
     about: str = ""  # Explanation shown below the control
     only: str = ""  # "images" or "animations" where it is shown for these alone
 
-    def parse(self, value: Any) -> Any:
+    def parse(self, value: object) -> Any:
         raise NotImplementedError
 
-    def says(self, value: Any) -> bool:
+    def says(self, value: object) -> bool:
         """Whether commands and calls must say a value."""
         return self.always or bool(value != self.default)
 
-    def words(self, value: Any) -> list[str]:
+    def words(self, value: object) -> list[str]:
         """Return the words of the command line for a value; the option is repeated for each of several."""
         if not self.flag or not self.says(value):
             return []
@@ -72,7 +72,7 @@ class Control:
             word for item in (value if isinstance(value, tuple) else [value]) for word in (self.flag, self.text(item))
         ]
 
-    def text(self, value: Any) -> str:
+    def text(self, value: object) -> str:
         return str(value)
 
     def described(self) -> Json:
@@ -81,7 +81,7 @@ class Control:
         }
         return {"kind": self.kind or type(self).__name__.lower(), **told}
 
-    def refuse(self, value: Any, allowed: str) -> UnfitRequestError:
+    def refuse(self, value: object, allowed: str) -> UnfitRequestError:
         return UnfitRequestError(f"{self.label}: {str(value)[:40]!r} must be {allowed}")
 
 
@@ -118,7 +118,7 @@ class Choice(Control):
 
     choices: Mapping[str, str]
 
-    def parse(self, value: Any) -> Any:
+    def parse(self, value: object) -> Any:
         if not isinstance(value, str) or value not in self.choices:
             raise self.refuse(value, f"one of {', '.join(self.choices)}")
         return value
@@ -133,12 +133,12 @@ class Switch(Control):
 
     default: bool = False
 
-    def parse(self, value: Any) -> bool:
+    def parse(self, value: object) -> bool:
         if not isinstance(value, bool):
             raise self.refuse(value, "true or false")
         return value
 
-    def words(self, value: Any) -> list[str]:
+    def words(self, value: object) -> list[str]:
         return [self.flag] if self.flag and value != self.default else []
 
 
@@ -149,12 +149,12 @@ class Several(Control):
     default: tuple[Any, ...] = ()
     most: int = 64
 
-    def parse(self, value: Any) -> tuple[Any, ...]:
+    def parse(self, value: object) -> tuple[Any, ...]:
         if not isinstance(value, list) or len(value) > self.most:
             raise self.refuse(value, f"a list of at most {self.most} {self.label.lower()}")
         return tuple(map(self.parse_one, value))
 
-    def parse_one(self, value: Any) -> Any:
+    def parse_one(self, value: object) -> Any:
         if not isinstance(value, str) or len(value) > 64:
             raise self.refuse(value, "a short text")
         return value
@@ -166,7 +166,7 @@ class Swatches(Several):
 
     most: int = 256
 
-    def parse_one(self, value: Any) -> str:
+    def parse_one(self, value: object) -> str:
         if not isinstance(value, str) or not re.fullmatch("#[0-9a-fA-F]{6}", value):
             raise self.refuse(value, "a color as #rrggbb")
         return value.lower()
@@ -178,7 +178,7 @@ class Colors(Swatches):
 
     most: int = 64
 
-    def parse(self, value: Any) -> tuple[Any, ...]:
+    def parse(self, value: object) -> tuple[Any, ...]:
         return tuple(dict.fromkeys(Swatches.parse(self, value)))
 
 
@@ -188,7 +188,7 @@ class Entry(Control):
 
     most: int = 80
 
-    def parse(self, value: Any) -> str:
+    def parse(self, value: object) -> str:
         if not isinstance(value, str) or not value.strip() or len(value) > self.most or not value.isprintable():
             raise self.refuse(value, f"a text of 1..{self.most} letters")
         return value.strip()
@@ -202,7 +202,7 @@ class Table(Several):
     columns: tuple[Number | Entry, ...]
     adds: str = "Add"  # What the button that adds a row says
 
-    def parse_one(self, value: Any) -> tuple[Any, ...]:
+    def parse_one(self, value: object) -> tuple[Any, ...]:
         if not isinstance(value, list) or len(value) != len(self.columns):
             raise self.refuse("rows", f"lists of {len(self.columns)} values each")
         return tuple(column.parse(cell) for column, cell in zip(self.columns, value, strict=True))
@@ -246,7 +246,7 @@ class Brushed(Edits):
     pattern: str  # Name of its file, with ``{}`` for the name of the picture without suffix
     check: Callable[[str], Any] = Edit.parse
 
-    def words(self, value: Any) -> list[str]:
+    def words(self, value: object) -> list[str]:
         """Return nothing: the name of the file is known elsewhere."""
         return []
 
@@ -272,7 +272,7 @@ class Switches(Choice):
     kind = "choice"
     none: str  # The choice that is no switch
 
-    def words(self, value: Any) -> list[str]:
+    def words(self, value: object) -> list[str]:
         return [] if value == self.none else [f"--{value}"]
 
 
@@ -331,7 +331,7 @@ def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]
     return when
 
 
-def parse_settings(controls: Iterable[Control], given: Any) -> Settings:
+def parse_settings(controls: Iterable[Control], given: object) -> Settings:
     """Check settings that the page sent: all controls get a value."""
     if not isinstance(given, dict):
         raise UnfitRequestError("settings must be an object")

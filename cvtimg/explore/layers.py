@@ -8,7 +8,7 @@ import struct
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class Window(NamedTuple):
     step: int
 
     @classmethod
-    def of(cls, view: Any, size: tuple[int, int], most: int) -> Window:
+    def of(cls, view: object, size: tuple[int, int], most: int) -> Window:
         """Return the window for what a page sees of a picture of (height, width), with at most `most` pixels.
 
         `view` is [left, top, right, bottom] in pixels; None for all. Parts of the picture beside it are included as

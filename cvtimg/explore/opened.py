@@ -185,7 +185,7 @@ class Picture:
             raise UnfitRequestError("nothing to see here: all pixels of this part are left out")
         return color_samples(window.of_array(self.plain), alpha=self.has_alpha, mask=mask)
 
-    def kept(self, key: Any, make: Callable[[], Any]) -> Any:
+    def kept(self, key: object, make: Callable[[], Any]) -> Any:
         """Return something made before, or make it; only the last few are kept."""
         with self._lock:
             if key in self._kept:

@@ -106,7 +106,7 @@ class HuangMetric:
     200
     """
 
-    def __init__(self, hessian: MatrixFunction, region: Any) -> None:
+    def __init__(self, hessian: MatrixFunction, region: object) -> None:
         self._hessian = hessian
         absolute = self._absolute(as_region(region).draw(_SAMPLES))
         largest = float(np.abs(absolute).max())
@@ -201,7 +201,7 @@ def _checked(metric: MatrixFunction, outline: Outline) -> Callable[[Points], Poi
     return values_at
 
 
-def _matrices(name: str, given: Any, n: int) -> tuple[Points, Points]:
+def _matrices(name: str, given: object, n: int) -> tuple[Points, Points]:
     """Return n matrices (N, 2, 2), and their entries (N, 3): xx, xy and yy."""
     matrices = np.asarray(given, np.float64)
     check_shape(name, matrices.shape, matrices.shape == (n, 2, 2), f"({n}, 2, 2)")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,7 +82,7 @@ _SHORTEST = 1.0
 
 @hints_at_keywords
 def mesh_region(
-    region: Any,
+    region: object,
     *,
     n: int | None = None,
     edge_length: float | None = None,

@@ -7,7 +7,6 @@ doi 10.3133/pp1395: Lambert's azimuthal equal-area projection of a sphere.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class LocalProjection:
     lat: float
 
     @classmethod
-    def about(cls, polygons: Any) -> LocalProjection:
+    def about(cls, polygons: object) -> LocalProjection:
         """Return that about the middle of polygons of shapely, which may be cut by the date line."""
         lon, lat = np.radians(shapely.get_coordinates(shapely.segmentize(polygons, _LONGEST))).T
         x, y, z = (float(part.mean()) for part in (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)))
@@ -77,7 +76,7 @@ class LocalProjection:
         lon = np.arctan2(x, cosine * np.cos(angle) - y * sine)
         return np.stack([self.lon + np.degrees(lon), np.degrees(lat)], axis=1)
 
-    def region(self, polygons: Any) -> PolygonRegion:
+    def region(self, polygons: object) -> PolygonRegion:
         """Project polygons of shapely; those cut by the date line are joined."""
         parts = shapely.get_parts(shapely.segmentize(polygons, _LONGEST))
         return PolygonRegion(shapely.union_all(shapely.transform(parts, self.to_km), grid_size=_TOGETHER))

@@ -75,7 +75,7 @@ class Network:
     edges: Indices  # (E, 2)
 
     @classmethod
-    def of(cls, parts: Any) -> Network:
+    def of(cls, parts: object) -> Network:
         """Take the boundaries of polygons."""
         places, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(parts)), return_index=True)
         points, number = np.unique(places, axis=0, return_inverse=True)

@@ -21,7 +21,7 @@ def _radius(text: Any) -> float:
         raise ValueError(f"{error}, or {', '.join(_RADII)}") from None
 
 
-def _name(text: Any) -> tuple[str, list[float]]:
+def _name(text: object) -> tuple[str, list[float]]:
     """Return a name and what it is for: the number of a label, or the four of a box."""
     name, _, numbers = str(text).partition("=")
     try:

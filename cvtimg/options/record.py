@@ -88,7 +88,7 @@ class Choice(NamedTuple):
 class Switch:
     """On or off."""
 
-    def parse(self, value: Any) -> bool:
+    def parse(self, value: object) -> bool:
         """Return whether it is on."""
         return bool(value)
 
@@ -213,7 +213,7 @@ class Option(NamedTuple):
             raise ValueError("an empty text is no value; the current folder is '.'")
         return [self.kind.parse(item) for item in given] if self.many else self.kind.parse(given)
 
-    def is_given(self, value: Any) -> bool:
+    def is_given(self, value: object) -> bool:
         """Whether a value differs from the default."""
         return value is not None and value != [] and value != self.parse(None)
 

@@ -44,7 +44,7 @@ _NOT_0 = "not be 0 everywhere in the region"
 
 @hints_at_keywords
 def place_generators(
-    region: Any,
+    region: object,
     n_generators: int,
     *,
     density: DensityLike = None,

@@ -48,7 +48,7 @@ class PolygonRegion(Region):
 
     geometry: Geometry
 
-    def __init__(self, shape: Any) -> None:
+    def __init__(self, shape: object) -> None:
         geometry = shape if isinstance(shape, shapely.Geometry) else _as_geometry(shape)
         # A ring that crosses itself may have no area, and not be flat.
         is_flat = geometry.area == 0 and shapely.get_dimensions(geometry.convex_hull) < 2
@@ -316,7 +316,7 @@ def _as_mask(image: Array) -> NDArray[np.bool_]:
     return np.asarray(plain != 0)
 
 
-def as_region(region: Any) -> Region:
+def as_region(region: object) -> Region:
     """Make a region of what stands for one.
 
     Parameters

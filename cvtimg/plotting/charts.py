@@ -255,7 +255,7 @@ def draw_mesh(
 
 
 def add_polygons(
-    figure: Figure, axes: Axes, outlines: Sequence[Any], *, thickest: float = 0.6, shares: Any = 1.0, **look: Any
+    figure: Figure, axes: Axes, outlines: Sequence[Any], *, thickest: float = 0.6, shares: object = 1.0, **look: Any
 ) -> PolyCollection:
     """Add polygons with edges of a twentieth of their size, but at most so thick, in points, and in shares of that."""
     from matplotlib.collections import PolyCollection

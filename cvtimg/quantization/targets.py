@@ -29,7 +29,7 @@ class Ladder(Generic[R]):
     growth: float  # of the figure where the place grows by 1, roughly; two trials replace it
     place: Callable[[Any], float] = math.log2  # of a rung on the line
 
-    def climb(self, target: float, first: Any) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
+    def climb(self, target: float, first: object) -> tuple[tuple[Any, R] | None, tuple[Any, R] | None]:
         """Return the highest rung below a target and the lowest that reaches it, with their results.
 
         They are neighbors, and one of them is missing at the ends.
@@ -49,7 +49,7 @@ class Ladder(Generic[R]):
         tell(1)
         return found.get(False), found.get(True)
 
-    def _at(self, rung: Any) -> int:
+    def _at(self, rung: object) -> int:
         return bisect_left(self.rungs, self.place(rung), key=self.place)
 
     def _next(self, trials: list[tuple[float, float]], target: float, below: int, reaching: int) -> int:

@@ -272,7 +272,7 @@ def _scale(apart: Floats32) -> float:
     return max(1.4826 * float(np.median(size)), 1e-6 * float(size.max()), 1e-30)
 
 
-def _mapped(transform: Floats, x: Any, y: Any) -> tuple[Any, Any]:
+def _mapped(transform: Floats, x: object, y: object) -> tuple[Any, Any]:
     """Apply a transform to places."""
     (a, b, c), (d, e, f), (g, h, i) = transform
     scale = g * x + h * y + i

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,7 +112,7 @@ def edit_labels(
     return numbered(edited)
 
 
-def brush(image: Array, points: Sequence[tuple[int, int]], radius: float, value: Any) -> None:
+def brush(image: Array, points: Sequence[tuple[int, int]], radius: float, value: object) -> None:
     """Set the pixels of an (H, W) array whose centers are within a radius of lines from point to point (x, y)."""
     height, width = image.shape
     for (x0, y0), (x1, y1) in zip(points, [*points[1:], points[-1]], strict=True):

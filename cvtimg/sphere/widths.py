@@ -200,7 +200,7 @@ def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
     return lambda points: picture(points).astype(np.float64)
 
 
-def _checked_widths(values: Any, points: Points) -> NDArray[np.float64]:
+def _checked_widths(values: object, points: Points) -> NDArray[np.float64]:
     widths = np.asarray(values, np.float64)
     check_returned("width", widths, len(points))
     wrong = ~((widths > 0) & (widths < np.inf))

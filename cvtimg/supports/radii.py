@@ -99,7 +99,7 @@ class Supports(ReadOnly):
 
 
 @hints_at_keywords
-def support_radii(points: ArrayLike, region: Any, cover: int = 1, *, tighten: bool = True) -> Supports:
+def support_radii(points: ArrayLike, region: object, cover: int = 1, *, tighten: bool = True) -> Supports:
     """Find radii of balls around points that cover each place of a region `cover` times, and of which few meet.
 
     Parameters

@@ -26,7 +26,7 @@ SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
 _WELD = 1e-6
 
 
-def as_surface(surface: Any, weld: float | None = None) -> Surface:
+def as_surface(surface: object, weld: float | None = None) -> Surface:
     """Make a surface of what stands for one.
 
     Parameters

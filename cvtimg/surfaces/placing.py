@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,7 +58,7 @@ EFFORTS: dict[str, SurfaceEffort] = {
 
 @hints_at_keywords
 def surface_points(
-    surface: Any,
+    surface: object,
     n: int,
     *,
     density: float | Callable[[Points], ArrayLike] | None = None,

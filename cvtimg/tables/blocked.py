@@ -62,7 +62,7 @@ def write_block_labels(path: StrPath, labels: Any, blocks: Blocks, *, overwrite:
     return n_rows
 
 
-def _parts(labels: Any, kept: Any) -> Iterator[NDArray[np.int32]]:
+def _parts(labels: object, kept: object) -> Iterator[NDArray[np.int32]]:
     if kept is None:
         yield from (part for (part,) in blocks_of(labels))
         return

@@ -113,7 +113,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         init: InitName | ArrayLike = "split",
         effort: EffortName = "balanced",
         checkpoint: StrPath | None = None,
-        random_state: Any = 0,
+        random_state: object = 0,
     ) -> None:
         self.n_clusters = n_clusters
         self.method = method
@@ -229,7 +229,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         warn_if_rounded("X", samples)
         return validate_data(self, samples, reset=reset, dtype=[np.float64, np.float32], order="C")
 
-    def _blocks(self, samples: object, sample_weight: Any = None) -> Blocks:
+    def _blocks(self, samples: object, sample_weight: object = None) -> Blocks:
         """Return samples in blocks that have as many columns as those of `fit`."""
         blocks = as_blocks(samples, sample_weight, weights_name="sample_weight")
         fits = blocks.n_dims == self.n_features_in_

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,7 +221,7 @@ def write_label_parts(
                 file.write("\n".join(chain(lines, [""])).encode())
 
 
-def _write_parquet(file: Any, parts: Iterable[NDArray[np.int32]]) -> None:
+def _write_parquet(file: object, parts: Iterable[NDArray[np.int32]]) -> None:
     pyarrow = optional("pyarrow", "parquet", "labels in .parquet need")
     from pyarrow import parquet
 

@@ -145,7 +145,7 @@ def read_json(content: bytes) -> NDArray[np.uint8]:
     return as_palette(_json_color(entry) for entry in entries)
 
 
-def _json_color(entry: Any) -> tuple[int, ...]:
+def _json_color(entry: object) -> tuple[int, ...]:
     if isinstance(entry, dict):
         entry = (
             entry["hex"] if "hex" in entry else [*entry.get("rgb", ()), *([entry["alpha"]] if "alpha" in entry else [])]

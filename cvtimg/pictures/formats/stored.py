@@ -122,7 +122,7 @@ def place_of(given: str | int, length: int, names: tuple[str, ...], noun: str) -
     raise UnfitContentError(f"has {length} {noun}{'s' * (length > 1)}{known}, and no {noun} {given}")
 
 
-def is_stored(path: Any) -> TypeGuard[StrPath]:
+def is_stored(path: object) -> TypeGuard[StrPath]:
     """Whether a path is a stack that `open_stored` opens."""
     return is_ngff(path) or _is_of_microscope(path) or _is_array(path)
 
@@ -180,7 +180,7 @@ def _open_ngff(path: StrPath) -> StoredStack:
     return StoredStack(array, letters, names, pixel_size, "OME-Zarr")
 
 
-def _is_of_microscope(path: Any) -> TypeGuard[StrPath]:
+def _is_of_microscope(path: object) -> TypeGuard[StrPath]:
     return isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in MICROSCOPE_SUFFIXES
 
 

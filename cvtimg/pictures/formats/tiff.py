@@ -360,5 +360,5 @@ def _numbers(value: Any) -> tuple[int, ...]:
     return tuple(int(one) for one in value) if isinstance(value, tuple) else (int(value),)
 
 
-def _first(value: Any) -> int:
+def _first(value: object) -> int:
     return _numbers(value)[0]

@@ -65,7 +65,7 @@ def write_netcdf(
         _describe(content, attributes)
 
 
-def _describe(described: Any, attributes: Options) -> None:
+def _describe(described: object, attributes: Options) -> None:
     """Set attributes; floating point numbers in double precision, as other programs read them."""
     for key, value in attributes.items():
         setattr(described, key, np.float64(value) if isinstance(value, float) else value)
