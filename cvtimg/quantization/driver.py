@@ -78,11 +78,11 @@ class _Aiming(NamedTuple):
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
     close: float = 0.5
-    near: float = 2.0  # to the quality with few matches is near enough to go on with all
-    far: float = 3.0  # from the quality are the same colors enough, at another price or diffusion
-    aside: float = 0.5  # of the quality are other numbers of colors tried: above a given one, that prices then lower
+    near: float = 1.5  # to the quality with few matches is near enough to go on with all
+    far: float = 6.0  # above the quality are the same colors enough, at another price or diffusion
+    aside: float = 1.5  # above the quality are other numbers of colors tried, that prices then lower
     dearer: float = 2.0  # times the highest price, by which the quality of a number of colors is lowered
-    n_trials: int = 5  # with one of few matches
+    n_trials: int = 4  # with one of few matches
     n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
     # The quality without a target, at which images look the same, or by so much less than the best that can be had.
@@ -428,11 +428,14 @@ class _Search:
 
     def _after(self, rung: _Rung, quality: float, wanted: float) -> _Rung | None:
         """Return the rung to try next, if one is left."""
-        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors.
-        after, aside = [], _AIMING.aside if self._given else -_AIMING.aside
-        if wanted - _AIMING.far <= quality <= wanted + (_AIMING.far if self._given else _AIMING.near):
-            after.append(self._toward(self._finely(rung[0]), wanted))
+        # Figures jump among palettes of other numbers: what is near is reached by the same number of colors. Dearer
+        # bits lower it by some points; cheaper ones hardly raise it, where colors are few.
+        after, finely = [], self._finely(rung[0])
+        misses = [self._result(one) - wanted for one in finely if one in self._found]
+        if min(misses) < 0 < max(misses) or -_AIMING.near <= quality - wanted <= _AIMING.far:
+            after.append(self._toward(finely, wanted))
         other = self._toward(self._rungs, wanted)
+        aside = _AIMING.aside if self._given else -_AIMING.close
         after.append(other if other[0] == self._palettes.most else self._toward(self._rungs, wanted + aside))
         return next((one for one in after if one not in self._found), None)
 
@@ -474,10 +477,10 @@ class _Search:
         return rungs[min(bisect_left(rungs, place, key=self._palettes.expected), len(rungs) - 1)]
 
     def _toward(self, rungs: list[_Rung], wanted: float) -> _Rung:
-        """Return the rung where the qualities that were seen, those of one number of colors if so, come to another."""
+        """Return the rung where the qualities that were seen, of these rungs if so, come to another."""
         tried = {rung: quality + self._above for rung, quality in self._tried.items()}
         seen = {**tried, **{rung: float(result.content_quality) for rung, result in self._found.items()}}
-        alike = {rung: seen[rung] for rung in seen if rung[0] == rungs[0][0] == rungs[-1][0]}
+        alike = {rung: seen[rung] for rung in rungs if rung in seen}
         places = {self._palettes.expected(rung): quality for rung, quality in (alike or seen).items()}
         at = rungs.index(self._at(rungs, toward(wanted, places)))
         return rungs[at - (at > 0 and seen.get(rungs[at], 0) > wanted)]
