@@ -96,9 +96,9 @@ _AIMING = _Aiming()
 _Rung: TypeAlias = tuple[int, float, float]  # a number of colors, a price of bits, and a strength of diffusion
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class QuantizeOptions:
-    """What is wanted of images in few colors, whatever holds them.
+    """What is wanted of images in few colors, whatever holds them: by name, but for the number of colors.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class QuantizeOptions:
         The format whose bytes count; `quantize_file` takes that of its target.
     """
 
-    n_colors: int | Literal["auto"] | None = None
+    n_colors: int | Literal["auto"] | None = field(default=None, kw_only=False)
     psnr: float | None = None
     max_bytes: int | None = None
     palette: ArrayLike | None = None

@@ -147,8 +147,8 @@ def quantize(
     """
     check_keywords(quantize, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, max_bytes, palette, locked, color_bits, ramp, space, dither, dither_strength, goal, quality,
-        engine=engine,
+        n_colors, psnr=psnr, max_bytes=max_bytes, palette=palette, locked=locked, color_bits=color_bits, ramp=ramp,
+        space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, engine=engine,
     ).aimed()  # fmt: skip
     how.check(weights=weights)
     result: Quantized = quantized(PictureSource(image, alpha, mask, weights), how)

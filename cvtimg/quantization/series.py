@@ -219,8 +219,9 @@ def quantize_frames(
     """
     check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
     how = QuantizeOptions(
-        n_colors, psnr, max_bytes, palette, locked, color_bits, ramp, space, dither, dither_strength, goal, quality,
-        per_frame, engine, ".gif",
+        n_colors, psnr=psnr, max_bytes=max_bytes, palette=palette, locked=locked, color_bits=color_bits, ramp=ramp,
+        space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, per_frame=per_frame,
+        engine=engine, suffix=".gif",
     ).aimed()  # fmt: skip
     how.check()
     source = SeriesSource(frames, how, alpha, masks)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass
+from inspect import signature
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,16 @@ BEHIND = {
     "basis": ("cvtimg.reduced_basis", "rows.npy -n 2 -o out.npz"),
     "restore": ("cvtimg.restore cvtimg.denoise", "in.png -o out.png"),
 }
+#: Where the defaults of other commands are, and those of records; the last that has an argument is right.
+USUAL = {verb: names for verb, (names, _) in BEHIND.items()} | {
+    "quantize": "cvtimg.tessellate cvtimg.quantization.Writing cvtimg.quantization.Reading cvtimg.quantize_frames",
+    "segment": "cvtimg.tessellate cvtimg.superpixels cvtimg.segment_hierarchy cvtimg.segment",
+    "restore": "cvtimg.denoise cvtimg.restore",
+    **{"palette": "cvtimg.find_palette", "mesh": "cvtimg.mesh_region", "surface": "cvtimg.surface_points"},
+    **{"sphere": "cvtimg.sphere_grid", "design": "cvtimg.design"},
+}
+#: Choices that the command makes by other options.
+CHOSEN = {("restore", "effort"), ("design", "latin")}
 #: What some options need before they can be given, and values of those that are texts.
 WITH = {
     "dither_strength": "-k 3 --dither blue-noise",
@@ -54,6 +66,17 @@ def known() -> list[tuple[str, Option]]:
     kinds = (Choice, Whole, Real, Pair, Switch)
     behind = ((verb, one) for verb in BEHIND for one in options_of(verb))
     return [(verb, one) for verb, one in behind if one.keyword and isinstance(one.kind, kinds)]
+
+
+@pytest.mark.parametrize("verb", USUAL)
+def test_an_option_that_is_not_given_is_what_the_function_does_by_itself(verb: str) -> None:
+    usual: dict[str, Any] = {}
+    for name in USUAL[verb].split():
+        usual |= {name: one.default for name, one in signature(resolve_name(name)).parameters.items()}
+    for option in options_of(verb):
+        value = option.parse(None)
+        if option.keyword and value is not None and (verb, option.name) not in CHOSEN:
+            assert (option.to(value) if option.to else value) == usual[option.keyword], option.name
 
 
 @pytest.mark.parametrize(("verb", "option"), known(), ids=lambda one: getattr(one, "name", one))

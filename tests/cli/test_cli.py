@@ -110,17 +110,6 @@ def test_json_has_the_keys_that_are_documented_in_order(run: Run, here: Path) ->
     assert row["n_iter"] > 0
 
 
-def test_names_of_outputs(run: Run, here: Path) -> None:
-    before = set(listing(here))
-    assert run("quantize", "pictures/rgb.png", "-k", "4").status == 0
-    assert run("quantize", "pictures/rgb.png", "pictures/grey.png", "-k", "4", "--out-dir", "a/b").status == 0
-    assert run("quantize", "pictures/rgb.png", "-k", "4", "--out-dir", "a").status == 0
-    assert set(listing(here)) - before == {
-        "pictures/rgb-quantized.png",
-        *("a", "a/b", "a/b/rgb.png", "a/b/grey.png", "a/rgb.png"),
-    }
-
-
 def test_a_second_run_does_not_take_the_output_of_the_first_for_input(run: Run, here: Path) -> None:
     arguments = ["quantize", "pictures", "-k", "4", "--out-dir", "pictures/out", "--overwrite", "--json"]
     first, second = run(*arguments), run(*arguments)
