@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 
 _Name = TypeVar("_Name", bound=str)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -215,14 +215,14 @@ def warn_if_rounded(name: str, array: Any) -> None:
             warn(f"{name} has integers up to {largest}, which are rounded beyond 2**53: subtract the least one first")
 
 
-def check_density(density: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
+def check_density(density: ArrayLike | None, n_samples: int) -> Floats:
     """Return the weights of `n_samples` samples: finite, >= 0 and not all 0; ones by default."""
     if density is None:
         return np.ones(n_samples)
     return check_weights("density", density, (n_samples,), "sample")
 
 
-def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> NDArray[np.float64]:
+def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str = "pixel") -> Floats:
     """Return weights, one for each pixel of an image of this shape: finite, >= 0 and not all 0."""
     array = np.asarray(weights, dtype=np.float64)
     check_shape(name, array.shape, array.shape == shape, f"{shape}, one weight for each {of}")
@@ -231,7 +231,7 @@ def check_weights(name: str, weights: ArrayLike, shape: tuple[int, ...], of: str
     return array
 
 
-def check_places(name: str, places: ArrayLike, n_dims: int | None = None) -> NDArray[np.float64]:
+def check_places(name: str, places: ArrayLike, n_dims: int | None = None) -> Floats:
     """Return `places` as a finite, C-contiguous (N, D) float64 array, N >= 1."""
     array = np.asarray(places)
     is_table = array.ndim == 2 and array.size > 0 and n_dims in (None, array.shape[1])
@@ -242,7 +242,7 @@ def check_places(name: str, places: ArrayLike, n_dims: int | None = None) -> NDA
     return array
 
 
-def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> NDArray[np.float64]:
+def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> Floats:
     """Return locked generators as a finite (L, D) array, L < `n_generators`; none by default."""
     if locked is None:
         return np.empty((0, n_dims))
@@ -251,7 +251,7 @@ def check_locked(locked: ArrayLike | None, n_generators: int, n_dims: int) -> ND
     return array
 
 
-def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims: int) -> NDArray[np.float64]:
+def check_generators(name: str, generators: ArrayLike, n_generators: int, n_dims: int) -> Floats:
     """Return `generators` as a finite (n_generators, n_dims) array."""
     array = np.asarray(generators, dtype=np.float64)
     shape = (n_generators, n_dims)
@@ -287,7 +287,7 @@ def check_image(name: str, image: object) -> Array:
     return as_samples(name, array)
 
 
-def check_pixels(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, NDArray[np.bool_] | None]:
+def check_pixels(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, Bools | None]:
     """Return an image of any integer or floating type, in native byte order, and the (H, W) pixels that count.
 
     These are the pixels in the mask that are finite and not masked, at least one; None stands for all. The others have
@@ -322,7 +322,7 @@ def _check_image_form(name: str, array: Array) -> None:
     check_shape(name, array.shape, fits, "(H, W) or (H, W, C), none of them 0")
 
 
-def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> Bools | None:
     """Return the (H, W) pixels that count, at least one; None for all."""
     if mask is not None:
         shape = array.shape[:2]
@@ -355,7 +355,7 @@ def check_labeled_image(name: str, image: object, labels: NDArray[np.int32]) -> 
     return check_image(name, array).reshape(*labels.shape, -1)
 
 
-def check_partial_image(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, NDArray[np.bool_]]:
+def check_partial_image(name: str, image: object, mask: ArrayLike | None) -> tuple[Array, Bools]:
     """Return `image` as an (H, W, C) array of samples, and the (H, W) pixels in the mask that are finite.
 
     Pixels that are masked in any band of a masked array are outside, and so are the transparent ones of an image that
@@ -385,7 +385,7 @@ def _may_be_alpha(band: Array) -> bool:
     return min(opaque, clear) > 0 and opaque + clear > band.size / 2
 
 
-def check_picture_density(name: str, density: ArrayLike) -> NDArray[np.float32]:
+def check_picture_density(name: str, density: ArrayLike) -> Floats32:
     """Return the density of an image as an (H, W) float32 array: finite, >= 0 and not all 0."""
     array = array_of(density)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
@@ -425,7 +425,7 @@ def check_triangles(name: str, triangles: ArrayLike, n_points: int) -> NDArray[n
     return corners.astype(np.int32, copy=False)
 
 
-def check_have_area(name: str, areas: NDArray[np.float64]) -> None:
+def check_have_area(name: str, areas: Floats) -> None:
     """Refuse triangles without area; the areas (T,) may have a sign."""
     flat = np.flatnonzero(areas == 0)
     check_that(f"{name}[{flat[0] if len(flat) else 0}]", not len(flat), "have an area > 0")

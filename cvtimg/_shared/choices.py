@@ -1,11 +1,12 @@
-"""Names of choices, for type checkers and for the command line, which must not import NumPy to print help.
+"""Names of choices and what goes by names, for type checkers and the command line, whose help must not import NumPy.
 
 What the names stand for is in the registries; a test compares them.
 """
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Any, Literal, TypeAlias
 
 EffortName: TypeAlias = Literal["fast", "balanced", "best"]
 AutoEffortName: TypeAlias = Literal["auto", "fast", "balanced", "best"]
@@ -16,3 +17,9 @@ DitherName: TypeAlias = Literal["floyd-steinberg", "edge-aware", "blue-noise", "
 NoiseName: TypeAlias = Literal["auto", "white"]
 AlignName: TypeAlias = Literal["auto", "translation", "euclidean", "affine", "homography"]
 GoalName: TypeAlias = Literal["error", "eyes"]
+#: Keyword arguments by their names.
+Options: TypeAlias = Mapping[str, Any]
+#: A row of a table: values by the names of columns, as `summary` of results returns them.
+Row: TypeAlias = dict[str, Any]
+#: An object of JSON.
+Json: TypeAlias = dict[str, Any]

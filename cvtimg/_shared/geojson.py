@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from types import MappingProxyType
 from typing import Any
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 
 _Place = list[float]
 

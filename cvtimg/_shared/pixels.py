@@ -6,9 +6,9 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools
 
 #: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
@@ -63,7 +63,7 @@ def with_mark(image: Array, alpha: bool) -> Array:
     return image.view(AlphaArray if alpha else np.ndarray)
 
 
-def pixels_inside(array: Array, image: object, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+def pixels_inside(array: Array, image: object, mask: ArrayLike | None) -> Bools | None:
     """Return the (H, W) pixels that count: in the mask, not masked in a masked array, and finite; None for all."""
     inside = None if mask is None else np.asarray(mask) != 0
     known: Any = is_known(array.reshape(*array.shape[:2], -1)) if array.dtype.kind == "f" else True
@@ -74,7 +74,7 @@ def pixels_inside(array: Array, image: object, mask: ArrayLike | None) -> NDArra
     return known if inside is None else inside & known
 
 
-def is_known(samples: Array, nodata: float | None = None) -> NDArray[np.bool_]:
+def is_known(samples: Array, nodata: float | None = None) -> Bools:
     """(...) which of (..., C) samples are finite in all bands, and not `nodata` in all."""
     known = np.ones(samples.shape[:-1], np.bool_)
     if samples.dtype.kind == "f":
@@ -84,7 +84,7 @@ def is_known(samples: Array, nodata: float | None = None) -> NDArray[np.bool_]:
     return known
 
 
-def not_black(mask: Array) -> NDArray[np.bool_]:
+def not_black(mask: Array) -> Bools:
     """(H, W) pixels of an image of a mask, (H, W) or (H, W, C), that are not black; alpha plays no part."""
     bands = mask.reshape(*mask.shape[:2], -1)
     return np.asarray(((bands[:, :, :-1] if bands.shape[2] in (2, 4) else bands) > 0).any(axis=2))

@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 
-def sum_by_label(
-    labels: NDArray[np.integer], values: Array, n_labels: int = 0, weights: Array | None = None
-) -> NDArray[np.float64]:
+def sum_by_label(labels: NDArray[np.integer], values: Array, n_labels: int = 0, weights: Array | None = None) -> Floats:
     """Sum values (M,) or (M, P), times weights (M,) if given, by their labels (M,): (K,) or (K, P) sums.
 
     K is one more than the largest label, or `n_labels` if that is more. Values are added in double precision, one
@@ -39,7 +37,7 @@ def take_rows(rows: Array, labels: NDArray[np.integer]) -> Array:
     return taken.reshape(*labels.shape, *rows.shape[1:])
 
 
-def per_mass(sums: NDArray[np.float64], masses: Array) -> NDArray[np.float64]:
+def per_mass(sums: Floats, masses: Array) -> Floats:
     """Divide (K, P) sums by (K,) masses; 0 where there is none."""
     has_mass = masses[:, None] > 0
     return np.divide(sums, masses[:, None], out=np.zeros_like(sums), where=has_mass)

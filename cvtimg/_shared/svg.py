@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
+
 #: Names of the layers that `layer` writes, for the attributes of a drawing.
 LAYERED = ' xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 
@@ -20,7 +22,7 @@ def number(value: float, digits: int) -> str:
     return "0" if text == "-0" else text
 
 
-def numbers(values: NDArray[np.float64], digits: int) -> list[str]:
+def numbers(values: Floats, digits: int) -> list[str]:
     """Format many numbers as `number` does."""
     return [number(value, digits) for value in values.tolist()]
 

@@ -18,11 +18,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 if TYPE_CHECKING:
     from concurrent.futures import Future, ThreadPoolExecutor
 
-    import numpy as np
-    from numpy.typing import NDArray
-
-    _Floats = NDArray[np.float32]
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 S = TypeVar("S")
 T = TypeVar("T")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -28,9 +27,3 @@ Points: TypeAlias = NDArray[np.float64]
 Triangles: TypeAlias = NDArray[np.int32]
 #: An image, or rows: what `cvtimg._shared.pixels.array_of` takes.
 ImageLike: TypeAlias = ArrayLike | _Exported
-#: Keyword arguments by their names.
-Options: TypeAlias = Mapping[str, Any]
-#: A row of a table: values by the names of columns, as `summary` of results returns them.
-Row: TypeAlias = dict[str, Any]
-#: An object of JSON.
-Json: TypeAlias = dict[str, Any]

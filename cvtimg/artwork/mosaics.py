@@ -26,7 +26,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Floats, Floats32, ImageLike
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
@@ -103,7 +103,7 @@ class Mosaic(ReadOnly):
         the pixels that are seen of either, in the mean of how they look on black and on white.
     """
 
-    points: NDArray[np.float64]
+    points: Floats
     colors: Array
     labels: NDArray[np.int32]
     triangles: NDArray[np.int32] | None
@@ -184,7 +184,7 @@ class Mosaic(ReadOnly):
         colors = to_depth(self.colors, np.dtype(np.uint8))
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 
-    def _seen(self) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.uint8]]]:
+    def _seen(self) -> Iterator[tuple[int, Floats, NDArray[np.uint8]]]:
         """Yield the number, corners and color of each tile that is not clear."""
         for tile, (polygon, color) in enumerate(zip(self.polygons(), self._eight_bits(), strict=True)):
             if len(polygon) and (len(color) == 3 or color[3]):
@@ -320,13 +320,8 @@ def _psnr(drawn: Array, samples: Array, has_alpha: bool) -> float:
 
 
 def _descended(
-    bands: NDArray[np.float32],
-    n_cells: int,
-    shape: str,
-    uniform: float,
-    n_steps: int,
-    on_step: Callable[[int, float], None],
-) -> tuple[Tiling, NDArray[np.float64], list[float]]:
+    bands: Floats32, n_cells: int, shape: str, uniform: float, n_steps: int, on_step: Callable[[int, float], None]
+) -> tuple[Tiling, Floats, list[float]]:
     """Start from the detail of the image and a uniform share, and descend."""
     density = detail_density(bands, n_cells, uniform)
     with part(0, _STARTED):
@@ -341,7 +336,7 @@ def _descended(
         return tiling, *descend_error(tiling, bands, points, n_steps, on_step)
 
 
-def _bands(samples: Array, space: SpaceName) -> tuple[NDArray[np.float32], bool]:
+def _bands(samples: Array, space: SpaceName) -> tuple[Floats32, bool]:
     """Return what colors are averaged in, (H, W, C) and whether the last is alpha; others are then times alpha."""
     has_alpha = samples.shape[2] in (2, 4)
     rows = samples.reshape(-1, samples.shape[2])
@@ -364,7 +359,7 @@ def _white(space: SpaceName) -> np.float32:
     return np.float32(to_space(np.ones((1, 1)), space)[0, 0])
 
 
-def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _means(painted: Painted, bands: Floats32, middles: Floats) -> Floats:
     """Return the mean of each tile; for one between the centers of pixels, the color of the pixel that it lies in."""
     empty, means = painted.areas == 0, painted.colors.copy()
     x, y = np.clip(middles[empty], 0, np.array(bands.shape[1::-1]) - 1).astype(np.intp).T
@@ -372,9 +367,7 @@ def _means(painted: Painted, bands: NDArray[np.float32], middles: NDArray[np.flo
     return means
 
 
-def _colors(
-    means: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic], has_alpha: bool, is_sharp: bool
-) -> Array:
+def _colors(means: Floats, space: SpaceName, dtype: np.dtype[np.generic], has_alpha: bool, is_sharp: bool) -> Array:
     """Return the means of tiles as colors of a type, clear or opaque ones if alpha is sharp."""
     unit = _unit(dtype, space)
     if not has_alpha:
@@ -385,7 +378,7 @@ def _colors(
     return np.concatenate([colors, from_space(opacity * peak(dtype), "rgb", dtype)], axis=1)
 
 
-def _restricted(colors: Array, areas: NDArray[np.float64], palette: int | ArrayLike, has_alpha: bool) -> Array:
+def _restricted(colors: Array, areas: Floats, palette: int | ArrayLike, has_alpha: bool) -> Array:
     """Replace colors by those of a palette, which is found or given."""
     shown = colors[:, : colors.shape[1] - has_alpha]
     if isinstance(palette, int | np.integer):

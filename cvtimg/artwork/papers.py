@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative, check_positive, check_that
+from cvtimg._shared.types import Floats
 
 #: Widths and heights of sheets, upright.
 PAPERS = {
@@ -29,7 +29,7 @@ class Sheet:
     """A sheet of paper with a drawing in its middle."""
 
     size: tuple[float, float]  # width and height
-    corner: NDArray[np.float64]  # (2,): where the upper left corner of the drawing lies
+    corner: Floats  # (2,): where the upper left corner of the drawing lies
     scale: float  # millimeters per pixel
 
     @classmethod

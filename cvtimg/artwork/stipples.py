@@ -14,6 +14,7 @@ from cvtimg._shared.checks import check_choice, check_positive, check_that
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.types import Floats, Floats32, Indices
 from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
@@ -47,9 +48,7 @@ def suffixes() -> list[str]:
     return [".svg", *(suffix for suffix in image_suffixes() if suffix != ".npy"), ".csv"]
 
 
-def _marks(
-    marks: str, places: NDArray[np.float64], radii: NDArray[np.float64], line: float, fill: str = "solid"
-) -> Iterator[str]:
+def _marks(marks: str, places: Floats, radii: Floats, line: float, fill: str = "solid") -> Iterator[str]:
     half = _POINT * line
     if marks == "line":
         if len(places) > 1:
@@ -74,7 +73,7 @@ def _marks(
     yield from (f'<circle cx="{x}" cy="{y}" r="{r}"/>\n' for x, y, r in marked)
 
 
-def _spiral(radius: float, line: float, end: float) -> NDArray[np.float64]:
+def _spiral(radius: float, line: float, end: float) -> Floats:
     """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius, up to an angle."""
     turns = radius / line
     step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by so much
@@ -89,9 +88,7 @@ def _write_svg(path: StrPath, sheet: Sheet, layers: Iterable[str], overwrite: bo
     write_text(path, drawing(*sheet.size, layers, unit="mm", attributes=LAYERED), overwrite=overwrite)
 
 
-def draw_dots(
-    points: NDArray[np.float64], radii: NDArray[np.float64], shape: tuple[int, int], scale: float = 1.0
-) -> NDArray[np.float32]:
+def draw_dots(points: Floats, radii: Floats, shape: tuple[int, int], scale: float = 1.0) -> Floats32:
     """Compute the share of each pixel that dots cover, by 8 lines in each row; where they overlap they cover once.
 
     Points (N, 2) and radii are in pixels of an image of a shape (H, W), drawn at `scale` as many.
@@ -100,14 +97,14 @@ def draw_dots(
     centers, sizes = points * scale, radii * scale
     tops, ends = centers[:, 1] - sizes, centers[:, 1] + sizes
 
-    def cover(rows: slice) -> NDArray[np.float32]:
+    def cover(rows: slice) -> Floats32:
         met = (tops < rows.stop) & (ends > rows.start)
         return _covered(centers[met] - [0, rows.start], sizes[met], rows.stop - rows.start, width)
 
     return np.concatenate(in_stripes(cover, height, 64.0 * height * width, _STRIPE))
 
 
-def _covered(centers: NDArray[np.float64], radii: NDArray[np.float64], height: int, width: int) -> NDArray[np.float32]:
+def _covered(centers: Floats, radii: Floats, height: int, width: int) -> Floats32:
     """Add up the chords of disks along lines, each without what an earlier one of its line covers."""
     x, y = centers.T
     ends = np.ceil(np.stack([y - radii, y + radii]) * _FINE - 0.5)
@@ -165,11 +162,11 @@ class Stipples(ReadOnly):
         Integral of the ink times the squared distance to the dot of the cell, summed over layers.
     """
 
-    points: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    masses: NDArray[np.float64]
+    points: Floats
+    radii: Floats
+    masses: Floats
     layers: NDArray[np.int32]
-    order: NDArray[np.intp]
+    order: Indices
     colors: NDArray[np.uint8]
     names: tuple[str, ...]
     paper: NDArray[np.uint8]
@@ -198,7 +195,7 @@ class Stipples(ReadOnly):
         They are in pixels, in order around the cell, clockwise as seen on a screen; none for one of two dots in the
         same place.
         """
-        cells: list[NDArray[np.float64]] = [np.empty((0, 2))] * len(self)
+        cells: list[Floats] = [np.empty((0, 2))] * len(self)
         for pen in range(len(self.colors)):
             own = np.flatnonzero(self.layers == pen)
             if len(own):
@@ -206,7 +203,7 @@ class Stipples(ReadOnly):
                     cells[dot] = cell
         return tuple(cells)
 
-    def coverage(self, layer: int, scale: float = 1.0) -> NDArray[np.float32]:
+    def coverage(self, layer: int, scale: float = 1.0) -> Floats32:
         """Compute the share of each pixel that the dots of a layer cover, (H scale, W scale)."""
         own = self.layers == layer
         return draw_dots(self.points[own], self.radii[own], self.size, scale)
@@ -332,7 +329,7 @@ class Stipples(ReadOnly):
         write_geojson(path, polygons, properties, overwrite=overwrite)
 
     def _marked_layers(
-        self, order: NDArray[np.intp], sheet: Sheet, marks: str, fill: str, pen_width: float | None
+        self, order: Indices, sheet: Sheet, marks: str, fill: str, pen_width: float | None
     ) -> Iterator[str]:
         if not self.paper.all():
             yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'

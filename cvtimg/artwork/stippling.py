@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -20,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
     hints_at_keywords,
 )
-from cvtimg._shared.types import ImageLike
+from cvtimg._shared.types import Floats32, ImageLike
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_pens
 from cvtimg.artwork.stipples import Stipples
 from cvtimg.artwork.tones import PROCESS_COLORS, TONES, disk_area, ink_coverage, pen_coverages, process_coverages
@@ -182,7 +181,7 @@ class _Count:
     factor: int  # how much the image is enlarged, so that dots are not smaller than its pixels
 
     @classmethod
-    def of_ink(cls, coverages: Sequence[NDArray[np.float32]], n_dots: int | None, diameter: float | None) -> _Count:
+    def of_ink(cls, coverages: Sequence[Floats32], n_dots: int | None, diameter: float | None) -> _Count:
         """Find how much the image must be enlarged for these dots."""
         size, largest = coverages[0].size, max(1, math.isqrt(_MOST_PIXELS // coverages[0].size))
         n_inked = sum(int(np.count_nonzero(coverage)) for coverage in coverages) or size
@@ -195,7 +194,7 @@ class _Count:
             check_count("n_dots", n_dots, n_inked * largest**2, "for the ink of an image of this size")
         return cls(n_dots, None, math.ceil(math.sqrt((n_dots or 1) / n_inked)))
 
-    def of(self, area: NDArray[np.float32]) -> int:
+    def of(self, area: Floats32) -> int:
         """Return the number of dots for the area of disks that each pixel asks for, (H, W), or (L, H, W) of pens."""
         if not area.any():
             return 0
@@ -203,7 +202,7 @@ class _Count:
             return self.n_dots or max(1, min(_USUAL_DOTS, area.shape[-2] * area.shape[-1] // 4))
         return max(1, round(float(area.sum(dtype=np.float64)) / (np.pi / 4 * (self.factor * self.diameter) ** 2)))
 
-    def enlarged(self, coverage: NDArray[np.float32]) -> NDArray[np.float32]:
+    def enlarged(self, coverage: Floats32) -> Floats32:
         """Enlarge the coverage (H, W) of each pixel."""
         return coverage if self.factor == 1 else enlarge(coverage, self.factor) * np.float32(self.factor**2)
 

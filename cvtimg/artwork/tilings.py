@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import of_each
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Floats32, Indices
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
@@ -67,7 +67,7 @@ class Painted:
         return float(self.errors.sum())
 
 
-def paint(image: NDArray[np.float32], labels: NDArray[np.int32], n_tiles: int) -> Painted:
+def paint(image: Floats32, labels: NDArray[np.int32], n_tiles: int) -> Painted:
     """Measure the tiles of an (H, W, C) image."""
     n_bands = image.shape[2]
     sums = by_rows(partial(_artwork.add_colors, image, labels), labels.shape, (n_tiles, n_bands + 2))
@@ -88,7 +88,7 @@ def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sum
     return sums.sum(axis=0)
 
 
-def relocate(image: NDArray[np.float32], points: Floats, painted: Painted) -> tuple[Floats, NDArray[np.intp]]:
+def relocate(image: Floats32, points: Floats, painted: Painted) -> tuple[Floats, Indices]:
     """Divide the cells that gain most by it, with (K, 2) points whose cells are missed least.
 
     Return the points, and the indices of those that moved.
@@ -118,7 +118,7 @@ def removal_costs(painted: Painted) -> Floats:
     return painted.areas * squares / np.maximum(lengths, 1)
 
 
-def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats, Floats, Floats]:
+def division_gains(image: Floats32, painted: Painted) -> tuple[Floats, Floats, Floats]:
     """Estimate what the error falls by if a cell is divided across the direction in which colors change most.
 
     Return the gains (K,), the centers (K, 2) of cells, and the offsets (K, 2) from there to the centers of both halves.
@@ -141,7 +141,7 @@ def division_gains(image: NDArray[np.float32], painted: Painted) -> tuple[Floats
     return _STEP_OF_SLOPE * values[:, -1], middles, directions * lengths[:, np.newaxis]
 
 
-def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> NDArray[np.float32]:
+def detail_density(bands: Floats32, n_tiles: int, uniform: float) -> Floats32:
     """Compute the squared gradient of an (H, W, C) image, in units of its mean, with a share that is uniform.
 
     It is smoothed over a quarter of the size of tiles, and above 0.
@@ -162,7 +162,7 @@ def detail_density(bands: NDArray[np.float32], n_tiles: int, uniform: float) -> 
     return np.maximum(smooth, 0) + np.float32(uniform)
 
 
-def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
+def place_corners(density: Floats32, n_triangles: int) -> Floats:
     """Place points whose Delaunay triangulation has `n_triangles` triangles, which fill the picture.
 
     The corners of the picture and some points of its sides are among them: of V points, B of them on the sides,
@@ -179,7 +179,7 @@ def place_corners(density: NDArray[np.float32], n_triangles: int) -> Floats:
     return np.concatenate([corners, border, inner])
 
 
-def _border_points(density: NDArray[np.float32], n_points: int) -> Floats:
+def _border_points(density: Floats32, n_points: int) -> Floats:
     """Place points around the picture, between its corners, by the root of the density there."""
     height, width = density.shape
     rim = np.concatenate([density[0], density[:, -1], density[-1, ::-1], density[::-1, 0]])
@@ -205,7 +205,7 @@ class VoronoiTiling:
         """Label pixels by the point that is nearest to their center."""
         return pixel_labels(self._shape, points)
 
-    def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
+    def gradient(self, image: Floats32, points: Floats, painted: Painted) -> Floats:
         """Differentiate along the borders of cells."""
         add = partial(_artwork.add_border_gradient, image, painted.labels, points, painted.colors)
         return by_rows(add, self._shape, points.shape)
@@ -243,7 +243,7 @@ class DelaunayTiling:
         self.triangles = np.ascontiguousarray(self._mesh.simplices, np.int32)
         return labels
 
-    def gradient(self, image: NDArray[np.float32], points: Floats, painted: Painted) -> Floats:
+    def gradient(self, image: Floats32, points: Floats, painted: Painted) -> Floats:
         """Differentiate along the edges of triangles."""
         # Each inner edge once: its ends, and the triangles to its right and left, with y down. All turn from x to y.
         beside = self._mesh.neighbors
@@ -283,7 +283,7 @@ Tiling: TypeAlias = VoronoiTiling | DelaunayTiling
 
 
 def descend_cells(
-    image: NDArray[np.float32], points: Floats, n_steps: int, on_step: Callable[[int, float], None]
+    image: Floats32, points: Floats, n_steps: int, on_step: Callable[[int, float], None]
 ) -> tuple[Tiling, Floats, list[float]]:
     """Move the points of cells, first on the image of half the size: they move as well there, in a quarter of the time.
 
@@ -303,7 +303,7 @@ def descend_cells(
 
 def descend_error(
     tiling: Tiling,
-    image: NDArray[np.float32],
+    image: Floats32,
     points: Floats,
     n_steps: int,
     on_step: Callable[[int, float], None],

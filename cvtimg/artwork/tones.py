@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
 from cvtimg._shared.pixels import array_of, peak
-from cvtimg._shared.types import Array, Floats32, ImageLike
+from cvtimg._shared.types import Array, Floats, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
 
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
@@ -160,12 +160,12 @@ def as_coverage(ink: Floats32, opacity: Floats32 | None, white_cutoff: float) ->
     return ink
 
 
-def _lattice_coverage(disk_area: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lattice_coverage(disk_area: Floats) -> Floats:
     """Compute what disks of this summed area, per area of a hexagonal lattice, cover."""
     radius = np.sqrt(disk_area * np.sqrt(3) / (2 * np.pi))  # in distances of the lattice
     wide = np.maximum(radius, 0.5)
     lens = 2 * wide**2 * np.arccos(0.5 / wide) - 0.5 * np.sqrt(4 * wide**2 - 1)
-    covered: NDArray[np.float64] = disk_area - lens * (3 * 2 / np.sqrt(3))  # three lenses a disk
+    covered: Floats = disk_area - lens * (3 * 2 / np.sqrt(3))  # three lenses a disk
     return np.minimum(covered, 1)
 
 
@@ -218,7 +218,7 @@ def pen_coverages(
     return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in found]
 
 
-def _mixtures(colors: NDArray[np.float64], inks: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mixtures(colors: Floats, inks: Floats) -> Floats:
     """(N, L) shares of inks (L, 3) in the mixtures with white paper that are nearest to colors (N, 3), all linear."""
     seen = np.stack([2 * np.array(_LUMINANCE), np.array([0.5, -0.5, 0.0]), np.array([-0.25, -0.25, 0.5])])
     ends, wanted = np.concatenate([np.ones((1, 3)), inks]) @ seen.T, colors @ seen.T

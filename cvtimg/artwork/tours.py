@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_rows, check_shape
 from cvtimg._shared.threads import n_threads
+from cvtimg._shared.types import Floats, Indices
 from cvtimg.artwork._artwork import improve, join, walk
 
 #: Neighbors among which better connections are looked for.
@@ -17,7 +18,7 @@ _N_NEAR = 8
 _REACH = 25_000
 
 
-def find_tour(points: ArrayLike) -> NDArray[np.intp]:
+def find_tour(points: ArrayLike) -> Indices:
     """Order (N, 2) points along a short open path; return the (N,) permutation of them.
 
     The path begins at its end that is nearer to (0, 0).
@@ -57,9 +58,7 @@ def find_tour(points: ArrayLike) -> NDArray[np.intp]:
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 
-def _shorten(
-    points: NDArray[np.float64], near: NDArray[np.int32], starts: NDArray[np.intp], tour: NDArray[np.int32], reach: int
-) -> int:
+def _shorten(points: Floats, near: NDArray[np.int32], starts: Indices, tour: NDArray[np.int32], reach: int) -> int:
     """Shorten a tour in place until nothing is gained; return in how many moves."""
     where, settled, n_moves = np.empty_like(tour), np.zeros(len(tour), np.uint8), 0
     where[tour] = np.arange(len(tour), dtype=np.int32)
@@ -75,9 +74,7 @@ def _beside(tour: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.sort(beside, axis=1)
 
 
-def _within_steps(
-    tree: Any, tour: NDArray[np.int32], among: NDArray[np.intp]
-) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+def _within_steps(tree: Any, tour: NDArray[np.int32], among: Indices) -> tuple[NDArray[np.int32], Indices]:
     """Find the points nearer to some than those before and after them in a tour, and where those of each begin.
 
     Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among these
@@ -96,7 +93,7 @@ def _within_steps(
     return others[order], np.searchsorted(own[order], np.arange(len(tour) + 1))
 
 
-def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _greedy_path(points: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
     n_points = len(points)
     links = np.full((n_points, 2), -1, np.int32)
@@ -116,7 +113,7 @@ def _greedy_path(points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArra
     return tour, near
 
 
-def _nearest(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _nearest(points: Floats) -> tuple[Floats, NDArray[np.int32]]:
     """Find the nearest others of each point, and their distances; points may coincide."""
     from scipy.spatial import cKDTree
 

@@ -11,10 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.threads import one_blas_thread
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.bases.snapshots import Snapshots
 
 #: Snapshots or values in each, the fewer of them, and values in all, up to which all directions are found: the cost of
@@ -26,9 +25,9 @@ _EXACT_RANK, _EXACT_VALUES = 1 << 10, 1 << 25
 class Sketch:
     """Snapshots less their mean, in the coordinates of their leading singular directions."""
 
-    coordinates: NDArray[np.float64]  # (N, R) with mean 0; columns are orthogonal, of falling length
+    coordinates: Floats  # (N, R) with mean 0; columns are orthogonal, of falling length
     directions: Array  # (R, D) orthonormal rows
-    mean: NDArray[np.float64]  # (D,) of the snapshots
+    mean: Floats  # (D,) of the snapshots
     variance: float  # sum of squared distances to the mean; what the coordinates miss of it is `missed`
 
     @property
@@ -45,7 +44,7 @@ def sketch(
     rng: np.random.Generator,
     *,
     centered: bool = True,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
 ) -> Sketch:
     """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number.
 
@@ -72,8 +71,8 @@ def sketch(
 
 
 def _products(
-    snapshots: Snapshots, directions: Array, center: Array, weights: NDArray[np.float64], centered: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    snapshots: Snapshots, directions: Array, center: Array, weights: Floats, centered: bool
+) -> tuple[Floats, Floats, float]:
     """Return the (N, R) products of weighted snapshots less their mean with directions, the (D,) mean, the variance."""
     values, sums, squares = [], np.zeros(snapshots.n_dims), 0.0
     for rows, block in snapshots.blocks():
@@ -88,7 +87,7 @@ def _products(
     return np.sqrt(weights)[:, None] * (joined - middle), center + shift, variance
 
 
-def _combined(snapshots: Snapshots, basis: Array, center: Array) -> NDArray[np.float64]:
+def _combined(snapshots: Snapshots, basis: Array, center: Array) -> Floats:
     """Return (R, D) combinations of snapshots less their mean."""
     total = np.zeros((basis.shape[1], snapshots.n_dims))
     for rows, block in snapshots.blocks():

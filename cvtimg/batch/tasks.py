@@ -8,10 +8,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias
 
+from cvtimg._shared.choices import Row as Row
 from cvtimg.files.remote import url_of
 
-#: Row of a report: values by column.
-Row: TypeAlias = dict[str, Any]
 #: Arguments or files that cannot be read, with the error.
 Missing: TypeAlias = list[tuple[str, OSError]]
 

@@ -12,12 +12,11 @@ from itertools import count
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import as_samples, check_shape, check_that
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.threads import one_thread
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.blocks.rows import Blocks
 
 T = TypeVar("T")
@@ -49,7 +48,7 @@ class Block:
     rows: Array  # (n, D): of the type of the samples
     weights: Array | None  # (n,)
 
-    def pieces(self) -> Iterator[tuple[Array, NDArray[np.float64]]]:
+    def pieces(self) -> Iterator[tuple[Array, Floats]]:
         """Yield some rows at a time, finite and of a type that the kernels read, with their weights, >= 0."""
         for start in range(0, len(self.rows), _PIECE_ROWS):
             part = slice(start, start + _PIECE_ROWS)

@@ -6,23 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
     """Scales columns to mean 0 and variance 1, and back to their own units."""
 
-    means: NDArray[np.float64]  # (D,) weighted
-    deviations: NDArray[np.float64]  # (D,) weighted; 1 for constant columns
+    means: Floats  # (D,) weighted
+    deviations: Floats  # (D,) weighted; 1 for constant columns
 
-    def apply(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, rows: Floats) -> Floats:
         """Standardize rows."""
         return (rows - self.means) / self.deviations
 
-    def undo(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def undo(self, rows: Floats) -> Floats:
         """Convert standardized rows back to their own units."""
         return rows * self.deviations + self.means
 
@@ -32,13 +31,13 @@ class Spread:
     """Sums over rows: mass, (D,) means, sums of weight times squared distance to them; and limits of all rows."""
 
     mass: float
-    means: NDArray[np.float64]
-    squares: NDArray[np.float64]
+    means: Floats
+    squares: Floats
     low: Array
     high: Array
 
     @classmethod
-    def of(cls, rows: Array, weights: NDArray[np.float64] | None = None) -> Spread:
+    def of(cls, rows: Array, weights: Floats | None = None) -> Spread:
         """Measure (N, D) rows with weights >= 0, 1 by default."""
         weights = np.ones(len(rows)) if weights is None else weights
         none = np.full(rows.shape[1], np.inf)

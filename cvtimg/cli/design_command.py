@@ -9,9 +9,7 @@ from cvtimg.cli.running import Todo, plan_of, planned, plot, read_beside
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cvtimg._shared.types import Floats
     from cvtimg.designs.factors import Factor
 
 EXAMPLES = """\
@@ -93,7 +91,7 @@ def _factors(given: Given) -> list[Factor]:
     return read_beside(given.bounds, read_factors) if given.bounds else list(given.axis)
 
 
-def _existing(given: Given, factors: list[Factor]) -> NDArray[np.float64] | None:
+def _existing(given: Given, factors: list[Factor]) -> Floats | None:
     from cvtimg.designs.factors import read_runs
     from cvtimg.tables.files import read_table
 

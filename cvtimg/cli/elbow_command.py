@@ -8,7 +8,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.cluster_command import reading, told_left_out
 from cvtimg.cli.running import Todo, plan_of, planned, plot
@@ -16,6 +15,7 @@ from cvtimg.files.finding import find_images
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
     from cvtimg.elbow.curves import EnergyCurve
     from cvtimg.plotting.energy_curves import Plotted
 

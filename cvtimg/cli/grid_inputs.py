@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array
 from cvtimg.files.remote import exists, local_copy
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cvtimg._shared.types import Array, Floats
     from cvtimg.options.record import Given
     from cvtimg.sphere import CellWidth, PartialGrid, SphereGrid
 
@@ -31,7 +28,7 @@ def _local(option: str, path: Path) -> AbstractContextManager[Path]:
     return local_copy(path)
 
 
-def read_globe(option: str, path: Path) -> NDArray[np.float64]:
+def read_globe(option: str, path: Path) -> Floats:
     """Read a map of the globe as the means of its color bands: finite, >= 0 and not black."""
     import numpy as np
 
@@ -41,7 +38,7 @@ def read_globe(option: str, path: Path) -> NDArray[np.float64]:
     image = cvtimg.read_image(path)
     if image.shape[1] != 2 * image.shape[0]:
         raise ValueError(f"{option} {path} of {image.shape[1]} x {image.shape[0]} pixels must be twice as wide as high")
-    bands: NDArray[np.float64] = np.atleast_3d(image)[:, :, :3].mean(axis=2, dtype=np.float64)
+    bands: Floats = np.atleast_3d(image)[:, :, :3].mean(axis=2, dtype=np.float64)
     check_picture_density(f"{option} {path}", bands)
     return bands
 
@@ -136,7 +133,7 @@ def read_width(width: float | Path, circles: list[tuple[Any, ...]]) -> CellWidth
     )
 
 
-def _width_map(path: Path) -> NDArray[np.float64]:
+def _width_map(path: Path) -> Floats:
     from cvtimg.sphere import width_map
 
     if path.suffix.lower() != ".nc":
@@ -149,7 +146,7 @@ def _width_map(path: Path) -> NDArray[np.float64]:
         raise ValueError(f"--cell-width {path}: {error}") from error
 
 
-def read_netcdf(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+def read_netcdf(path: Path, names: tuple[str, ...]) -> dict[str, Floats]:
     """Read variables of a netCDF file; netCDF4 reads those in the format of HDF5."""
     import numpy as np
 
@@ -177,7 +174,7 @@ def read_lineage(path: Path) -> str:
     return "\n".join(text.decode() if isinstance(text, bytes) else text for text in texts if text)
 
 
-def read_grid_points(path: Path) -> NDArray[np.float64]:
+def read_grid_points(path: Path) -> Floats:
     """Read the points of a grid as unit vectors: an MPAS mesh, or a table with the columns x, y and z."""
     import numpy as np
 
@@ -198,7 +195,7 @@ def read_grid_points(path: Path) -> NDArray[np.float64]:
     return table if abs(lengths - 1).max() < 1e-12 else table / lengths[:, None]
 
 
-def _from_netcdf(path: Path) -> NDArray[np.float64]:
+def _from_netcdf(path: Path) -> Floats:
     import numpy as np
 
     *places, vertices = read_netcdf(path, ("xCell", "yCell", "zCell", "xVertex")).values()

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import Plan, Report, Row, WrongUsageError
 from cvtimg.files.remote import exists, local_copy
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    pass
+    from cvtimg._shared.types import Array
 
 Table = Mapping[str, "Array"]
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
-from cvtimg._shared.types import Array, Options
+from cvtimg._shared.choices import Options
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
     from cvtimg.meshes import Mesh
 
 POLYGON_SUFFIXES = (".geojson", ".json", ".wkt", ".wkb", ".csv")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import Report, Row, Stopwatch, Task
 from cvtimg.cli.running import Todo, plan_of, planned
 from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
@@ -14,6 +13,8 @@ from cvtimg.options.record import Given
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from cvtimg._shared.types import Array
 
 EXAMPLES = """\
   cvtimg palette photo.jpg -k 8

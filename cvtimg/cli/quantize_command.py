@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import needs
-from cvtimg._shared.types import Array, Options
 from cvtimg.batch import Plan, Report, Row, Running, Stopwatch, Task, WrongUsageError, check_suffix, fold, searched
 from cvtimg.batch.pipes import is_pipe
 from cvtimg.batch.report import complain
@@ -24,6 +24,7 @@ from cvtimg.cli.running import Todo, only, plan_of, planned, running_of, selecte
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
     from cvtimg.colors.samples import ColorSamples
 
 EXAMPLES = """\

@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
@@ -22,9 +21,7 @@ from cvtimg.cli.running import Todo, only, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cvtimg._shared.types import Array, Bools, Floats
     from cvtimg.pictures import Pages
     from cvtimg.restoration import Denoised
 
@@ -48,7 +45,7 @@ class VersionFiles(NamedTuple):
     """Versions of one image and masks as read, and the names of their files."""
 
     images: list[Array]
-    masks: list[NDArray[np.bool_]] | None
+    masks: list[Bools] | None
     names: list[str]
     mask_names: list[str]
     alpha: bool | None  # False: no version has any
@@ -215,7 +212,7 @@ def _of_segments(results: Sequence[Any]) -> dict[str, Any]:
     }
 
 
-def _finite(values: NDArray[np.float64]) -> list[float | None]:
+def _finite(values: Floats) -> list[float | None]:
     """Return values for JSON, which has no others."""
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
@@ -276,7 +273,7 @@ def _restored(read: VersionFiles, given: Given) -> Denoised:
         raise ValueError(_with_names(str(error), read)) from error
 
 
-def _leaves_structure(image: Array, version: Array, known: NDArray[np.bool_]) -> bool:
+def _leaves_structure(image: Array, version: Array, known: Bools) -> bool:
     """Tell whether what a restored image leaves of a version is more than noise, as faint text is."""
     import numpy as np
 

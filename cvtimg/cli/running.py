@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.joint_table import JointTable
 from cvtimg.cli.running import Todo, only, plan_of, planned
@@ -16,9 +15,7 @@ from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from cvtimg._shared.types import Array, Bools
     from cvtimg.segmentation.result import Segmentation
 
 EXAMPLES = """\
@@ -139,7 +136,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _is_lit_unevenly(given: Given, image: Array, known: NDArray[np.bool_]) -> bool:
+def _is_lit_unevenly(given: Given, image: Array, known: Bools) -> bool:
     from cvtimg.segmentation.local_means import is_lit_unevenly
 
     others = given.shading or given.hierarchy or given.superpixels or given.objects

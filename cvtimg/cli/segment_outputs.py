@@ -9,12 +9,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cvtimg._shared.types import Array
 from cvtimg.batch import Task, WrongUsageError, check_suffix
 from cvtimg.options.record import Given
 from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
     from cvtimg.labels.formats import Drawing
     from cvtimg.pictures import Metadata, Pages
     from cvtimg.pictures.files import ImageInfo

@@ -7,12 +7,12 @@ from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cvtimg._shared.types import ImageLike
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
+    from cvtimg._shared.types import ImageLike
     from cvtimg.sphere import SphereGrid
 
 EXAMPLES = """\

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import from_space, to_space
 
@@ -38,7 +38,7 @@ def kinds_of(colors: Array, alpha: bool) -> NDArray[np.uint8]:
     return np.where(values == 0, CLEAR, np.where(values == white, OPAQUE, PARTLY)).astype(np.uint8)
 
 
-def allowed_for(kinds: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def allowed_for(kinds: NDArray[np.uint8]) -> Bools:
     """Return (3, K) whether a color of each kind may become each of K colors: CLEAR and OPAQUE ones keep their kind."""
     allowed = np.stack([kinds == CLEAR, np.ones(len(kinds), bool), kinds == OPAQUE])
     return allowed | ~allowed.any(axis=1, keepdims=True)
@@ -55,7 +55,7 @@ def to_places(colors: Array, space: SpaceName, alpha: bool) -> Array:
     return np.concatenate([(seen - middle) * share, share * size], axis=1)
 
 
-def from_places(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic], alpha: bool) -> Array:
+def from_places(places: Floats, space: SpaceName, dtype: np.dtype[np.generic], alpha: bool) -> Array:
     """Return the (N, C) colors of a type at places: the inverse of `to_places`. Transparent ones are all zeros."""
     if not alpha:
         return from_space(places, space, dtype)
@@ -76,7 +76,7 @@ def opaque_end(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -
     return _middle(n_channels - 1, space, dtype)[1]
 
 
-def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> tuple[NDArray[np.float64], float]:
+def _middle(n_channels: int, space: SpaceName, dtype: np.dtype[np.generic]) -> tuple[Floats, float]:
     """Return the middle between black and white, and how far both are from it."""
     ends = np.array([[0], [white_of(dtype)]], dtype).repeat(n_channels, axis=1)
     black, white = to_space(ends, space).astype(np.float64)

@@ -16,7 +16,7 @@ from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 #: Numbers from this size on are sorted: a table of them would take more time and memory.
@@ -51,7 +51,7 @@ class ColorSamples(WeightedSamples):
 
     inverse: NDArray[np.int32]
     alpha: bool = False
-    inside: NDArray[np.bool_] | None = None
+    inside: Bools | None = None
 
     @property
     def colors(self) -> Array:
@@ -79,7 +79,7 @@ class ColorSamples(WeightedSamples):
         """Return the colors without `inverse`."""
         return replace(self, inverse=NO_PIXELS, inside=None)
 
-    def some(self, chosen: NDArray[np.bool_]) -> ColorSamples:
+    def some(self, chosen: Bools) -> ColorSamples:
         """Return some of the colors, without `inverse`."""
         return ColorSamples(self.rows[chosen], self.density[chosen], self.in_order, NO_PIXELS, self.alpha)
 
@@ -200,7 +200,7 @@ def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array
     return rows
 
 
-def _counted(numbers: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
+def _counted(numbers: Array) -> tuple[Array, NDArray[np.int32], Floats]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
     size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else _OF_TABLE + 1
     if size > _OF_TABLE or len(numbers) < _SORTED:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from cvtimg._shared.checks import check_channels, check_choice, check_within
 from cvtimg._shared.choices import SpaceName
@@ -141,7 +141,7 @@ def to_space(colors: Array, space: SpaceName) -> Array:
     return places[:, : colors.shape[1]] + 0.0  # -0.0 and 0.0 are one place
 
 
-def from_space(places: NDArray[np.float64], space: SpaceName, dtype: np.dtype[np.generic]) -> Array:
+def from_space(places: Floats, space: SpaceName, dtype: np.dtype[np.generic]) -> Array:
     """Bring places in a color space back to colors of a type, inside the gamut: the inverse of `to_space`.
 
     Integers are rounded; floating point in "rgb" comes back as it is, whatever its range.

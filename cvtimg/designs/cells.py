@@ -10,12 +10,12 @@ import math
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_rows, check_within
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.designs import _designs
 from cvtimg.engine.points import Points, assign, cell_moments, energy, pack
 from cvtimg.engine.samples import WeightedSamples
@@ -102,7 +102,7 @@ def _images(points: Floats, periodic: bool, width: float) -> list[Floats]:
     return images
 
 
-def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -> NDArray[np.float32]:
+def sobol_samples(n_samples: int, n_dims: int, rng: int | np.random.Generator) -> Floats32:
     """(m, d) scrambled Sobol points in the unit cube, m the power of two from `n_samples` on."""
     from scipy.stats.qmc import Sobol
 
@@ -136,7 +136,7 @@ class Cube(SampleMoments):
     """
 
     def __init__(
-        self, samples: NDArray[np.float32], weights: Floats | None = None, periodic: bool = False, exact: bool = False
+        self, samples: Floats32, weights: Floats | None = None, periodic: bool = False, exact: bool = False
     ) -> None:
         loads = np.full(len(samples), 1 / len(samples)) if weights is None else weights / weights.sum()
         region = unit_box(samples.shape[1], periodic)
@@ -175,7 +175,7 @@ class Cube(SampleMoments):
         return labels
 
 
-def check_unit_points(name: str, points: ArrayLike) -> NDArray[np.float64]:
+def check_unit_points(name: str, points: ArrayLike) -> Floats:
     """Return `points` as an (n, d) float64 array in the unit cube."""
     array = check_rows(name, points).astype(np.float64)
     check_within(name, array, 0, 1, ", the unit cube")

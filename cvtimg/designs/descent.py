@@ -9,11 +9,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Stopping
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bools, Floats
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, sobol_samples
 from cvtimg.designs.latin import Slices, latinize
 from cvtimg.designs.measures import point_measures, star_discrepancy
@@ -98,7 +97,7 @@ def place_latin_within(
     start: Floats,
     existing: Floats,
     effort: EffortName,
-    allowed: Callable[[Floats], NDArray[np.bool_]],
+    allowed: Callable[[Floats], Bools],
     mended: Callable[[Floats], Floats],
 ) -> tuple[Floats, bool]:
     """Make points of a region Latin as far as they are allowed to; return them, and whether no slice is empty.

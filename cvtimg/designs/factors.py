@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range
+from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 from cvtimg.tables.columns import Dialect, open_columns
@@ -69,7 +70,7 @@ class Factor:
         """Whether there are levels, and not all are numbers."""
         return not all(map(_is_number, self.levels))
 
-    def levels_at(self, places: ArrayLike) -> NDArray[np.intp]:
+    def levels_at(self, places: ArrayLike) -> Indices:
         """Return the index of the level at places (n,) of the axis."""
         index = np.asarray(places, np.float64) * len(self.levels)
         return np.clip(index.astype(np.intp), 0, len(self.levels) - 1)
@@ -80,14 +81,14 @@ class Factor:
             return np.asarray(places, np.float64).tolist()
         return [self.levels[i] for i in self.levels_at(places)]
 
-    def at(self, units: ArrayLike) -> NDArray[np.float64]:
+    def at(self, units: ArrayLike) -> Floats:
         """Return the points of 0..1 along the axis in its units."""
         share = np.asarray(units, np.float64)
         if self.log:
             return np.clip(self.low * (self.high / self.low) ** share, self.low, self.high)
         return self.low + share * (self.high - self.low)
 
-    def unit_of(self, points: ArrayLike) -> NDArray[np.float64]:
+    def unit_of(self, points: ArrayLike) -> Floats:
         """Return where points of the axis are in 0..1; the inverse of `at`, NaN or beyond 0..1 outside of the range."""
         points = np.asarray(points, np.float64)
         if self.log:
@@ -95,11 +96,11 @@ class Factor:
                 return np.log(points / self.low) / np.log(self.high / self.low)
         return (points - self.low) / (self.high - self.low)
 
-    def numbers(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def numbers(self, places: Floats) -> Floats:
         """Return the numbers at places (n,) of an axis that is no category."""
         return np.array(self.levels, np.float64)[self.levels_at(places)] if self.levels else places
 
-    def places(self, values: Sequence[str]) -> NDArray[np.float64]:
+    def places(self, values: Sequence[str]) -> Floats:
         """Return where values (n,) are on the axis."""
         if not self.levels:
             return np.array([float(value) for value in values])
@@ -192,7 +193,7 @@ def _factor(fields: Mapping[str, str]) -> Factor:
     return Factor(name, levels=tuple(f"{level:.12g}" for level in numbers), unit=unit)
 
 
-def read_runs(path: StrPath, factors: Sequence[Factor]) -> NDArray[np.float64]:
+def read_runs(path: StrPath, factors: Sequence[Factor]) -> Floats:
     """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order."""
     rows = _read_rows(path)
     header = rows.pop(0) if rows and not all(map(_is_number, rows[0])) else []

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_shape
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Indices
 from cvtimg.designs.cells import check_unit_points
 
-_Labels = NDArray[np.intp]
+_Labels = Indices
 
 #: Two points change places if the terms of all pairs fall by more than this: less is rounding.
 _GAIN = 1e-9

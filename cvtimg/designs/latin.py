@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.designs.cells import check_unit_points
 
 #: What a move costs to where no point may be: more than all others together.
@@ -54,7 +54,7 @@ class Slices:
         return cls(levels[:, 1::2], levels[:, ::2])
 
     @classmethod
-    def of_region(cls, samples: NDArray[np.float32], n_slices: int) -> Slices:
+    def of_region(cls, samples: Floats32, n_slices: int) -> Slices:
         """Make slices that have equal shares of the samples of a region."""
         # At the quantiles k / 2 n are, in turns, edges and middles.
         levels = np.quantile(samples, np.arange(1, 2 * n_slices) / (2 * n_slices), axis=0).T.astype(float)
@@ -69,7 +69,7 @@ class Slices:
         """Count the slices of all axes in which no point is."""
         return sum(len(self.free(axis, points)) for axis in range(points.shape[1]))
 
-    def latinize(self, points: Floats, existing: Floats, allowed: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
+    def latinize(self, points: Floats, existing: Floats, allowed: Callable[[Floats], Bools]) -> Floats:
         """Move points along each axis in turn into slices that have none, as long as that leads to allowed places.
 
         The sum of squared moves is least; the order may change where it must.

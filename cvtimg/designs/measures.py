@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_shape, check_that
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Indices
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
@@ -71,7 +71,7 @@ def _exact(points: Floats) -> float:
     def gap(of: NDArray[np.int32], depth: float, sign: int) -> float:
         return float((sign * (of / n_points - depth * areas)).max())
 
-    def add(members: NDArray[np.intp]) -> None:
+    def add(members: Indices) -> None:
         for point in members:
             closed_counts[at[0][point] :, at[1][point] :] += 1
 

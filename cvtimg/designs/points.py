@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -24,7 +24,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube
 from cvtimg.designs.descent import EFFORTS, place, place_for, place_latin, place_latin_within
 from cvtimg.designs.factors import MAX_RUNS, Factor, check_names
@@ -296,7 +296,7 @@ def _with_categories(factors: list[Factor], existing: Floats, unit: Floats, rng:
     is_axis = np.array([not factor.is_category for factor in factors])
     every, n_old = np.empty((len(existing) + len(unit), len(factors))), len(existing)
     every[:n_old], every[n_old:, is_axis] = existing, unit
-    along, groups = every[:, is_axis], list[NDArray[np.intp]]()
+    along, groups = every[:, is_axis], list[Indices]()
     for axis in np.flatnonzero(~is_axis):
         factor = factors[axis]
         known, n_levels = factor.levels_at(existing[:, axis]), len(factor.levels)

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_density, check_returned
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.designs.cells import sobol_samples
 from cvtimg.designs.factors import Factor
 
@@ -30,7 +29,7 @@ class Region:
         self.is_box = not self.given
         self.may_be_latin = density is None
 
-    def samples(self, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], Floats | None]:
+    def samples(self, n: int, rng: np.random.Generator) -> tuple[Floats32, Floats | None]:
         """Draw about the given number of samples (m, d), and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
         samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
@@ -42,13 +41,13 @@ class Region:
         check_density(weights, len(samples))
         return samples[weights > 0], weights[weights > 0]
 
-    def allows(self, places: Array) -> NDArray[np.bool_]:
+    def allows(self, places: Array) -> Bools:
         """Tell which of (m, d) places are in the region."""
         if self._feasible is None:
             return np.ones(len(places), bool)
         return self._called("feasible", self._feasible, places).astype(bool)
 
-    def mended(self, places: Floats, *, samples: NDArray[np.float32]) -> Floats:
+    def mended(self, places: Floats, *, samples: Floats32) -> Floats:
         """Move centers of mass (n, d) that are not in the region into it."""
         outside = ~self.allows(places)
         if outside.any():
@@ -65,9 +64,7 @@ class Region:
         return values
 
 
-def _feasible_samples(
-    samples: NDArray[np.float32], is_feasible: Callable[[Any], NDArray[np.bool_]], rng: np.random.Generator
-) -> NDArray[np.float32]:
+def _feasible_samples(samples: Floats32, is_feasible: Callable[[Any], Bools], rng: np.random.Generator) -> Floats32:
     """Leave samples that are feasible; where few are, spread all of them over the box around those, and again."""
     n_dims = samples.shape[1]
     start, size, tried = np.zeros(n_dims), np.ones(n_dims), samples

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -27,7 +27,7 @@ from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
-from cvtimg._shared.types import ImageLike
+from cvtimg._shared.types import Floats, ImageLike
 from cvtimg.colors.places import to_places
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.elbow.rules import CHORD_ENDS, RULES, TARGETED, Scale, TargetMissedError, explained, judged
@@ -60,8 +60,8 @@ class EnergyCurve(ReadOnly):
         Whether these are rows of a table that have no elbow: of one cluster, or of a continuum.
     """
 
-    energies: NDArray[np.float64]
-    generators: tuple[NDArray[np.float64], ...]
+    energies: Floats
+    generators: tuple[Floats, ...]
     scale: Scale = field(repr=False)
     is_continuum: bool = False
 
@@ -97,12 +97,12 @@ class EnergyCurve(ReadOnly):
         return f"elbow at k={self.elbow()}" + ("" if self.is_clear else ", not clear")
 
     @property
-    def explained(self) -> NDArray[np.float64]:
+    def explained(self) -> Floats:
         """(n_max,) fraction of the variance that k generators explain, 1 - E(k) / E(1)."""
         return explained(self.energies)
 
     @property
-    def psnr(self) -> NDArray[np.float64] | None:
+    def psnr(self) -> Floats | None:
         """(n_max,) PSNR in dB, infinite where exact; None for tables, other color spaces and weighted energies."""
         return None if self.scale.peak is None else self.scale.psnr(self.energies)
 
@@ -262,7 +262,7 @@ def _is_one_cluster(points: Points, rng: np.random.Generator) -> bool:
     along = rows @ np.linalg.svd(rows, full_matrices=False)[2].T
     low, high = along.min(axis=0), along.max(axis=0)
 
-    def saved(some: NDArray[np.float64]) -> float:
+    def saved(some: Floats) -> float:
         energy = tessellate(some, 2).energy
         return float(np.log(((some - some.mean(axis=0)) ** 2).sum() / energy)) if energy > 0 else np.inf
 

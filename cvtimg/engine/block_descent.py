@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
 from cvtimg._shared.iteration import iterate
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Spread
@@ -43,7 +43,7 @@ class Survey:
     lengths: NDArray[np.int64]  # (B,) rows of each block
     spread: Spread  # of all rows
     rows: Array  # (n, D) the sample
-    weights: NDArray[np.float64]  # (n,)
+    weights: Floats  # (n,)
 
     @property
     def frame(self) -> Frame:
@@ -78,7 +78,7 @@ class Checkpoint:
     path: StrPath | None  # The file; None to save nothing
     job: str  # Names the samples and the options. The state of another job is refused.
 
-    def load(self) -> tuple[NDArray[np.float64], list[float]] | None:
+    def load(self) -> tuple[Floats, list[float]] | None:
         """Return what was saved, or None if there is no file; a file of another job is refused."""
         if self.path is None or not exists(self.path):
             return None
@@ -90,7 +90,7 @@ class Checkpoint:
         check_that(f"checkpoint={str(self.path)!r}", same, "be of the same samples, blocks and options")
         return state["generators"], state["energies"].tolist()
 
-    def save(self, generators: NDArray[np.float64], energies: Sequence[float]) -> None:
+    def save(self, generators: Floats, energies: Sequence[float]) -> None:
         """Write the state, whole or not at all."""
         if self.path is not None:
             state = {"job": self.job, "generators": generators, "energies": np.array(energies, np.float64)}
@@ -112,7 +112,7 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     return replace(found, rows=rows, weights=weights)
 
 
-def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Array, NDArray[np.float64]]:
+def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Array, Floats]:
     """Return the sample and its weights, with rows that it lacks if it has too few that differ."""
     rows, weights = found.rows, found.weights
     if len(_some_distinct([rows], n_generators)) < n_generators:
@@ -134,8 +134,8 @@ def check_by_blocks(method: object, volume_power: float) -> None:
 def descend(
     blocks: Blocks,
     frame: Frame,
-    sample: tuple[Array, NDArray[np.float64]],
-    generators: NDArray[np.float64],
+    sample: tuple[Array, Floats],
+    generators: Floats,
     energies: Sequence[float],
     conditions: Conditions,
     checkpoint: Checkpoint,
@@ -178,7 +178,7 @@ def descend(
     return Iteration(generators, *history), found
 
 
-def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: NDArray[np.float64], frame: Frame) -> Any:
+def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: Floats, frame: Frame) -> Any:
     """Return the (N,) int32 labels as a Dask array, in the same blocks, which is computed when it is needed."""
     label = partial(_label_rows, generators=generators, frame=frame)
     return map_rows(blocks, label, np.int32, lengths=tuple(lengths.tolist()))
@@ -204,8 +204,8 @@ def _survey_block(block: Block, all_rows: bool) -> Survey:
 
 
 def _draw_from_block(
-    block: Block, seed: int, ends: NDArray[np.int64], half: float, mass: float, mean: NDArray[np.float64], energy: float
-) -> tuple[Array, NDArray[np.float64]]:
+    block: Block, seed: int, ends: NDArray[np.int64], half: float, mass: float, mean: Floats, energy: float
+) -> tuple[Array, Floats]:
     """Draw rows, those that are far from the mean more often, with weights that make up for it, as `thin` does."""
     # By a number for each row of all, so that the sample is the same for any blocks of the same rows.
     numbers = np.random.Generator(np.random.PCG64(seed).advance(int(ends[block.number])))
@@ -217,23 +217,21 @@ def _draw_from_block(
     return _joined(found)
 
 
-def _joined(parts: Sequence[tuple[Array, NDArray[np.float64]]]) -> tuple[Array, NDArray[np.float64]]:
+def _joined(parts: Sequence[tuple[Array, Floats]]) -> tuple[Array, Floats]:
     rows, weights = zip(*parts, strict=True)
     return np.concatenate(rows), np.concatenate(weights)
 
 
-def _squares(rows: Array, place: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(rows: Array, place: Floats) -> Floats:
     steps = rows - place
     return np.asarray(np.einsum("nd,nd->n", steps, steps))
 
 
-def _whole(blocks: Blocks, generators: NDArray[np.float64]) -> NDArray[np.float64]:
+def _whole(blocks: Blocks, generators: Floats) -> Floats:
     return generators if blocks.rows.dtype.kind == "f" else np.rint(generators)
 
 
-def _moments_of_block(
-    block: Block, generators: NDArray[np.float64], places: NDArray[np.float64], frame: Frame
-) -> RowMoments:
+def _moments_of_block(block: Block, generators: Floats, places: Floats, frame: Frame) -> RowMoments:
     """Sum about the places, by the nearest generators."""
     none = np.zeros(len(generators))
     found = [RowMoments(none, np.zeros_like(generators), none)]
@@ -243,7 +241,7 @@ def _moments_of_block(
     return _total(found)
 
 
-def _label_rows(rows: Array, *, generators: NDArray[np.float64], frame: Frame) -> NDArray[np.int32]:
+def _label_rows(rows: Array, *, generators: Floats, frame: Frame) -> NDArray[np.int32]:
     return assign_rows(rows, generators, pack(rows, np.ones(len(rows)), frame=frame))
 
 

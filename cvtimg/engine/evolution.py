@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.progress import tell
+from cvtimg._shared.types import Floats
 from cvtimg.engine.methods import Conditions, Ends
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
@@ -49,8 +49,8 @@ class Evolution(NamedTuple):
 
 
 def evolve(
-    points: Points, fixed: NDArray[np.float64], n_generators: int, init: str, conditions: Conditions, effort: Evolution
-) -> NDArray[np.float64]:
+    points: Points, fixed: Floats, n_generators: int, init: str, conditions: Conditions, effort: Evolution
+) -> Floats:
     """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
     # Ends of transfers are fewer than those of Lloyd's method, and lower.
     resting = conditions.until(_RESTING)
@@ -79,7 +79,7 @@ def evolve(
 
 
 def _elders(
-    points: Points, fixed: NDArray[np.float64], n_generators: int, init: str, conditions: Conditions, effort: Evolution
+    points: Points, fixed: Floats, n_generators: int, init: str, conditions: Conditions, effort: Evolution
 ) -> Ends:
     """Descend from seeds with swaps, and from others where that takes little time, unless the first ends are alike."""
     n_products = points.tiles.size * (n_generators + _MOVING)
@@ -110,7 +110,7 @@ def _survivors(ends: Ends, n_kept: int) -> Ends:
     return Ends(*(values[order[new][:n_kept]] for values in ends))
 
 
-def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> NDArray[np.float64]:
+def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> Floats:
     """Cross pairs of elders, and put a generator of each, the one missed least, at a point drawn by its energy."""
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

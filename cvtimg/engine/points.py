@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.engine import _kernels
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
@@ -42,14 +42,14 @@ SMALL_ENERGY = float(np.sqrt(np.finfo(np.float64).eps))
 class Frame(NamedTuple):
     """An origin near the mean of the points, and a scale, so that float32 holds the digits that matter."""
 
-    center: NDArray[np.float64]
+    center: Floats
     scale: float
 
-    def inward(self, places: Array) -> NDArray[np.float64]:
+    def inward(self, places: Array) -> Floats:
         """Transform (n, D) places from the units of the samples to the frame."""
         return (places - self.center) * self.scale
 
-    def outward(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outward(self, places: Floats) -> Floats:
         """Transform (n, D) places from the frame to the units of the samples."""
         return places / self.scale + self.center
 
@@ -66,8 +66,8 @@ class Points:
 
     tiles: Array  # (n_tiles, D, TILE), float32, or float64 of exact ones; the last one fills the last tile
     boxes: Array  # (n_tiles, 2, D): smallest and largest coordinates in each tile, of few dimensions
-    squares: NDArray[np.float64]  # (n_tiles * TILE,): squared distances to the origin of points that are not exact
-    density: NDArray[np.float64]  # (n_tiles * TILE,): weight of each point, 0 in the padding
+    squares: Floats  # (n_tiles * TILE,): squared distances to the origin of points that are not exact
+    density: Floats  # (n_tiles * TILE,): weight of each point, 0 in the padding
     frame: Frame  # Where the origin of the tiles is
     n_points: int  # Number of points, padding not included
     in_order: bool  # Whether consecutive points are near each other
@@ -83,7 +83,7 @@ class Points:
         """Whether the points are in float64, where distances are sums of squared differences."""
         return bool(self.tiles.dtype == np.float64)
 
-    def rows(self, members: NDArray[np.intp] | list[int] | slice = slice(None)) -> NDArray[np.float64]:
+    def rows(self, members: Indices | list[int] | slice = slice(None)) -> Floats:
         """Return the (m, D) places of some points in the frame, all by default."""
         index = np.arange(self.n_points)[members]
         return self.tiles[index // _kernels.TILE, :, index % _kernels.TILE].astype(np.float64)
@@ -92,7 +92,7 @@ class Points:
         """Return one coordinate of all points, padding included, in the order of `density`."""
         return self.tiles[:, dim].reshape(-1)
 
-    def take(self, members: NDArray[np.intp], density: NDArray[np.float64]) -> Points:
+    def take(self, members: Indices, density: Floats) -> Points:
         """Return some of the points, by their (m,) indices in ascending order, with (m,) new weights."""
         index = np.pad(members, (0, -len(members) % _kernels.TILE), "edge")
         rows = self.tiles[index // _kernels.TILE, :, index % _kernels.TILE]
@@ -103,12 +103,12 @@ class Points:
 
 def pack(
     rows: Array,
-    density: NDArray[np.float64],
+    density: Floats,
     *,
-    center: NDArray[np.float64] | None = None,
+    center: Floats | None = None,
     frame: Frame | None = None,
     in_order: bool = False,
-    order: NDArray[np.intp] | None = None,
+    order: Indices | None = None,
     exact: bool = False,
 ) -> Points:
     """Pack (N, D) rows and their weights, in a frame about their mean or another center, or in a given one."""
@@ -141,17 +141,17 @@ def pack(
     return _points(tiles, padded, frame, n_points, in_order or order is not None)
 
 
-def _mean(rows: Array, density: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean(rows: Array, density: Floats) -> Floats:
     some, weights = rows[:_CENTER_ROWS], density[:_CENTER_ROWS]
     if not weights.any():
-        center: NDArray[np.float64] = some.mean(axis=0, dtype=np.float64)
+        center: Floats = some.mean(axis=0, dtype=np.float64)
     else:
         center = np.einsum("n,nd->d", weights, some) / weights.sum()
     # Whole, so that float32 holds integers, and products of 8-bit colors, exactly.
     return np.rint(center) if rows.dtype.kind == "u" else center
 
 
-def scale_within(low: Array, high: Array, center: NDArray[np.float64]) -> float:
+def scale_within(low: Array, high: Array, center: Floats) -> float:
     """Return the scale for places between these (D,) limits."""
     return scale_for_float32(max(float(np.max(high - center)), float(np.max(center - low))))
 
@@ -162,7 +162,7 @@ def scale_for_float32(size: float) -> float:
     return 1.0 if size == 0 or 1e-6 < size < 1e6 else 2.0 ** min(-round(math.log2(size)), 1000)
 
 
-def _points(tiles: Array, density: NDArray[np.float64], frame: Frame, n_points: int, in_order: bool) -> Points:
+def _points(tiles: Array, density: Floats, frame: Frame, n_points: int, in_order: bool) -> Points:
     boxes = np.zeros((len(tiles), 2, tiles.shape[1]), tiles.dtype)
     parts = _fixed_parts(len(tiles))
     squares, energies = np.zeros(len(density)), np.zeros(len(parts))
@@ -211,7 +211,7 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     return points.take(drawn, points.density[drawn] * counts * ends[-1] / (n_drawn * chances[drawn]))
 
 
-def assign(points: Points, generators: NDArray[np.float64], gaps: Array | None = None) -> NDArray[np.int32]:
+def assign(points: Points, generators: Floats, gaps: Array | None = None) -> NDArray[np.int32]:
     """Label each point, padding included, with its nearest generator; the first one on a tie."""
     # Into gaps goes how much farther the second nearest is, in squared distance.
     # The nearest generator z of a point y has the least ``|z|^2 / 2 - y . z``.
@@ -232,7 +232,7 @@ def assign(points: Points, generators: NDArray[np.float64], gaps: Array | None =
     return labels
 
 
-def assign_rows(rows: Array, places: Array, points: Points, order: NDArray[np.intp] | None = None) -> NDArray[np.int32]:
+def assign_rows(rows: Array, places: Array, points: Points, order: Indices | None = None) -> NDArray[np.int32]:
     """Label (N, D) rows with their nearest places, in their own units, once packed as points; perhaps in an order."""
     # Where the two nearest are nearer to each other than rounding is, float64 decides. So a label depends on no other
     # row: J. Shewchuk, Discrete & Computational Geometry 18 (1997) 305-363, doi 10.1007/PL00009321.
@@ -258,21 +258,19 @@ def assign_rows(rows: Array, places: Array, points: Points, order: NDArray[np.in
 class RowMoments(NamedTuple):
     """Sums over the rows of each cell, in their own units, about a place for each."""
 
-    masses: NDArray[np.float64]  # (K,) of the weights
-    steps: NDArray[np.float64]  # (K, D) of weight times row - place
-    energies: NDArray[np.float64]  # (K,) of weight times squared distance to the place
+    masses: Floats  # (K,) of the weights
+    steps: Floats  # (K, D) of weight times row - place
+    energies: Floats  # (K,) of weight times squared distance to the place
 
     @classmethod
-    def of(
-        cls, rows: Array, weights: NDArray[np.float64], places: NDArray[np.float64], labels: NDArray[np.int32]
-    ) -> RowMoments:
+    def of(cls, rows: Array, weights: Floats, places: Floats, labels: NDArray[np.int32]) -> RowMoments:
         """Sum over (N, D) rows by their labels."""
         points = pack(rows, weights, frame=Frame(np.zeros(rows.shape[1]), 1.0), exact=True)
         padded = np.pad(labels, (0, len(points.density) - len(labels)))
         masses, sums = cell_moments(points, padded, len(places))
         return cls(masses, sums - masses[:, None] * places, cell_energies(points, places, padded))
 
-    def about(self, places: NDArray[np.float64], moves: NDArray[np.float64]) -> RowMoments:
+    def about(self, places: Floats, moves: Floats) -> RowMoments:
         """Return the moments about other places, which are short moves from those of these moments."""
         cross = np.einsum("kd,kd->k", moves, self.masses[:, None] * moves - 2 * self.steps)
         energies = self.energies + cross
@@ -281,7 +279,7 @@ class RowMoments(NamedTuple):
         steps = self.steps - self.masses[:, None] * moves
         return RowMoments(self.masses, steps, np.where(energies > least, energies, 0.0))
 
-    def to_means(self, places: NDArray[np.float64], frame: Frame, *, exact: bool) -> NDArray[np.float64]:
+    def to_means(self, places: Floats, frame: Frame, *, exact: bool) -> Floats:
         """Return the (K, D) steps of places to the means of their cells, 0 where more than rounding is in between."""
         masses = np.where(self.masses > 0, self.masses, 1.0)
         steps, off = self.steps / masses[:, None], places - frame.center
@@ -298,9 +296,7 @@ def float32_suffices(points: Points, energy: float) -> bool:
     return _UNIT * np.sqrt(points.n_dims) * points.energy_about_origin <= _LOSS * energy
 
 
-def assign_next(
-    points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], Array]:
+def assign_next(points: Points, generators: Floats, labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], Array]:
     """Return the nearest generator of each point but for its own, and how much farther that is, in squared distance."""
     seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), points.tiles.dtype)
     places, half_norms = _for_kernels(points, generators)
@@ -313,9 +309,7 @@ def assign_next(
     return seconds, gaps
 
 
-def cell_moments(
-    points: Points, labels: NDArray[np.int32], n_cells: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def cell_moments(points: Points, labels: NDArray[np.int32], n_cells: int) -> tuple[Floats, Floats]:
     """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
     slices = _fixed_parts(len(points.tiles))
     parts = np.zeros((len(slices), n_cells, points.n_dims + 1))
@@ -329,13 +323,7 @@ def cell_moments(
     return total[:, -1].copy(), total[:, :-1].copy()
 
 
-def energy(
-    points: Points,
-    generators: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    masses: NDArray[np.float64],
-    sums: NDArray[np.float64],
-) -> float:
+def energy(points: Points, generators: Floats, labels: NDArray[np.int32], masses: Floats, sums: Floats) -> float:
     """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
     # Below the fraction `SMALL_ENERGY` of that about the origin the moments cancel.
     if points.exact:
@@ -345,7 +333,7 @@ def energy(
     return float(max(points.energy_about_origin - 2 * cross + norms, 0.0))
 
 
-def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArray[np.int32]) -> NDArray[np.float64]:
+def cell_energies(points: Points, generators: Floats, labels: NDArray[np.int32]) -> Floats:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
     parts = _fixed_parts(len(points.tiles))
     sums = np.empty((len(parts), len(generators)))
@@ -366,7 +354,7 @@ def cell_energies(points: Points, generators: NDArray[np.float64], labels: NDArr
     return np.where(energies > least, energies, 0.0)
 
 
-def _for_kernels(points: Points, generators: NDArray[np.float64]) -> tuple[Array, Array]:
+def _for_kernels(points: Points, generators: Floats) -> tuple[Array, Array]:
     """Convert generators to the type of the points, and compute half their squared norms, 0 for exact points."""
     if points.exact:
         return np.ascontiguousarray(generators), np.zeros(len(generators))

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.records import PROVING, Claims, equals, prove
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 #: A tessellation, whose module imports this one.
 _Result = TypeVar("_Result")
@@ -18,14 +17,14 @@ _ROWS = 1024
 _ROUNDING = 1e-6
 
 
-def proven(result: _Result, rows: Array, density: NDArray[np.float64], nearest: bool) -> _Result:
+def proven(result: _Result, rows: Array, density: Floats, nearest: bool) -> _Result:
     """Return a tessellation of (N, D) rows, which is checked if that is asked for; labels if they are the nearest."""
     if PROVING:
         prove("Tessellation", _claims(result, rows, density, nearest))
     return result
 
 
-def _claims(result: Any, rows: Array, density: NDArray[np.float64], nearest: bool) -> Claims:
+def _claims(result: Any, rows: Array, density: Floats, nearest: bool) -> Claims:
     labels, generators = result.labels, result.generators
     yield "masses are sums of the density", equals(result.masses, np.bincount(labels, density, len(generators)))
     blocks = [slice(start, start + _ROWS) for start in range(0, len(rows), _ROWS)]

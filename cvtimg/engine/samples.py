@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.engine.points import GROUPED_FROM, Points, pack
 
 #: A key of 64 bits has room for 16 bits in each of this many coordinates.
@@ -39,7 +39,7 @@ class WeightedSamples(ReadOnly):
     """
 
     rows: Array
-    density: NDArray[np.float64]
+    density: Floats
     in_order: bool
 
     def __repr__(self) -> str:
@@ -56,8 +56,8 @@ class WeightedSamples(ReadOnly):
 class Line(NamedTuple):
     """Rows on a line: each is ``origin + direction * place``, whose place is its value in the widest column."""
 
-    origin: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    origin: Floats
+    direction: Floats
     places: Array
 
 
@@ -81,8 +81,8 @@ def line_through(rows: Array) -> Line | None:
 
 
 def pack_in_order(
-    rows: Array, weights: NDArray[np.float64], n_generators: int, *, in_order: bool = False, exact: bool = False
-) -> tuple[Points, NDArray[np.intp] | None]:
+    rows: Array, weights: Floats, n_generators: int, *, in_order: bool = False, exact: bool = False
+) -> tuple[Points, Indices | None]:
     """Pack the (N, D) rows of a table; also return their order, if it is not the given one."""
     sortable = rows.shape[1] <= MAX_ORDERED_DIMS and len(rows) <= _FEW_ENOUGH_TO_SORT
     if in_order or not sortable or n_generators < GROUPED_FROM:
@@ -91,7 +91,7 @@ def pack_in_order(
     return pack(rows, weights, order=order, exact=exact), order
 
 
-def along_curve(rows: Array) -> NDArray[np.intp]:
+def along_curve(rows: Array) -> Indices:
     """Return the order of (M, D <= 4) rows along a Morton curve, with up to 2^16 steps over their range."""
     n_rows, n_dims = rows.shape
     # Keys and places are sorted as one number each, in which long keys of many rows lose their last bits.

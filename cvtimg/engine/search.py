@@ -11,9 +11,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import Floats
 from cvtimg.engine.evolution import Evolution, evolve
 from cvtimg.engine.methods import Conditions, Iteration, Method, Stopping
 from cvtimg.engine.methods.breathing import breathe
@@ -69,13 +69,13 @@ def effort_beyond(effort: SearchEffort, n_rows: int, n_searched: int) -> SearchE
 
 def search(
     points: Points,
-    fixed: NDArray[np.float64],
+    fixed: Floats,
     n_generators: int,
     init: str,
     method: Method,
     conditions: Conditions,
     effort: SearchEffort,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)
     if effort.evolution and n_generators > len(fixed) and (some is points or not points.in_order):

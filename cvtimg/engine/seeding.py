@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies
 
 #: Takes points, the number of generators and a random generator; returns (K, D) initial generators in the frame.
-Seeding: TypeAlias = "Callable[[Points, int, np.random.Generator], NDArray[np.float64]]"
+Seeding: TypeAlias = "Callable[[Points, int, np.random.Generator], Floats]"
 
 #: Cells are divided by their covariances up to this number of dimensions: each takes its square of moments.
 _MOST_DIMS = 64
@@ -32,26 +32,26 @@ class _Cells(NamedTuple):
     """Counts of the points of positive density in K cells, and the moments of `_kernels.divide_cells`."""
 
     counts: NDArray[np.int64]
-    moments: NDArray[np.float64]
+    moments: Floats
 
     @classmethod
     def empty(cls, n_cells: int, n_dims: int) -> _Cells:
         return cls(np.zeros(n_cells, np.int64), np.zeros((n_cells, n_dims + 1, n_dims + 1)))
 
     @property
-    def means(self) -> NDArray[np.float64]:
+    def means(self) -> Floats:
         """(K, D) centers of mass; 0 for empty cells."""
         masses, sums = self.moments[:, :1, 0], self.moments[:, 1:, 0]
         return np.divide(sums, masses, out=np.zeros_like(sums), where=masses > 0)
 
     @property
-    def energies(self) -> NDArray[np.float64]:
+    def energies(self) -> Floats:
         """(K,) sums of density times squared distance to the mean; 0 for fewer than two points."""
         about_origin = np.einsum("kdd->k", self.moments[:, 1:, 1:])
         energies = about_origin - np.einsum("kd,kd->k", self.moments[:, 1:, 0], self.means)
         return np.where(self.counts > 1, np.maximum(energies, 0), 0)
 
-    def main_axes(self, cells: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def main_axes(self, cells: Indices) -> tuple[Floats, Floats]:
         """Return the (n, D) directions of greatest variance in some cells, and the (n,) variances."""
         moments = self.moments[cells]
         masses, means = moments[:, 0, 0, None, None], moments[:, 1:, 0] / moments[:, :1, 0]
@@ -65,7 +65,7 @@ class _Cells(NamedTuple):
         return np.copysign(1, longest) * main, np.maximum(variances[:, -1], 0)
 
 
-def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def split(points: Points, n_generators: int, rng: np.random.Generator) -> Floats:
     """Divide the cells of highest energy at their mean, across their main axis, until there are enough."""
     # Nothing is drawn from `rng`, but for exact points and many columns. The planes are those of M. Orchard and
     # C. Bouman, IEEE Trans. Signal Processing 39 (1991), doi 10.1109/78.107417. One pass divides all cells of more than
@@ -91,9 +91,7 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> NDArra
     return cells.means
 
 
-def halves(
-    points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], n_cells: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def halves(points: Points, labels: NDArray[np.int32], chosen: Indices, n_cells: int) -> tuple[Floats, Floats]:
     """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
     if points.n_dims > _MOST_DIMS:
         is_weighted = points.density > 0
@@ -111,7 +109,7 @@ def halves(
     return means - steps, means + steps
 
 
-def _halves_of_one(points: Points, members: NDArray[np.intp]) -> NDArray[np.float64]:
+def _halves_of_one(points: Points, members: Indices) -> Floats:
     """Return the approximate means (2, D) of the halves of some points, across an axis found by powers."""
     rows, weights = points.rows(members), points.density[members]
     mass = weights.sum() or 1.0
@@ -126,13 +124,7 @@ def _halves_of_one(points: Points, members: NDArray[np.intp]) -> NDArray[np.floa
     return np.stack([mean - step, mean + step])
 
 
-def refill(
-    points: Points,
-    generators: NDArray[np.float64],
-    labels: NDArray[np.int32],
-    masses: NDArray[np.float64],
-    n_locked: int,
-) -> NDArray[np.float64]:
+def refill(points: Points, generators: Floats, labels: NDArray[np.int32], masses: Floats, n_locked: int) -> Floats:
     """Give each empty cell half of a cell of high energy, where a generator lowers the energy most; the first stay."""
     free = np.arange(len(generators)) >= n_locked
     empty = free & (masses == 0)
@@ -146,7 +138,7 @@ def refill(
     return refilled
 
 
-def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator) -> Floats:
     """Draw points in proportion to their energy, and keep the draw that leaves the lowest energy."""
     # D. Arthur and S. Vassilvitskii, SODA 2007, pp. 1027-1035; greedy, with 2 + log K draws per generator.
     return seed_sets(points, np.empty((1, 0, points.n_dims)), n_generators, 0, rng)[0]
@@ -154,7 +146,7 @@ def kmeans_plus_plus(points: Points, n_generators: int, rng: np.random.Generator
 
 def seed_sets(
     points: Points,
-    given: NDArray[np.float64],
+    given: Floats,
     n_generators: int,
     n_swaps: int,
     rng: np.random.Generator,
@@ -162,7 +154,7 @@ def seed_sets(
     n_locked: int | None = None,
     n_draws: int | None = None,
     worthwhile: float = 1.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Complete (n, G, D) given generators by greedy k-means++, and try that many swaps: (n, K, D)."""
     # A swap puts a generator where much energy is in place of the one missed least, and must leave less than a part of
     # the energy. About K / 4 of them bring the seeds within a constant factor of the lowest energy: D. Choo et al.,
@@ -189,7 +181,7 @@ def seed_sets(
     return sets
 
 
-def random(points: Points, n_generators: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def random(points: Points, n_generators: int, rng: np.random.Generator) -> Floats:
     """Draw distinct points by density."""
     n_weighted = int(np.count_nonzero(points.density))
     if n_weighted < n_generators:
@@ -210,7 +202,7 @@ class TooFewSamplesError(ValueError):
         self.n_distinct = n_distinct
 
 
-def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], cells: _Cells) -> None:
+def _gather(points: Points, labels: NDArray[np.int32], chosen: Indices, cells: _Cells) -> None:
     """Count the points of some cells and sum their moments, by a division that puts all points on one side."""
     children = np.full(len(cells.counts), -1, np.int32)
     children[chosen] = chosen
@@ -219,9 +211,7 @@ def _gather(points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp],
     _kernels.divide_cells(points.tiles, points.density, labels, children, axes, offsets, cells.counts, cells.moments)
 
 
-def _divide(
-    points: Points, labels: NDArray[np.int32], chosen: NDArray[np.intp], children: NDArray[np.intp], cells: _Cells
-) -> None:
+def _divide(points: Points, labels: NDArray[np.int32], chosen: Indices, children: Indices, cells: _Cells) -> None:
     """Move the points above the middle of some cells to their children."""
     axes = np.zeros((len(cells.counts), points.n_dims))
     axes[chosen], _ = cells.main_axes(chosen)

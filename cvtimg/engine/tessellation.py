@@ -26,7 +26,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
@@ -76,9 +76,9 @@ class Tessellation(ReadOnly):
     scikit-learn calls the generators ``cluster_centers_``, the labels ``labels_`` and the energy ``inertia_``.
     """
 
-    generators: NDArray[np.float64]
+    generators: Floats
     labels: NDArray[np.int32]
-    masses: NDArray[np.float64]
+    masses: Floats
     energy: float
     weighted_energy: float
     energies: tuple[float, ...]
@@ -207,7 +207,7 @@ def tessellate(
     return _tessellate_rows(rows, weights, asked)
 
 
-def _tessellate_line(line: Line, weights: NDArray[np.float64], asked: _Asked) -> Tessellation:
+def _tessellate_line(line: Line, weights: Floats, asked: _Asked) -> Tessellation:
     """Tessellate rows on a line by their places along it: as exactly as one column."""
     found = _tessellate_rows(line.places[:, None], weights, asked._replace(locked=None))
     scale = float((line.direction**2).sum())
@@ -233,9 +233,7 @@ def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
     return proven(result, samples.rows, samples.density, asked.to_nearest)
 
 
-def _tessellate_rows(
-    rows: Array, weights: NDArray[np.float64], asked: _Asked, *, in_order: bool = False
-) -> Tessellation:
+def _tessellate_rows(rows: Array, weights: Floats, asked: _Asked, *, in_order: bool = False) -> Tessellation:
     """Tessellate (N, D) rows: in float32, and again in float64 where that was too coarse; one column always in that."""
     exact = rows.shape[1] == 1
     while True:
@@ -252,7 +250,7 @@ def _tessellate_rows(
         exact = True
 
 
-def _descended(points: Points, asked: _Asked) -> tuple[Iteration, NDArray[np.float64], bool]:
+def _descended(points: Points, asked: _Asked) -> tuple[Iteration, Floats, bool]:
     """Move generators from the end of a search, or from given ones; return those locked and if labels are kept too."""
     locked = check_locked(asked.locked, asked.n_generators, points.n_dims)
     fixed, n, power = points.frame.inward(locked), asked.n_generators, asked.volume_power
@@ -272,9 +270,7 @@ def _descended(points: Points, asked: _Asked) -> tuple[Iteration, NDArray[np.flo
         return method.iterate(points, start, conditions), locked, bool(power) or method.exact_in_one_dimension
 
 
-def _measured(
-    rows: Array, weights: NDArray[np.float64], points: Points, order: NDArray[np.intp] | None, asked: _Asked
-) -> Tessellation:
+def _measured(rows: Array, weights: Floats, points: Points, order: Indices | None, asked: _Asked) -> Tessellation:
     """Descend with packed rows, and measure the end on the rows themselves, in float64."""
     end, locked, is_labeled = _descended(points, asked)
     frame, n_locked = points.frame, len(locked)
@@ -341,7 +337,7 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
 
 
 def _result(
-    end: Iteration, places: NDArray[np.float64], labels: Any, moments: RowMoments, volume_power: float, frame: Frame
+    end: Iteration, places: Floats, labels: Any, moments: RowMoments, volume_power: float, frame: Frame
 ) -> Tessellation:
     """Return the end of an iteration in a frame, with what was measured at the end."""
     weighted = weighted_energy(moments.masses, moments.energies, volume_power)

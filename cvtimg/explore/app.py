@@ -18,8 +18,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
-from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.types import Json
+from cvtimg._shared.choices import Json, SpaceName
 from cvtimg.colors import SPACES
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.collection import Collection

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cvtimg
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 
 
 class Code(str):

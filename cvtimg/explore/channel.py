@@ -18,9 +18,9 @@ from typing import Any, Generic, TypeVar
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
-from cvtimg._shared.types import Json
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome

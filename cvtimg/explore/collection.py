@@ -5,7 +5,7 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import requested

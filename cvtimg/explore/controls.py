@@ -15,8 +15,8 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import shortest
-from cvtimg._shared.types import Json, Options
 from cvtimg.options import options_of, record
 from cvtimg.options.record import Option
 from cvtimg.segmentation import Edit, brush

@@ -13,7 +13,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array, Json, Options
+from cvtimg._shared.choices import Json, Options
+from cvtimg._shared.types import Array, Floats32
 from cvtimg.explore.controls import UnfitRequestError, is_number
 
 
@@ -99,7 +100,7 @@ class Drawing:
 class Globe:
     """Edges (E, 2) uint32 between (V, 3) float32 unit vectors, seen from any side."""
 
-    vertices: NDArray[np.float32]
+    vertices: Floats32
     edges: NDArray[np.uint32]
 
     def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import energy_curve, read_image
-from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.types import Array, Json
+from cvtimg._shared.choices import Json, SpaceName
+from cvtimg._shared.types import Array, Bools
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
@@ -160,7 +160,7 @@ class Picture:
         return without_idle_alpha(self.array) if declared else self.array
 
     @cached_property
-    def known(self) -> NDArray[np.bool_] | None:
+    def known(self) -> Bools | None:
         """(H, W) pixels that have a value; None for all."""
         known = not_missing(self.array, self.header.nodata, has_alpha=self.has_alpha)
         return None if known.all() else known

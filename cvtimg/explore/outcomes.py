@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
 from cvtimg.explore.calls import Code, Line, as_python, call, evaluated
 from cvtimg.explore.layers import Layer, Window
 

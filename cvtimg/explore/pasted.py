@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Iterator
 from typing import Any
 
-from cvtimg._shared.types import Json
+from cvtimg._shared.choices import Json
 from cvtimg.explore.controls import (
     Choice,
     Control,

@@ -7,7 +7,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.controls import Edits, Entry, Files, UnfitRequestError, parse_settings
 from cvtimg.explore.tabs import TABS
 from cvtimg.files.whole import write_whole

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import read_palette
+from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
-from cvtimg._shared.types import Json
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix

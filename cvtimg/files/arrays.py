@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cvtimg._shared.choices import Options
 from cvtimg._shared.messages import one_line
-from cvtimg._shared.types import Array, Options
+from cvtimg._shared.types import Array
 from cvtimg.files.remote import local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
 

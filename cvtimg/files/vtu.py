@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 #: VTK's numbers of kinds of cells.
 LINE, TRIANGLE, POLYGON, TETRAHEDRON, LINE3, TRIANGLE6 = 3, 5, 7, 10, 21, 22
 _TYPES = {"f8": "Float64", "i4": "Int32", "u1": "UInt8"}
 
 
-def vtu_content(
-    points: NDArray[np.float64], corners: Array, ends: Array, kind: int | Array, values: Mapping[str, Array]
-) -> bytes:
+def vtu_content(points: Floats, corners: Array, ends: Array, kind: int | Array, values: Mapping[str, Array]) -> bytes:
     """Return the content of a VTU file: corners, one cell after the other, the end of each, and their kind or kinds."""
     arrays = {
         "points": (np.asarray(points, "<f8"), 3),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
-from cvtimg._shared.types import Array, Floats, Points, Triangles
+from cvtimg._shared.types import Array, Floats, Indices, Points, Triangles
 
 
 class HalfEdges:
@@ -92,7 +92,7 @@ class EdgeTable:
         self._keys = np.append(keys[order], np.iinfo(np.int64).max)
         self._order = np.append(order, -1)
 
-    def find(self, pairs: NDArray[np.integer]) -> NDArray[np.intp]:
+    def find(self, pairs: NDArray[np.integer]) -> Indices:
         """Return which edge (P,) has each of (P, 2) pairs of ends, the first of equal ones; -1 for none."""
         wanted = edge_keys(pairs, self._n)
         at = np.searchsorted(self._keys, wanted)
@@ -104,14 +104,14 @@ def edges_around(triangles: NDArray[np.integer]) -> Array:
     return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
-def unique_edges(edges: NDArray[np.integer]) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+def unique_edges(edges: NDArray[np.integer]) -> tuple[Array, Indices, Indices]:
     """Return edges (E, 2) once and from the lower end (U, 2), which of these each is (E,), and how many are (U,)."""
     n = int(edges.max(initial=0)) + 1
     keys, which, counts = np.unique(edge_keys(edges, n), return_inverse=True, return_counts=True)
     return np.stack([keys // n, keys % n], axis=1).astype(edges.dtype), which, counts
 
 
-def joined_points(points: Points, apart: float) -> NDArray[np.intp]:
+def joined_points(points: Points, apart: float) -> Indices:
     """Return the point (N,) that each is when those nearer than `apart` to one before them are that one."""
     from scipy.spatial import KDTree
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
+from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.labels import _labels
 
 # --- borders between regions: which regions meet, and at which cracks between their pixels
@@ -25,14 +26,14 @@ class Borders:
     pairs: NDArray[np.int32]  # (B, 2): regions at the two sides, the lower number first
     starts: NDArray[np.int32]  # (B + 1,): where the cracks of each border begin
     places: NDArray[np.int32]  # (P, 2): row and column of the pixel before each crack: above it or to its left
-    is_flat: NDArray[np.bool_]  # (P,): whether the crack is below that pixel, else to its right
+    is_flat: Bools  # (P,): whether the crack is below that pixel, else to its right
 
     @property
     def lengths(self) -> NDArray[np.int32]:
         """(B,) cracks of each border."""
         return np.diff(self.starts)
 
-    def on_pixels(self, strengths: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.float32]:
+    def on_pixels(self, strengths: Floats, shape: tuple[int, int]) -> Floats32:
         """(H, W) strengths (B,) of borders at the pixels above and to the left of their cracks."""
         strongest = np.zeros(shape, np.float32)
         np.maximum.at(strongest, tuple(self.places.T), np.repeat(strengths, self.lengths).astype(np.float32))
@@ -73,7 +74,7 @@ def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def absorb_small(
-    pieces: NDArray[np.int32], values: NDArray[np.float32], min_size: int, length_price: float = 0
+    pieces: NDArray[np.int32], values: Floats32, min_size: int, length_price: float = 0
 ) -> NDArray[np.int32]:
     """Merge pieces smaller than `min_size` into their neighbors until there are none.
 

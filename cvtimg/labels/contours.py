@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Array, ImageLike, Points
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Points
 from cvtimg.labels import _labels
 from cvtimg.labels.figures import region_means
 
@@ -189,7 +189,7 @@ def _swept(lines: Array, simple: Array) -> Array:
     return swept
 
 
-def _areas(lines: Array, regions: NDArray[np.integer]) -> NDArray[np.float64]:
+def _areas(lines: Array, regions: NDArray[np.integer]) -> Floats:
     """Return the area of each region, by number, from the lines with the regions to their right and left."""
     places, of_line = shapely.get_coordinates(lines, return_index=True)
     x, y = places.T
@@ -207,7 +207,7 @@ class _Cracks(NamedTuple):
     left: _Index  # (n, 2)
     starts: _Index  # (l,): where lines begin
     lasts: _Index  # (l,): their last cracks
-    at_junction: NDArray[np.bool_]  # (l,): whether a line begins at a junction, and is no ring without one
+    at_junction: Bools  # (l,): whether a line begins at a junction, and is no ring without one
 
 
 def _walk(rimmed: NDArray[np.int32]) -> _Cracks:
@@ -274,7 +274,7 @@ def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array)
     return _drawn(cracks, crossings, within, *junctions)
 
 
-def _drawn(cracks: _Cracks, places: Points, inner: NDArray[np.bool_], first: Points, last: Points) -> list[Points]:
+def _drawn(cracks: _Cracks, places: Points, inner: Bools, first: Points, last: Points) -> list[Points]:
     """Return each line: its first point, the places of those of its cracks that are `inner`, and its last point."""
     before = np.append(0, np.cumsum(inner))
     parts = zip(before[cracks.starts], before[cracks.lasts + 1], strict=True)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_labels
+from cvtimg._shared.types import Bools
 
 #: How the label of an edge point compares with that of its neighbor, by mode.
 EDGE_MODES = {"inner": np.greater, "outer": np.less, "thick": np.not_equal}
 
 
-def find_edges(labels: ArrayLike, *, mode: str = "inner", ignore: int | None = None) -> NDArray[np.bool_]:
+def find_edges(labels: ArrayLike, *, mode: str = "inner", ignore: int | None = None) -> Bools:
     """Find the pixels where one segment borders another.
 
     Parameters

@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Floats, ImageLike
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
 
 
-def region_means(labels: ArrayLike, image: ImageLike) -> NDArray[np.float64]:
+def region_means(labels: ArrayLike, image: ImageLike) -> Floats:
     """Compute the mean of each region in each band.
 
     Parameters
@@ -193,7 +193,7 @@ def _in_units_of_space(regions: NDArray[np.int32], table: Mapping[str, Array], s
     return columns | {f"{axis}_{unit}": table[axis] * getattr(size, axis) for axis in "xyz"}
 
 
-def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> NDArray[np.float64]:
+def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> Floats:
     """Return the area of the surface of each region that occurs, counted along lines of 13 directions."""
     from scipy.spatial import SphericalVoronoi
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.looks import _looks
 from cvtimg.looks.similarity import blurred
 
@@ -67,7 +67,7 @@ class Rate(NamedTuple):
 USUAL = Rate()
 
 
-def visibility(brightness: Array, bits: float = 0.0) -> NDArray[np.float32]:
+def visibility(brightness: Array, bits: float = 0.0) -> Floats32:
     """Return how much an error counts in each (H, W) pixel: less where the brightness varies, which hides errors.
 
     Errors count half where its standard deviation is 3 levels, in a Gaussian window of sigma 3; and more where nothing
@@ -93,12 +93,12 @@ def visibility(brightness: Array, bits: float = 0.0) -> NDArray[np.float32]:
 
 
 def map_by_rate(
-    places: NDArray[np.float32],
-    entries: NDArray[np.float32],
-    seen: NDArray[np.float32],
+    places: Floats32,
+    entries: Floats32,
+    seen: Floats32,
     rate: Rate,
     strength: float = STRENGTH,
-    kept: NDArray[np.float32] | None = None,
+    kept: Floats32 | None = None,
 ) -> NDArray[np.uint8]:
     """Return the (H, W) entry of each pixel so that a file needs few bits; the same for any number of threads.
 
@@ -130,21 +130,21 @@ def map_by_rate(
     return indices
 
 
-def _wide(places: NDArray[np.float32]) -> NDArray[np.float32]:
+def _wide(places: Floats32) -> Floats32:
     """Return places with four coordinates, the last of them 0."""
     wide = np.zeros((*places.shape[:-1], 4), np.float32)
     wide[..., : places.shape[-1]] = places
     return wide
 
 
-def usual_step(palette: NDArray[np.float32]) -> float:
+def usual_step(palette: Floats32) -> float:
     """Return the root of the mean squared distance from an entry to the nearest other one."""
     # Longer errors come mostly from colors that the palette cannot mix. They would add up and end as spots of far
     # colors.
     return float(np.sqrt(_squared_steps(palette).mean()))
 
 
-def _squared_steps(palette: NDArray[np.float32]) -> NDArray[np.float64]:
+def _squared_steps(palette: Floats32) -> Floats:
     """Return the squared distance from entries to the nearest other one; a lonely one has 0."""
     some = np.arange(0, len(palette), max(1, len(palette) ** 2 // COMPARISONS))
     squares = ((palette[some][:, None] - palette) ** 2).sum(axis=2, dtype=np.float64)

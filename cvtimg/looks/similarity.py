@@ -11,11 +11,10 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.threads import in_parts, in_stripes, of_each
-from cvtimg._shared.types import Array, Floats32
+from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks import _looks
@@ -59,7 +58,7 @@ _WEIGHTS = {
 class _Scale(NamedTuple):
     """An image at one scale: its planes (3, H, W), their blurs, and the blurs of their squares."""
 
-    planes: NDArray[np.float32]
+    planes: Floats32
     means: list[Floats32]
     squares: list[Floats32]
 
@@ -174,7 +173,7 @@ def _score(total: float) -> float:
     return 100 - 10 * total**0.6276336467831387 if total > 0 else 100.0
 
 
-def _n_busy(linear: NDArray[np.float32]) -> int:
+def _n_busy(linear: Floats32) -> int:
     """Return the number of pixels (3, H, W) in whose window there is more than one color, or that of all if none."""
     from scipy.ndimage import maximum_filter  # which takes long to import
 
@@ -187,7 +186,7 @@ def _n_busy(linear: NDArray[np.float32]) -> int:
     return int(np.count_nonzero(maximum_filter(differs, len(_BLUR)))) or differs.size
 
 
-def _pyramid(image: Array, ground: float) -> list[NDArray[np.float32]]:
+def _pyramid(image: Array, ground: float) -> list[Floats32]:
     """Return the image at each scale, as planes (3, H, W) of linear light."""
     scales = [_linear(np.asarray(image), ground)]
     while len(scales) < _N_SCALES and min(scales[-1].shape[1:]) >= 2 * _LEAST_SIDE - 1:
@@ -195,13 +194,13 @@ def _pyramid(image: Array, ground: float) -> list[NDArray[np.float32]]:
     return scales
 
 
-def _halved(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _halved(linear: Floats32) -> Floats32:
     height, width = linear.shape[1:]
     even = np.pad(linear, ((0, 0), (0, height % 2), (0, width % 2)), mode="edge")
     return np.float32(0.25) * ((even[:, ::2, ::2] + even[:, ::2, 1::2]) + (even[:, 1::2, ::2] + even[:, 1::2, 1::2]))
 
 
-def _linear(image: Array, ground: float) -> NDArray[np.float32]:
+def _linear(image: Array, ground: float) -> Floats32:
     """Return the linear light of an image, as planes (3, H, W)."""
     if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
         raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")
@@ -221,7 +220,7 @@ def _linear(image: Array, ground: float) -> NDArray[np.float32]:
     return light
 
 
-def _scale(linear: NDArray[np.float32]) -> _Scale:
+def _scale(linear: Floats32) -> _Scale:
     planes, n_pixels = np.empty_like(linear), linear[0].size
     in_parts(lambda start, stop: _looks.xyb(linear, planes, start, stop), n_pixels, 40 * n_pixels)
     return _Scale(planes, blurred(planes), blurred(planes, planes))
@@ -236,7 +235,7 @@ def blurred(*factors: list[Floats32] | Floats32) -> list[Floats32]:
     return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)
 
 
-def _sums_of_errors(original: _Scale, other: _Scale) -> NDArray[np.float64]:
+def _sums_of_errors(original: _Scale, other: _Scale) -> Floats:
     """Return the sums of each error and of its fourth power, (3, 2, 3) by channel."""
     products = blurred(original.planes, other.planes)
     given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]

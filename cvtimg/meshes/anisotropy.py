@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Points
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import MeshValues, estimated_factor
@@ -39,7 +39,7 @@ class MetricField:
         """Sample a function that the user gave, with edges scaled to about `n` vertices."""
         checked = _checked(metric, outline)
 
-        def sizes(points: Points, factor: float = 1.0) -> NDArray[np.float64]:
+        def sizes(points: Points, factor: float = 1.0) -> Floats:
             return factor * _determinants(checked(points)) ** -0.25
 
         factor = 1.0 if n is None else estimated_factor(sizes, outline, n, probes)
@@ -63,7 +63,7 @@ class MetricField:
         """Return the field itself: a metric says how it changes."""
         return self
 
-    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> MetricField:
+    def lowered(self, points: Points, sizes: Floats, grade: float) -> MetricField:
         """Return the field itself: edges are as the metric says, wherever borders are."""
         return self
 
@@ -71,7 +71,7 @@ class MetricField:
         """Draw (n, 2) points along a Morton curve."""
         return self.cells.seeds(self._masses(), n, rng)
 
-    def _masses(self) -> NDArray[np.float64]:
+    def _masses(self) -> Floats:
         return self.cells.masses(lambda points: np.sqrt(_determinants(self.metric(points))))
 
 
@@ -121,7 +121,7 @@ class HuangMetric:
         low, high = np.log([1e-9, 1e3])
         self._alpha = largest * float(np.exp(low if excess(low) < 0 else bisect(excess, low, high)))
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return metrics (M, 2, 2) at (M, 2) points, but for a factor."""
         regular = self._regular(self._absolute(points))
         return _as_matrices(regular * _determinants(regular)[:, None] ** (-1 / 6))
@@ -163,12 +163,12 @@ class RecoveredHessian:
         check_shape("values", heights.shape, heights.shape == (len(places),), f"({len(places)},), as the points")
         self._values = MeshValues(places, corners, _fitted_hessians(places, corners, heights))
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return Hessians (M, 2, 2) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
         return _as_matrices(self._values(points))
 
 
-def _fitted_hessians(points: Points, triangles: NDArray[np.int32], values: NDArray[np.float64]) -> Points:
+def _fitted_hessians(points: Points, triangles: NDArray[np.int32], values: Floats) -> Points:
     """Fit a quadratic around each vertex; return its second derivatives (N, 3)."""
     from scipy.sparse import coo_array
 
@@ -208,9 +208,9 @@ def _matrices(name: str, given: object, n: int) -> tuple[Points, Points]:
     return matrices, np.stack([matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]], axis=1)
 
 
-def _determinants(values: Points) -> NDArray[np.float64]:
+def _determinants(values: Points) -> Floats:
     return values[:, 0] * values[:, 2] - values[:, 1] ** 2
 
 
-def _as_matrices(values: Points) -> NDArray[np.float64]:
+def _as_matrices(values: Points) -> Floats:
     return values[:, [[0, 1], [1, 2]]]

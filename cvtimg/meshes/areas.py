@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Indices, Points
+from cvtimg._shared.types import Floats, Indices, Points
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Areas:
     """The areas that polygons and their holes, or the connected pieces of segments, should have."""
 
     pieces: Indices  # (M, 2): numbers of the pieces on both sides of each line, as `Outline.sides`; 0 outside
-    wanted: NDArray[np.float64]  # (P,): their areas; the first is not used
+    wanted: Floats  # (P,): their areas; the first is not used
 
     @classmethod
     def of(cls, lines: list[Points], pieces: Indices) -> Areas:
@@ -89,7 +89,7 @@ class Areas:
         return points
 
 
-def _enclosed(points: Points, edges: NDArray[np.integer], both: Indices, n_pieces: int) -> NDArray[np.float64]:
+def _enclosed(points: Points, edges: NDArray[np.integer], both: Indices, n_pieces: int) -> Floats:
     """Areas (P,) that edges enclose, with the pieces (E, 2) on both of their sides."""
     a, b = (points[ends] - points.mean(axis=0) for ends in edges.T)  # far from 0, products would lose digits
     swept = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.progress import first_few
-from cvtimg._shared.types import Floats, Indices, Points
+from cvtimg._shared.types import Bools, Floats, Indices, Points
 from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
@@ -159,7 +159,7 @@ class _Chains:
         return here[turns_of(points[before], points[here], points[after]) < Spacing.of(self.outline).straight]
 
 
-def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Points, NDArray[np.intp]]:
+def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Points, Indices]:
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -175,9 +175,7 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
     return places, line_of
 
 
-def _crowded(
-    borders: Borders, lengths: Floats, chains: _Chains, nearness: float
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float) -> tuple[Bools, Bools]:
     """Find edges (E,) that meet other than at their ends, and those with a vertex nearer than a part of them."""
     points, edges, spacing = borders.points, borders.edges, Spacing.of(chains.outline)
     segments = shapely.linestrings(points[edges])
@@ -213,14 +211,14 @@ def _crowded(
     return crossed, near
 
 
-def _cross(a: Points, b: Points, c: Points, d: Points) -> NDArray[np.bool_]:
+def _cross(a: Points, b: Points, c: Points, d: Points) -> Bools:
     """Tell which edges from a to b cross those from c to d, all (P, 2), other than at their ends."""
     return np.asarray((cross(b - a, c - a) * cross(b - a, d - a) < 0) & (cross(d - c, a - c) * cross(d - c, b - c) < 0))
 
 
 def _meet_sharply(
     borders: Borders, chains: _Chains, lengths: Floats, point: Indices, edge: Indices, gaps: Floats
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Tell which vertices (P,), at gaps from edges (P,), are near to a sharp corner where both their lines end."""
     points, ends, spacing = borders.points, chains.outline.ends, Spacing.of(chains.outline)
     lines = np.full(len(points), -1)

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.growth import limit_growth
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Floats32, Points
 from cvtimg.placement.pictures import draw_along_curve
 
 #: Vertices in an area of 1 where edges have length 1: two triangles each.
@@ -34,21 +33,21 @@ class Field(Protocol):
     def limited(self, grade: float, least: float) -> Field:
         """Return the field with sizes >= `least` that grow by no more than `grade` for each unit of length."""
 
-    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> Field:
+    def lowered(self, points: Points, sizes: Floats, grade: float) -> Field:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
 
     def seeds(self, n: int, rng: np.random.Generator) -> Points:
         """Draw (n, 2) points, in order along a curve, with about one for each vertex that a mesh has."""
 
 
-def metric_of(sizes: NDArray[np.float64]) -> Points:
+def metric_of(sizes: Floats) -> Points:
     """Return the metrics (N, 3) of (N,) sizes."""
     metric = np.zeros((len(sizes), 3))
     metric[:, 0] = metric[:, 2] = 1 / (sizes * sizes)
     return metric
 
 
-def lengths_of(metric: Points, steps: Points) -> NDArray[np.float64]:
+def lengths_of(metric: Points, steps: Points) -> Floats:
     """Return the lengths (N,) of steps (N, 2) in metrics (N, 3)."""
     (xx, xy, yy), (x, y) = metric.T, steps.T
     return np.sqrt(xx * x * x + 2 * xy * x * y + yy * y * y)
@@ -60,8 +59,8 @@ class PictureField:
 
     isotropic: ClassVar[bool] = True
 
-    sizes: NDArray[np.float32]  # (H, W)
-    inside: NDArray[np.bool_]  # (H, W): the pixels that are meshed
+    sizes: Floats32  # (H, W)
+    inside: Bools  # (H, W): the pixels that are meshed
 
     @property
     def count(self) -> float:
@@ -84,7 +83,7 @@ class PictureField:
         limit_growth(sizes, grade, grade)
         return replace(self, sizes=sizes)
 
-    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> PictureField:
+    def lowered(self, points: Points, sizes: Floats, grade: float) -> PictureField:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
         values = self.sizes.copy()
         x, y = (np.clip(at.astype(np.intp), 0, n - 1) for at, n in zip(points.T, values.shape[::-1], strict=True))

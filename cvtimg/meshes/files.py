@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import optional
+from cvtimg._shared.types import Floats
 from cvtimg.files.vtu import LINE, LINE3, TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, whole_file
 
@@ -46,11 +47,11 @@ _CELLS = {"triangle": (TRIANGLE, "line"), "tetra": (TETRAHEDRON, "triangle"), "t
 class MeshContent:
     """What files hold of a mesh of triangles or tetrahedra."""
 
-    points: NDArray[np.float64]  # (N, 2) or (N, 3)
+    points: Floats  # (N, 2) or (N, 3)
     cells: NDArray[np.int32]  # (T, 3), (T, 4), or (T, 6) for triangles with nodes in the middle of edges
     tags: NDArray[np.int32]  # (T,)
     sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, with their middle, or triangles of the surface
-    qualities: NDArray[np.float64]  # (T,)
+    qualities: Floats  # (T,)
     side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
 
@@ -60,7 +61,7 @@ class MeshContent:
         return {3: "triangle", 4: "tetra", 6: "triangle6"}[self.cells.shape[1]]
 
     @property
-    def places(self) -> NDArray[np.float64]:
+    def places(self) -> Floats:
         """Points (N, 3), where those of the plane have z = 0."""
         return np.pad(self.points, ((0, 0), (0, 3 - self.points.shape[1])))
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Indices, Points
 from cvtimg.halfedges import EdgeTable, measure_triangles
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
@@ -77,15 +77,15 @@ def _badness(mesh: PlaneTriangulation, small: float) -> float:
     return float(np.maximum(small - angles, 0).sum())
 
 
-def _needless(mesh: PlaneTriangulation, small: float) -> NDArray[np.bool_]:
+def _needless(mesh: PlaneTriangulation, small: float) -> Bools:
     """Tell which vertices (N,) inside divide the angles of one triangle, which is better without them."""
     n_around = np.bincount(mesh.triangles.ravel(), minlength=len(mesh.points))
     return (mesh.fixed == FREE) & (n_around == 3) & mesh.has_angles_below(small)
 
 
 def _refined(
-    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, dropped: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], Points, NDArray[np.float64]]:
+    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, dropped: Bools
+) -> tuple[Bools, Points, Floats]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
     They are the circumcenters of bad triangles; where one is in the circle over a border edge, or beyond it, that is
@@ -118,9 +118,7 @@ def _refined(
     return split, centers[added], radii[added]
 
 
-def _bad(
-    mesh: PlaneTriangulation, how: Mending
-) -> tuple[NDArray[np.intp], Points, NDArray[np.float64], NDArray[np.int32]]:
+def _bad(mesh: PlaneTriangulation, how: Mending) -> tuple[Indices, Points, Floats, NDArray[np.int32]]:
     """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)
@@ -137,7 +135,7 @@ def _bad(
 
 
 def _as_many(
-    mesh: PlaneTriangulation, field: Field, free: NDArray[np.bool_], n: int, places: Points, near: NDArray[np.float64]
+    mesh: PlaneTriangulation, field: Field, free: Bools, n: int, places: Points, near: Floats
 ) -> Points | None:
     """Return n vertices inside: of the free ones (N,), some go, or more stand in the largest triangles.
 
@@ -169,7 +167,7 @@ def _as_many(
     return mesh.points[free]
 
 
-def _with_middles(mesh: PlaneTriangulation, split: NDArray[np.bool_]) -> Borders:
+def _with_middles(mesh: PlaneTriangulation, split: Bools) -> Borders:
     """Return the borders of a mesh, with some edges (E,) in two halves."""
     edges = mesh.half_edges_on_borders()
     kept = mesh.fixed != FREE

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array, ImageLike, Points
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Indices, Points
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
@@ -48,10 +48,10 @@ class Outline:
     lines: tuple[Points, ...]
     sides: NDArray[np.int32]  # (M, 2): labels of both sides of each line, as in `Borders`
     nodes: Points  # (V, 2): where lines start and stop
-    ends: NDArray[np.intp]  # (M, 2): the nodes where each does
+    ends: Indices  # (M, 2): the nodes where each does
     bounds: Points  # (2, 2): least and greatest coordinates
-    mask: NDArray[np.bool_] | None  # (H, W): the pixels inside, if coordinates are in pixels of an image
-    contains: Callable[[Points], NDArray[np.bool_]]  # Tells which of (N, 2) points are inside
+    mask: Bools | None  # (H, W): the pixels inside, if coordinates are in pixels of an image
+    contains: Callable[[Points], Bools]  # Tells which of (N, 2) points are inside
     areas: Areas | None = None  # That segments keep although their borders are smoothed
     polygons: Any = None  # What it is the outline of, if that is polygons of shapely
     changes: Any = None  # What these lost when they were cleaned: `OutlineChanges`
@@ -65,12 +65,12 @@ class Outline:
         return cls(tuple(lines), sides, nodes, ends.reshape(2, -1).T, *others, **more)
 
     @property
-    def is_closed(self) -> NDArray[np.bool_]:
+    def is_closed(self) -> Bools:
         """Tell which lines (M,) end where they start."""
         return np.asarray(self.ends[:, 0] == self.ends[:, 1])
 
     @property
-    def corners(self) -> NDArray[np.bool_]:
+    def corners(self) -> Bools:
         """Tell which nodes (V,) are corners: the ends of lines that are open, or turn where they start."""
         found = np.zeros(len(self.nodes), bool)
         found[list(self.still)] = True
@@ -93,9 +93,7 @@ class Outline:
         gaps = cKDTree(places).query(self.nodes)[0]
         return replace(self, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
 
-    def check_inside(
-        self, name: str, points: Points, values: NDArray[np.float64], right: NDArray[np.bool_], allowed: str
-    ) -> None:
+    def check_inside(self, name: str, points: Points, values: Floats, right: Bools, allowed: str) -> None:
         """Refuse values (N, ...) that are not right (N,) at points (N, 2) inside."""
         wrong = np.flatnonzero(~right)
         inside = wrong[self.contains(points[wrong])] if len(wrong) else wrong
@@ -119,8 +117,8 @@ class StraightParts:
     """The straight parts of lines, to find the nearest one."""
 
     places: Points  # (P, 2): the points of all lines, one after the other
-    of_line: NDArray[np.intp]  # (P,): the line of each
-    first: NDArray[np.intp]  # (S,): the points where parts start
+    of_line: Indices  # (P,): the line of each
+    first: Indices  # (S,): the points where parts start
     tree: Any  # Of shapely, with the parts
 
     @classmethod
@@ -130,7 +128,7 @@ class StraightParts:
         first = np.flatnonzero(np.diff(of_line) == 0)
         return cls(places, of_line, first, shapely.STRtree(shapely.linestrings(places[first[:, None] + [0, 1]])))
 
-    def nearest(self, points: Points) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def nearest(self, points: Points) -> tuple[Indices, Floats]:
         """Return where the parts nearest to points (N, 2) start, and how far along them these are, from 0 to 1."""
         first = self.first[self.tree.nearest(shapely.points(points))]
         start, step = self.places[first], self.places[first + 1] - self.places[first]
@@ -163,7 +161,7 @@ def label_outline(labels: NDArray[np.int32], image: ImageLike | None, tolerance:
             lines += parts
             own += [number] * len(parts)
 
-    def contains(points: Points) -> NDArray[np.bool_]:
+    def contains(points: Points) -> Bools:
         at = np.clip(points.astype(np.intp), 0, np.array(mask.shape[::-1]) - 1)
         return mask[at[:, 1], at[:, 0]]
 
@@ -172,7 +170,7 @@ def label_outline(labels: NDArray[np.int32], image: ImageLike | None, tolerance:
     return Outline.of(lines, found.sides[own], bounds, mask, contains, kept)
 
 
-def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> NDArray[np.intp]:
+def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> Indices:
     """Numbers (M, 2) of the pieces on both sides of lines along the sides of pixels; 0 beyond the image."""
     padded = np.pad(pieces, 1)
     first = np.array([line[0] for line in lines])
@@ -202,14 +200,14 @@ def _cut_contour(line: Points, tolerance: float) -> list[Points]:
     return split_line(dense, np.sort(np.array(corners, np.intp)))
 
 
-def turns_of(before: Points, at: Points, after: Points) -> NDArray[np.float64]:
+def turns_of(before: Points, at: Points, after: Points) -> Floats:
     """Angles (N,), in degrees, by which the way over three points turns."""
     come, go = at - before, after - at
     turns = np.arctan2(cross(come, go), (come * go).sum(axis=1))
     return np.abs(np.degrees(turns))
 
 
-def cross(a: Points, b: Points) -> NDArray[np.float64]:
+def cross(a: Points, b: Points) -> Floats:
     """Cross products (N,) of vectors (N, 2)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
@@ -220,13 +218,13 @@ def _densified(line: Points) -> Points:
     return divided_steps(line, np.maximum(np.rint(lengths), 1).astype(np.intp))[0]
 
 
-def divided(n_parts: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def divided(n_parts: Indices) -> tuple[Indices, Indices]:
     """Return the step of each part of all steps, and its number there, from 0."""
     own = np.repeat(np.arange(len(n_parts)), n_parts)
     return own, np.arange(len(own)) - (np.cumsum(n_parts) - n_parts)[own]
 
 
-def divided_steps(places: Points, n_parts: NDArray[np.intp]) -> tuple[Points, NDArray[np.intp]]:
+def divided_steps(places: Points, n_parts: Indices) -> tuple[Points, Indices]:
     """Divide the steps between (P, 2) places into (P - 1,) parts; also return the place before each new one."""
     own, number = divided(n_parts)
     made = places[own] + (number / n_parts[own])[:, None] * np.diff(places, axis=0)[own]
@@ -253,7 +251,7 @@ def _smoothed(line: Points, tolerance: float) -> Points:
     return line + moved * np.minimum(1, tolerance / np.maximum(lengths, 1e-300))
 
 
-def split_line(line: Array, cuts: NDArray[np.intp]) -> list[Array]:
+def split_line(line: Array, cuts: Indices) -> list[Array]:
     """Cut a line at some of its points; a closed one that is cut nowhere stays closed."""
     if (line[0] != line[-1]).any():
         ends = [0, *cuts[cuts > 0].tolist(), len(line) - 1]

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Indices, Points
+from cvtimg._shared.types import Bools, Indices, Points
 from cvtimg.halfedges import unique_edges
 from cvtimg.meshes.areas import Areas
 from cvtimg.meshes.outlines import SMOOTHING, Outline, label_outline, split_line, turns_of
@@ -78,7 +77,7 @@ def _lines(rings: list[Points], polygon: Indices, keep_points: bool) -> tuple[li
     return lines, np.array(faces)
 
 
-def _turns(ring: Points) -> NDArray[np.bool_]:
+def _turns(ring: Points) -> Bools:
     """Tell at which points a ring has a corner."""
     turns = turns_of(np.roll(ring[:-1], 1, axis=0), ring[:-1], np.roll(ring[:-1], -1, axis=0))
     sides = np.linalg.norm(np.diff(ring, axis=0), axis=1)

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Indices, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import Outline, StraightParts, cross
-
-Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +50,10 @@ class QuadraticTriangles(ReadOnly):
     """
 
     nodes: Points
-    triangles: Indices
-    edges: Indices
+    triangles: NDArray[np.int32]
+    edges: NDArray[np.int32]
     n_straight: int
-    pairs: Indices | None = None
+    pairs: NDArray[np.int32] | None = None
 
     @property
     def jacobians(self) -> Points:
@@ -63,12 +61,14 @@ class QuadraticTriangles(ReadOnly):
         return _jacobians(self.nodes, self.triangles)
 
     @property
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """Areas of triangles (T,)."""
         return self.jacobians.mean(axis=1) / 2
 
 
-def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outline) -> QuadraticTriangles:
+def quadratic(
+    points: Points, triangles: NDArray[np.int32], edges: NDArray[np.int32], outline: Outline
+) -> QuadraticTriangles:
     """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
     n = len(points)
     half_edges = edges_around(triangles)
@@ -97,9 +97,9 @@ def quadratic(points: Points, triangles: Indices, edges: Indices, outline: Outli
 class _Bent:
     """How all edges bend with those on borders."""
 
-    triangles: Indices  # (T, 6)
-    edges: Indices  # (M, 2): the ends of all edges
-    as_border: NDArray[np.intp]  # (M,): the number of the border edge that each bends with, or -1
+    triangles: NDArray[np.int32]  # (T, 6)
+    edges: NDArray[np.int32]  # (M, 2): the ends of all edges
+    as_border: Indices  # (M,): the number of the border edge that each bends with, or -1
 
     def nodes(self, places: Points, bends: Points) -> Points:
         """Return all nodes for vertices (N, 2) and the way (E, 2) of the nodes of border edges from their middle."""
@@ -107,7 +107,7 @@ class _Bent:
         middles[self.as_border >= 0] += bends[self.as_border[self.as_border >= 0]]
         return np.concatenate([places, middles])
 
-    def straighten(self, places: Points, bends: Points) -> NDArray[np.bool_]:
+    def straighten(self, places: Points, bends: Points) -> Bools:
         """Make border edges straight, in place, where triangles fold over or nearly; return which (E,)."""
         straight = np.zeros(len(bends), bool)
         while True:
@@ -126,13 +126,13 @@ class _Bent:
 class _Ways:
     """Where edges are along the lines of an outline."""
 
-    line: NDArray[np.intp]  # (E,)
+    line: Indices  # (E,)
     ends: Points  # (E, 2, 2): the places on the lines nearest to the ends
     middles: Points  # (E, 2): the places halfway between these
-    off: NDArray[np.bool_]  # (E, 2): ends that are not on the line
-    last: NDArray[np.bool_]  # (E, 2): ends that are ends of the line, too
-    found: NDArray[np.bool_]  # (E,): edges that follow their line
-    back: NDArray[np.bool_]  # (E,): edges that run against it
+    off: Bools  # (E, 2): ends that are not on the line
+    last: Bools  # (E, 2): ends that are ends of the line, too
+    found: Bools  # (E,): edges that follow their line
+    back: Bools  # (E,): edges that run against it
 
     @classmethod
     def of(cls, outline: Outline, ends: Points) -> _Ways:
@@ -149,7 +149,7 @@ class _Ways:
         middles -= np.where(closed, np.floor(middles / lengths) * lengths, 0)
         chords = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
-        def at(where: NDArray[np.float64]) -> Points:
+        def at(where: Floats) -> Points:
             found: Points = shapely.get_coordinates(shapely.line_interpolate_point(strings, where))
             return found
 
@@ -164,7 +164,7 @@ class _Ways:
         )
 
 
-def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) -> Points:
+def _snapped(points: Points, triangles: NDArray[np.int32], edges: NDArray[np.int32], ways: _Ways) -> Points:
     """Move vertices that are off the outline to it, but where a triangle would get too small."""
     moves = ways.off & ways.found[:, None]
     moved = points.copy()
@@ -179,7 +179,7 @@ def _snapped(points: Points, triangles: Indices, edges: Indices, ways: _Ways) ->
 
 
 def _with_areas(
-    places: Points, bends: Points, edges: Indices, outline: Outline, ways: _Ways, straight: NDArray[np.bool_]
+    places: Points, bends: Points, edges: NDArray[np.int32], outline: Outline, ways: _Ways, straight: Bools
 ) -> tuple[Points, Points]:
     """Move vertices and nodes on borders, but not at straight edges, by the least that gives segments their areas."""
     assert outline.areas is not None
@@ -195,7 +195,7 @@ def _with_areas(
     return kept[: len(places)], 3 / 4 * (kept[middle] - (kept[a] + kept[b]) / 2)
 
 
-def _jacobians(nodes: Points, triangles: Indices) -> Points:
+def _jacobians(nodes: Points, triangles: NDArray[np.int32]) -> Points:
     """Bernstein coefficients (T, 6) of the determinants of Jacobians: at corners, and between each two of them."""
     corners, middles = nodes[triangles[:, :3]], nodes[triangles[:, 3:]]
     (a, b, c), (ab, bc, ca) = (

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import tell
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Points
 from cvtimg.meshes.triangulation import FREE, PlaneTriangulation
 from cvtimg.placement.descent import StepMemory
 
@@ -44,7 +43,7 @@ class _State:
     steps: Points
     masses: Callable[[Points], Points]
     to_lloyd: Callable[[Points], Points]
-    sizes: NDArray[np.float64]
+    sizes: Floats
 
 
 def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: int, tolerance: float) -> Relaxed:
@@ -90,18 +89,18 @@ def _times(matrices: Points, steps: Points) -> Points:
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
 
 
-def _longest(values: Points) -> NDArray[np.float64]:
+def _longest(values: Points) -> Floats:
     """Edge lengths that metrics want along their direction of least change."""
     xx, xy, yy = values.T
     half, apart = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return 1 / np.sqrt(np.maximum((xx * yy - xy * xy) / (half + apart), 1e-300))
 
 
-def _capped(steps: Points, sizes: NDArray[np.float64]) -> Points:
+def _capped(steps: Points, sizes: Floats) -> Points:
     """Shorten steps that are longer than vertices may move at once."""
     longest = _LONGEST * sizes
     return steps * (longest / np.maximum(_lengths(steps), longest))[:, None]
 
 
-def _lengths(steps: Points) -> NDArray[np.float64]:
+def _lengths(steps: Points) -> Floats:
     return np.sqrt(np.einsum("nk,nk->n", steps, steps))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
@@ -55,7 +56,7 @@ class Mesh(ReadOnly):
         That by which outlines in degrees were meshed in km.
     """
 
-    points: NDArray[np.float64]
+    points: Floats
     triangles: NDArray[np.int32]
     tags: NDArray[np.int32]
     edges: NDArray[np.int32]
@@ -87,7 +88,7 @@ class Mesh(ReadOnly):
         return float(found.areas.sum())
 
     @property
-    def qualities(self) -> NDArray[np.float64]:
+    def qualities(self) -> Floats:
         """2 r / R of each triangle (T,), for the radii of its incircle and circumcircle; 1 if it is equilateral."""
         return measure_triangles(self.points, self.triangles).qualities
 
@@ -104,7 +105,7 @@ class Mesh(ReadOnly):
         self,
         *,
         regions: Mapping[int, str] | None = None,
-        borders: Mapping[str, Callable[[NDArray[np.float64]], ArrayLike]] | None = None,
+        borders: Mapping[str, Callable[[Floats], ArrayLike]] | None = None,
     ) -> Mesh:
         """Name regions and parts of the borders, for files that solvers read: .msh, .vtu and .inp (see `save`).
 

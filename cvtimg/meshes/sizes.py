@@ -18,7 +18,7 @@ from cvtimg._shared.checks import (
     check_that,
     check_triangles,
 )
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Floats, Points
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import Sizes, TreeField
@@ -62,7 +62,7 @@ class MeshSize:
         check_that("sizes", ((values > 0) & (values < np.inf)).all(), "be finite and > 0")
         self._values = MeshValues(places, corners, values[:, None])
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return sizes (M,) at (M, 2) points; outside of the mesh, that of the nearest vertex."""
         return self._values(points)[:, 0]
 
@@ -115,7 +115,7 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
     return _scaled(_picture_field(values, inside, least), n)
 
 
-def _picture_field(values: Array, inside: NDArray[np.bool_], least: float) -> PictureField:
+def _picture_field(values: Array, inside: Bools, least: float) -> PictureField:
     check_shape("size", values.shape, values.shape == inside.shape, f"{inside.shape}, as the region")
     own = values[inside].astype(np.float32)
     wrong = ~((own > 0 if least == 0 else own >= 0) & (own < np.inf))
@@ -127,7 +127,7 @@ def _picture_field(values: Array, inside: NDArray[np.bool_], least: float) -> Pi
     return PictureField(sizes, inside)
 
 
-def _pixels_inside(outline: Outline, values: Array) -> NDArray[np.bool_]:
+def _pixels_inside(outline: Outline, values: Array) -> Bools:
     check_shape("size", values.shape, values.ndim == 2 and 0 not in values.shape, "(H, W), a function or a number")
     height, width = values.shape
     low, high = outline.bounds
@@ -142,7 +142,7 @@ def _pixels_inside(outline: Outline, values: Array) -> NDArray[np.bool_]:
 def _checked(function: Callable[[Points], Any], outline: Outline, least: float) -> Sizes:
     """Check what a function of the user's returns, at each call; outside of the region that may be anything."""
 
-    def sizes(points: Points) -> NDArray[np.float64]:
+    def sizes(points: Points) -> Floats:
         values = np.array(function(points), np.float64)
         check_returned("size", values, len(points))
         right = (values > 0 if least == 0 else values >= 0) & (values < np.inf)

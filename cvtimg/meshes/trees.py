@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
 from cvtimg.meshes.fields import PER_AREA, metric_of
 from cvtimg.meshes.outlines import Outline, StraightParts
 from cvtimg.meshes.triangulation import PlaneTriangulation, delaunay
 
-Sizes = Callable[[Points], NDArray[np.float64]]
+Sizes = Callable[[Points], Floats]
 
 #: A cell is divided while its side is longer than this part of the least size at its corners and its center,
 _SIDE = 0.7
@@ -33,17 +33,17 @@ class Cells:
     """Squares that cover a region."""
 
     centers: Points  # (C, 2)
-    sides: NDArray[np.float64]  # (C,)
-    inside: NDArray[np.bool_]  # (C,): whether the center is in the region
+    sides: Floats  # (C,)
+    inside: Bools  # (C,): whether the center is in the region
     corners: Points  # (N, 2): the corners of squares twice as wide, each once
 
-    def masses(self, density: Callable[[Points], NDArray[np.float64]]) -> NDArray[np.float64]:
+    def masses(self, density: Callable[[Points], Floats]) -> Floats:
         """Return the mass (C,) of each cell under a density at points (M, 2): 0 outside of the region."""
         masses = np.zeros(len(self.sides))
         masses[self.inside] = self.sides[self.inside] ** 2 * density(self.centers[self.inside])
         return masses
 
-    def seeds(self, masses: NDArray[np.float64], n: int, rng: np.random.Generator) -> Points:
+    def seeds(self, masses: Floats, n: int, rng: np.random.Generator) -> Points:
         """Draw (n, 2) points along a Morton curve, as many in each cell as its share of the mass."""
         order = along_curve(self.centers)
         ends = np.cumsum(masses[order])
@@ -59,7 +59,7 @@ class TreeField:
 
     cells: Cells
     mesh: PlaneTriangulation  # Of the corners, and of more points where sizes were lowered
-    sizes: NDArray[np.float64]  # (N,)
+    sizes: Floats  # (N,)
     _near: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
 
     @classmethod
@@ -88,7 +88,7 @@ class TreeField:
         sizes = np.maximum(self.sizes, least)
         return replace(self, sizes=limited_along_edges(self.mesh, sizes, grade))
 
-    def lowered(self, points: Points, sizes: NDArray[np.float64], grade: float) -> TreeField:
+    def lowered(self, points: Points, sizes: Floats, grade: float) -> TreeField:
         """Return the field with sizes not above those given at some points, and growing by `grade` from there."""
         low = sizes < self._at(points)
         if not low.any():
@@ -101,10 +101,10 @@ class TreeField:
         """Draw (n, 2) points along a Morton curve."""
         return self.cells.seeds(self._masses(), n, rng)
 
-    def _masses(self) -> NDArray[np.float64]:
+    def _masses(self) -> Floats:
         return self.cells.masses(lambda points: self._at(points) ** -2.0)
 
-    def _at(self, points: Points) -> NDArray[np.float64]:
+    def _at(self, points: Points) -> Floats:
         found, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
         self._near = self.mesh.triangles[found, shares.argmax(axis=1)]  # for the next time, when they have moved
         shares = np.maximum(shares, 0)
@@ -112,7 +112,7 @@ class TreeField:
         return (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
 
 
-def limited_along_edges(mesh: HalfEdges, sizes: NDArray[np.float64], grade: float) -> NDArray[np.float64]:
+def limited_along_edges(mesh: HalfEdges, sizes: Floats, grade: float) -> Floats:
     """Return sizes (N,) lowered until they grow by no more than `grade` for each unit of length along edges."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import dijkstra
@@ -166,7 +166,7 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     return Cells(centers, sides, outline.contains(centers), origin + unique * unit)
 
 
-def _crossed(lines: Any, corners: Points, side: float) -> NDArray[np.bool_]:
+def _crossed(lines: Any, corners: Points, side: float) -> Bools:
     """Tell which squares (C,) meet lines, which are in a tree of shapely."""
     x, y = corners.T
     crossed = np.zeros(len(corners), bool)
@@ -174,14 +174,14 @@ def _crossed(lines: Any, corners: Points, side: float) -> NDArray[np.bool_]:
     return crossed
 
 
-def _least_around(sizes: Sizes, corners: Points, side: float) -> NDArray[np.float64]:
+def _least_around(sizes: Sizes, corners: Points, side: float) -> Floats:
     """Return the least size (C,) at the corners and the centers of cells."""
     offsets = side * np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.5]])
     values = sizes((corners[:, None] + offsets).reshape(-1, 2))
     return values.reshape(-1, len(offsets)).min(axis=1)
 
 
-def _triangulated(points: Points, values: NDArray[np.float64]) -> tuple[PlaneTriangulation, NDArray[np.float64]]:
+def _triangulated(points: Points, values: Floats) -> tuple[PlaneTriangulation, Floats]:
     """Triangulate points, of those at one place the one with the least value."""
     order = np.lexsort((values, points[:, 1], points[:, 0]))
     own = order[np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
@@ -31,8 +31,8 @@ class Borders:
     # (E, 2): labels on both sides of each edge from a to b: where the cross product of b - a and the step to it is
     # positive, and where it is negative. Labels <= 0 are outside.
     sides: Triangles
-    corners: NDArray[np.bool_]  # (B,): points that stay where the others move to keep areas
-    of_line: NDArray[np.intp] | None = None  # (E,): the line of the outline that each edge is on
+    corners: Bools  # (B,): points that stay where the others move to keep areas
+    of_line: Indices | None = None  # (E,): the line of the outline that each edge is on
     slides: NDArray[np.int32] = field(
         default_factory=lambda: np.empty(0, np.int32)
     )  # Points (S,) that may slide along lines
@@ -60,7 +60,7 @@ class PlaneTriangulation(HalfEdges):
         A half-edge out of each vertex.
     """
 
-    def __init__(self, points: Points, fixed: NDArray[np.bool_], triangles: Triangles, edges: Triangles) -> None:
+    def __init__(self, points: Points, fixed: Bools, triangles: Triangles, edges: Triangles) -> None:
         super().__init__(points, triangles)
         self.fixed = fixed.astype(np.uint8)
         self.corners = np.zeros(len(points), bool)
@@ -92,7 +92,7 @@ class PlaneTriangulation(HalfEdges):
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
         return _meshes.sum_cells(self, metric)
 
-    def move(self, steps: Points, moving: NDArray[np.bool_] | None = None, *, whole: bool = False) -> Points:
+    def move(self, steps: Points, moving: Bools | None = None, *, whole: bool = False) -> Points:
         """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done.
 
         Those that are `moving` (N,) do, by default the free ones; if asked by the whole step or not at all.
@@ -107,7 +107,7 @@ class PlaneTriangulation(HalfEdges):
         self.points += part * steps
         return part * steps
 
-    def _areas(self, points: Points) -> NDArray[np.float64]:
+    def _areas(self, points: Points) -> Floats:
         """Return twice the areas of triangles between points (N, 2)."""
         a, b, c = (points[self.triangles[:, k]] for k in range(3))
         return cross(b - a, c - a)
@@ -127,12 +127,12 @@ class PlaneTriangulation(HalfEdges):
             steps[sliding] = lines.feet(self.points[sliding] + steps[sliding]) - self.points[sliding]
             self.move(steps, self.fixed == SLIDES, whole=True)
 
-    def smooth(self, power: int, among: NDArray[np.bool_] | None = None) -> None:
+    def smooth(self, power: int, among: Bools | None = None) -> None:
         """Move vertices, or some of them (N,), so that triangles around get more equilateral, above all the worst."""
         fixed = self.fixed if among is None else np.where(among, self.fixed, FIXED).astype(np.uint8)
         _meshes.smooth(self, fixed, power)
 
-    def has_angles_below(self, least: float) -> NDArray[np.bool_]:
+    def has_angles_below(self, least: float) -> Bools:
         """Tell which vertices (N,) are corners of triangles with an angle below this, in degrees."""
         found = np.zeros(len(self.points), bool)
         found[self.triangles[measure_triangles(self.points, self.triangles).least_angles < least]] = True
@@ -146,7 +146,7 @@ class PlaneTriangulation(HalfEdges):
         found = np.full(len(places), -1, np.int32) if near is None else self.outgoing[near] // 3
         return found, _meshes.locate(self, np.ascontiguousarray(places), found)
 
-    def half_edges_on_borders(self) -> NDArray[np.intp]:
+    def half_edges_on_borders(self) -> Indices:
         """Return one half-edge (E,) of each edge that stays."""
         return np.flatnonzero(self._each_once() & (self.borders.ravel() > 0))
 
@@ -154,7 +154,7 @@ class PlaneTriangulation(HalfEdges):
         """Return the (E, 2) edges that stay, each once."""
         return self.edges[self.half_edges_on_borders()]
 
-    def _each_once(self) -> NDArray[np.bool_]:
+    def _each_once(self) -> Bools:
         """Select one half-edge of each edge."""
         return self.twins.ravel() < np.arange(self.twins.size)
 
@@ -183,7 +183,7 @@ class PlaneTriangulation(HalfEdges):
         tags[part[order // 3]] = np.maximum(borders.sides[at, np.where(forth, 0, 1)], 0)[order]
         self.tags = tags[part]
 
-    def _keep(self, kept: NDArray[np.bool_], edges: Triangles) -> None:
+    def _keep(self, kept: Bools, edges: Triangles) -> None:
         """Leave out triangles, and vertices that have none then."""
         used = np.zeros(len(self.points), bool)
         used[self.triangles[kept]] = True

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Array, Floats, Points
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.planning import MOST_VERTICES
@@ -120,7 +120,7 @@ class VolumeMesh(ReadOnly):
         """Measure how good the tetrahedra of each label are."""
         return {tag: self._measured(self.tags == tag) for tag in np.unique(self.tags).tolist()}
 
-    def _measured(self, chosen: NDArray[np.bool_]) -> VolumeMeasures:
+    def _measured(self, chosen: Bools) -> VolumeMeasures:
         cells = self.tetrahedra[chosen]
         angles, quality = dihedral_angles(self.points, cells), qualities(self.points, cells)
         return VolumeMeasures(
@@ -150,7 +150,7 @@ class VolumeMesh(ReadOnly):
         return not len(pinched(self.tetrahedra, self._numbers, len(self.points)))
 
     @property
-    def _numbers(self) -> NDArray[np.intp]:
+    def _numbers(self) -> Indices:
         """The labels, numbered from 1."""
         return np.unique(self.tags, return_inverse=True)[1] + 1
 
@@ -299,7 +299,7 @@ class _VoxelLevels:
         inner = np.argwhere(numbers > 0)
         self.low, self.high = inner.min(axis=0)[::-1] - 1.0, inner.max(axis=0)[::-1] + 2.0
 
-    def nearest(self, points: Points) -> NDArray[np.intp]:
+    def nearest(self, points: Points) -> Indices:
         labels, least = np.zeros(len(points), np.intp), self._at(0, points)
         for number in range(1, len(self.tags)):
             corner = self._corners[number][::-1]
@@ -310,14 +310,14 @@ class _VoxelLevels:
             labels[some[less]], least[some[less]] = number, values[less]
         return labels
 
-    def distances(self, points: Points, labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    def distances(self, points: Points, labels: Indices) -> Floats:
         found = np.empty(len(points))
         for number in np.unique(labels).tolist():
             some = labels == number
             found[some] = self._at(number, points[some])
         return found
 
-    def _at(self, number: int, points: Points) -> NDArray[np.float64]:
+    def _at(self, number: int, points: Points) -> Floats:
         from scipy.ndimage import map_coordinates
 
         at = (points[:, ::-1] - self._corners[number]).T

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from cvtimg._shared.choices import DitherName, GoalName
-from cvtimg._shared.types import Array
 from cvtimg.options import common
 from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
@@ -14,6 +13,8 @@ from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passe
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from cvtimg._shared.types import Array
 
 #: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
 DEFAULT_COLORS, MAIN_COLORS = 16, 6

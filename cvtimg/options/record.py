@@ -16,9 +16,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeAlias
 
+from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import reworded
-from cvtimg._shared.types import Options
 from cvtimg.batch import WrongUsageError, check_suffix
 from cvtimg.batch.pipes import STANDARD
 from cvtimg.batch.report import reason

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
+from cvtimg._shared.types import Indices
 from cvtimg.colors.spaces import to_depth, to_space
 
 _RULES = ("share", "lightness", "hue")
@@ -15,7 +16,7 @@ _RULES = ("share", "lightness", "hue")
 
 def color_order(
     palette: ArrayLike, by: Literal["share", "lightness", "hue"] = "share", *, density: ArrayLike
-) -> NDArray[np.intp]:
+) -> Indices:
     """Return the order of the colors of a palette.
 
     Parameters

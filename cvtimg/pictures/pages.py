@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that
+from cvtimg._shared.choices import Options
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
-from cvtimg._shared.types import Array, Options
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range, refuse_type
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Floats, Indices, Points
 from cvtimg.placement.densities import ConstantDensity, Density
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.polygons import triangle_areas, triangulate
@@ -109,7 +108,7 @@ class PolygonMoments:
         return Moments(masses, generators + per_mass(firsts, masses), energy)
 
 
-def _divided(triangles: Points, own: NDArray[np.intp], largest: float) -> tuple[Points, NDArray[np.intp]]:
+def _divided(triangles: Points, own: Indices, largest: float) -> tuple[Points, Indices]:
     """Divide triangles (T, 3, 2) into four until none has a larger area; `own` are their cells (T,)."""
     done, cells = [], []
     while len(triangles):
@@ -141,7 +140,7 @@ def polygon_sums(cells: Geometries, points: Points) -> CellSums:
     return CellSums(sums[:, 0], sums[:, 1:3], sums[:, 3:].reshape(-1, 2, 2), reaches)
 
 
-def oriented_pieces(cells: Geometries) -> tuple[Geometries, NDArray[np.intp]]:
+def oriented_pieces(cells: Geometries) -> tuple[Geometries, Indices]:
     """Polygons that cells consist of, outer rings counterclockwise and holes clockwise, and the cell of each."""
     pieces, own = shapely.get_parts(cells, return_index=True)
     flat = shapely.get_dimensions(pieces) == 2  # a cell may touch its region in a line
@@ -212,7 +211,7 @@ def measure_cells(points: Points, region: Region) -> CellMeasures:
     )
 
 
-def regularity(cells: CellSums, gaps: NDArray[np.float64]) -> dict[str, float]:
+def regularity(cells: CellSums, gaps: Floats) -> dict[str, float]:
     """Compute h, chi, tau and d of `CellMeasures` from cells and distances gamma_i to the nearest other points."""
     second, n_dims = cells.seconds_per_volume, cells.firsts.shape[1]
     traces = np.trace(second, axis1=1, axis2=2)
@@ -225,7 +224,7 @@ def regularity(cells: CellSums, gaps: NDArray[np.float64]) -> dict[str, float]:
     }
 
 
-def _ratio(values: NDArray[np.float64]) -> float:
+def _ratio(values: Floats) -> float:
     return float(values.max() / values.min()) if values.min() > 0 else np.inf
 
 

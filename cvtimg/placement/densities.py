@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_picture_density, check_positive, check_returned, refuse, refuse_type
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Floats32, Points
 
 #: From (N, D) points to their (N,) densities.
-Density: TypeAlias = Callable[[Points], NDArray[np.float64]]
+Density: TypeAlias = Callable[[Points], Floats]
 #: What `as_density` takes.
 DensityLike: TypeAlias = float | ArrayLike | Callable[[Points], ArrayLike] | None
 
@@ -24,7 +24,7 @@ class ConstantDensity:
 
     value: float = 1.0
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the density at (N, D) points."""
         return np.full(len(points), self.value)
 
@@ -38,9 +38,9 @@ class PictureDensity:
     picture : (H, W) float32 array
     """
 
-    picture: NDArray[np.float32]
+    picture: Floats32
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the density at (N, 2) points (x, y) in pixels."""
         from scipy.ndimage import map_coordinates
 
@@ -54,7 +54,7 @@ class FunctionDensity:
 
     function: Callable[[Points], Any]
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the density at (N, D) points."""
         values = np.asarray(self.function(points), np.float64)
         check_returned("density", values, len(points))

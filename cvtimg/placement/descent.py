@@ -17,11 +17,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Floats, Points
 from cvtimg.placement.moments import CellMoments, Moments
 
 #: Where generators (K, D) that have moved may be, given where they came from.
@@ -126,7 +125,7 @@ class Terms:
     """
 
     stopping: Stopping
-    free: NDArray[np.bool_] | None = None
+    free: Bools | None = None
     project: Projection | None = None
     may_rise: bool = False
     watch: Watch = field(default_factory=Watch)
@@ -256,7 +255,7 @@ class _QuasiNewton:
             self._memory.clear()
         return _moved(self._moments, at, at.to_centroids, self._terms)
 
-    def _step(self, gradient: Points, masses: NDArray[np.float64]) -> Points:
+    def _step(self, gradient: Points, masses: Floats) -> Points:
         """Multiply the gradient by the inverse Hessian, which starts from Lloyd's steps."""
         to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
         return -self._memory.times(gradient, lambda vectors: to_lloyd * vectors)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_finite, check_returned, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.placement.regions import Box, Geometry, Region, low_discrepancy
 
 #: Points by which the measure of a region is counted.
@@ -28,7 +28,7 @@ class ImplicitFunction:
     box: Box
     gradient: Callable[[Points], Any] | None = None
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Compute the values (N,) at (N, D) points."""
         values = np.asarray(self.function(points), np.float64)
         check_returned("function", values, len(points))
@@ -143,7 +143,7 @@ class ImplicitRegion(Region):
             whole = shapely.symmetric_difference(whole, shapely.make_valid(ring))
         return whole
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Tell where the function is <= 0, within the bounds."""
         places = self._checked(points)
         return (self.function(places) <= 0) & self.box.contains(places)

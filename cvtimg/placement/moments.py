@@ -16,6 +16,7 @@ from cvtimg._shared.checks import check_picture_density, check_places
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import per_mass
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.placement import _placement
 
 #: Generators in a bucket on average, and the side of a bucket in pixels: larger ones hold more sums of rows in memory,
@@ -39,8 +40,8 @@ class Moments(ReadOnly):
         Integral of the density times the squared distance to the own generator.
     """
 
-    masses: NDArray[np.float64]
-    centroids: NDArray[np.float64]
+    masses: Floats
+    centroids: Floats
     energy: float
 
 
@@ -48,13 +49,13 @@ class Moments(ReadOnly):
 class CellSums:
     """Integrals over the Voronoi cells of K points z."""
 
-    volumes: NDArray[np.float64]  # (K,)
-    firsts: NDArray[np.float64]  # (K, D): of x - z
-    seconds: NDArray[np.float64]  # (K, D, D): of (x - z)(x - z)^T
-    reaches: NDArray[np.float64]  # (K,): greatest distance from z to a place of its cell
+    volumes: Floats  # (K,)
+    firsts: Floats  # (K, D): of x - z
+    seconds: Floats  # (K, D, D): of (x - z)(x - z)^T
+    reaches: Floats  # (K,): greatest distance from z to a place of its cell
 
     @property
-    def seconds_per_volume(self) -> NDArray[np.float64]:
+    def seconds_per_volume(self) -> Floats:
         """(K, D, D) second moments of each cell, per volume."""
         return per_mass(self.seconds.reshape(len(self.volumes), -1), self.volumes).reshape(self.seconds.shape)
 
@@ -63,7 +64,7 @@ class CellSums:
         """Integral of the squared distance to the nearest point."""
         return float(np.einsum("kdd->", self.seconds))
 
-    def moments(self, points: NDArray[np.float64], density: float = 1.0) -> Moments:
+    def moments(self, points: Floats, density: float = 1.0) -> Moments:
         """Return the moments of the cells of (K, D) points for a density that is the same everywhere."""
         centroids = points + per_mass(self.firsts, self.volumes)
         return Moments(density * self.volumes, centroids, density * self.energy)
@@ -72,7 +73,7 @@ class CellSums:
 class CellMoments(Protocol):
     """What every descent asks for: the moments of the cells of any (K, D) generators."""
 
-    def __call__(self, generators: NDArray[np.float64], /) -> Moments:
+    def __call__(self, generators: Floats, /) -> Moments:
         """Compute the moments."""
         ...
 
@@ -111,7 +112,7 @@ class PixelMoments:
     __slots__ = ("_center", "_spread", "density", "mass", "scale")
 
     def __init__(self, density: ArrayLike, scale: float = 1.0) -> None:
-        self.density: NDArray[np.float32] = np.ascontiguousarray(check_picture_density("density", density))
+        self.density: Floats32 = np.ascontiguousarray(check_picture_density("density", density))
         self.scale = scale
         height, width = self.density.shape
         rows = self.density.sum(axis=1, dtype=np.float64)
@@ -122,7 +123,7 @@ class PixelMoments:
         center = np.array([(columns * x).sum(), (rows * y).sum()]) / self.mass
         # Over one pixel x varies by 1/12, and so does y.
         spread = (columns * (x - center[0]) ** 2).sum() + (rows * (y - center[1]) ** 2).sum() + self.mass / 6
-        self._center: NDArray[np.float64] = center / scale
+        self._center: Floats = center / scale
         self._spread = float(spread) / scale**2
 
     def __call__(self, generators: ArrayLike, /) -> Moments:
@@ -148,7 +149,7 @@ class PixelMoments:
         in_parts(finish, n_parts, work=64 * n)
         return Moments(found[:, 0].copy(), found[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
 
-    def labels(self, generators: NDArray[np.float64], /) -> NDArray[np.int32]:
+    def labels(self, generators: Floats, /) -> NDArray[np.int32]:
         """Find the generator nearest to the center of each pixel, (H, W)."""
         return pixel_labels(self.density.shape, generators * self.scale)
 
@@ -181,7 +182,7 @@ def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> NDArray[np.int32]
     return labels
 
 
-def _sorted(shape: tuple[int, ...], generators: NDArray[np.float64]) -> _placement.Buckets:
+def _sorted(shape: tuple[int, ...], generators: Floats) -> _placement.Buckets:
     """Sort generators by square buckets of an image."""
     height, width = shape
     side = int(np.clip(round((_IN_A_BUCKET * height * width / len(generators)) ** 0.5), *_SIDES))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Floats32, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.placement.descent import Descend, Descent, Projection, Terms
 from cvtimg.placement.moments import PixelMoments
@@ -73,20 +72,20 @@ def check_apart(name: str, points: Points, bounds: Array) -> None:
         raise ValueError(f"{name} must be at least {least:.3g} apart: number {other}, {place}, lies on number {one}")
 
 
-def picture_moments(density: NDArray[np.float32], n_generators: int) -> PixelMoments:
+def picture_moments(density: Floats32, n_generators: int) -> PixelMoments:
     """Prepare the moments over an image, enlarged as `n_generators` ask for it, in its own pixels."""
     n_pixels = int(np.count_nonzero(density))
     factor = next(factor for factor, pixels in _ENLARGEMENTS if n_pixels >= pixels * n_generators)
     return PixelMoments(enlarge(density, factor), factor)
 
 
-def enlarge(density: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def enlarge(density: Floats32, factor: int) -> Floats32:
     """Enlarge an image by bilinear interpolation, of which masses of pixels are left, and 0 where it is 0."""
     from scipy.ndimage import zoom
 
     if factor == 1:
         return density
-    large: NDArray[np.float32] = zoom(density, factor, order=1, mode="nearest", grid_mode=True)
+    large: Floats32 = zoom(density, factor, order=1, mode="nearest", grid_mode=True)
     large *= np.kron(density > 0, np.full((factor, factor), np.float32(factor**-2)))
     return large
 
@@ -172,7 +171,7 @@ class WhereMassIs:
         return np.clip(there, self._low, self._high)
 
 
-def draw_along_curve(density: NDArray[np.float32], n_generators: int, rng: np.random.Generator) -> Points:
+def draw_along_curve(density: Floats32, n_generators: int, rng: np.random.Generator) -> Points:
     """Draw (K, 2) places, in pixels, in the order of a Morton curve; each in one of K parts of equal rho^(1/2).
 
     In the plane a centroidal Voronoi tessellation of many generators has about rho^(1/2) of them in an area (Gersho's

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats32, Points
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
 from cvtimg.placement.cells import PolygonMoments
@@ -174,7 +174,7 @@ def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike
     return still
 
 
-def _on_pixels(region: PictureRegion, density: Density) -> NDArray[np.float32]:
+def _on_pixels(region: PictureRegion, density: Density) -> Floats32:
     """Density of each pixel of a mask."""
     height, width = region.mask.shape
     if isinstance(density, PictureDensity):

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_finite, check_in_range, check_numbers, check_shape, check_that, refuse_type
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
 from cvtimg.labels.contours import find_contours
 from cvtimg.labels.files import one_band
 from cvtimg.placement.regions import Geometry, Region
@@ -104,7 +104,7 @@ class PolygonRegion(Region):
         """Return its geometry."""
         return self.geometry
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, 2) points lie in it or on its boundary."""
         places = self._checked(points)
         return shapely.intersects_xy(self.geometry, *places.T)
@@ -133,7 +133,7 @@ class PolygonRegion(Region):
         return first + u * (second - first) + v * (third - first)
 
 
-def triangulate(polygons: Array) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def triangulate(polygons: Array) -> tuple[Floats, Indices]:
     """Cut polygons into triangles (T, 3, 2) without new points; also the polygon (T,) of each."""
     try:
         cut = shapely.constrained_delaunay_triangles(polygons)
@@ -144,7 +144,7 @@ def triangulate(polygons: Array) -> tuple[NDArray[np.float64], NDArray[np.intp]]
     return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], own
 
 
-def triangle_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+def triangle_areas(triangles: Floats) -> Floats:
     """Compute the areas (T,) of (T, 3, 2) triangles."""
     (x1, y1), (x2, y2) = ((triangles[:, i] - triangles[:, 0]).T for i in (1, 2))
     return 0.5 * np.abs(x1 * y2 - x2 * y1)
@@ -182,7 +182,7 @@ class PictureRegion(Region):
     (2.0, [[2.0, 0.5]])
     """
 
-    mask: NDArray[np.bool_]
+    mask: Bools
 
     def __init__(self, mask: ArrayLike) -> None:
         array = np.asarray(mask)
@@ -221,7 +221,7 @@ class PictureRegion(Region):
             return shapely.box(*self.bounds.ravel())
         return PolygonRegion.from_labels(self.mask, tolerance=tolerance).geometry
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, D) points lie in a pixel of the mask."""
         places = self._checked(points)
         size = np.array(self.mask.shape[::-1])
@@ -260,7 +260,7 @@ class PictureRegion(Region):
         corners = np.stack(np.unravel_index(own, self.mask.shape)[::-1], axis=1)
         return corners + random.random((n, self.n_dims))
 
-    def _sides(self) -> tuple[Points, NDArray[np.intp]]:
+    def _sides(self) -> tuple[Points, Indices]:
         """Middles (S, D) of the sides between inside and outside, and the axis (S,) that each stands across."""
         middles, axes = [], []
         padded = np.pad(self.mask, 1)
@@ -285,7 +285,7 @@ class NearestPixel:
         self._tree = cKDTree(centers, compact_nodes=False, balanced_tree=False)  # few points are looked for
 
     @classmethod
-    def of(cls, mask: NDArray[np.bool_]) -> NearestPixel:
+    def of(cls, mask: Bools) -> NearestPixel:
         """Make it of the pixels of a mask: of those with a neighbor outside."""
         from scipy.ndimage import binary_erosion
 
@@ -302,7 +302,7 @@ class NearestPixel:
         return ends[np.arange(len(points)), best]
 
 
-def _as_mask(image: Array) -> NDArray[np.bool_]:
+def _as_mask(image: Array) -> Bools:
     """Return where an image of 0 and one more value, perhaps in equal bands, is not 0."""
     if image.dtype == np.bool_:
         return image

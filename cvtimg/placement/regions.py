@@ -8,11 +8,11 @@ from itertools import product
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_count, check_in_range, check_places, check_shape, check_that, refuse
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Points
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.densities import DensityLike, as_density
 
@@ -64,7 +64,7 @@ class Region(ABC):
         raise ValueError(f"region={self!r} must be in the plane and have a boundary")
 
     @abstractmethod
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, D) points lie in the region or on its boundary."""
 
     def project(self, points: ArrayLike) -> Points:
@@ -204,7 +204,7 @@ class Box(Region):
         (left, low), (right, high) = self._bounds
         return shapely.Polygon([[left, low], [right, low], [right, high], [left, high]])
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, D) points lie in it; along a periodic axis all do."""
         places = self._checked(points)
         inside = (places >= self._bounds[0]) & (places <= self._bounds[1]) | np.array(self.periodic)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.types import Floats
 from cvtimg.labels.contours import Polygon
 from cvtimg.placement.cells import CellMeasures, measure_cells, oriented_pieces, voronoi_cells
 from cvtimg.placement.descent import Descent
@@ -41,9 +41,9 @@ class Placement(ReadOnly):
         Where they were placed.
     """
 
-    points: NDArray[np.float64]
-    masses: NDArray[np.float64]
-    centroids: NDArray[np.float64]
+    points: Floats
+    masses: Floats
+    centroids: Floats
     energy: float
     energies: tuple[float, ...]
     n_iter: int

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Indices, Points
 from cvtimg.engine.samples import WeightedSamples
 from cvtimg.placement.moments import CellSums, Moments
 from cvtimg.placement.regions import Box, Region
@@ -48,7 +47,7 @@ class SampleMoments:
         moves = per_mass(sum_by_label(labels, pulls, len(generators), self._weights), masses)
         return Moments(masses, generators + moves, float((self._weights * squares).sum()))
 
-    def labels(self, generators: Points) -> NDArray[np.intp]:
+    def labels(self, generators: Points) -> Indices:
         """Find the generator (M,) nearest to each sample."""
         return self._region.nearest(generators, self._rows, p=self._p)[1]
 
@@ -67,7 +66,7 @@ class SampleMoments:
         )
 
 
-def norms(steps: Points, p: float) -> tuple[NDArray[np.float64], Points]:
+def norms(steps: Points, p: float) -> tuple[Floats, Points]:
     """Compute the (N,) p-norms of (N, D) steps and their (N, D) gradients, where powers neither over- nor underflow."""
     tiny = np.finfo(np.float64).tiny
     largest = np.maximum(np.abs(steps).max(axis=1, keepdims=True), tiny)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.files.whole import write_whole
 from cvtimg.pictures.showing import limits_to_show, shown
 
@@ -180,7 +180,7 @@ def _ticks(levels: Sequence[str]) -> tuple[list[float], list[str]]:
 
 
 @chart
-def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -> bytes:
+def draw_spectrum(energies: Floats, variance: float, suffix: str) -> bytes:
     """Draw the share of the variance that the first 0, 1, .. n modes leave unexplained, as energies of `Basis`."""
     with figure_file(6.0, 3.6, suffix) as (figure, content):
         axes = figure.subplots()
@@ -194,9 +194,7 @@ def draw_spectrum(energies: NDArray[np.float64], variance: float, suffix: str) -
 
 
 @chart
-def draw_supports(
-    points: NDArray[np.float64], radii: NDArray[np.float64], suffix: str, lines: Sequence[NDArray[np.float64]] = ()
-) -> bytes:
+def draw_supports(points: Floats, radii: Floats, suffix: str, lines: Sequence[Floats] = ()) -> bytes:
     """Draw disks of (n,) radii around (n, 2) points of the plane, and boundaries as lines, (k, 2) arrays."""
     with figure_file(6.0, 6.0, suffix) as (figure, content):
         from matplotlib.collections import PatchCollection
@@ -216,9 +214,9 @@ def draw_supports(
 
 @chart
 def draw_mesh(
-    points: NDArray[np.float64],
+    points: Floats,
     triangles: NDArray[np.int32],
-    qualities: NDArray[np.float64],
+    qualities: Floats,
     edges: NDArray[np.int32],
     suffix: str,
     *,

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import says_alpha, with_mark
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.pictures.showing import natural_limits, shown
@@ -122,7 +121,7 @@ def _bands(image: Array) -> Array:
     return bands[..., :3] if bands.shape[2] == 4 and not says_alpha(image) else bands
 
 
-def _in_generators(image: Array, generators: NDArray[np.float64], space: SpaceName) -> Array:
+def _in_generators(image: Array, generators: Floats, space: SpaceName) -> Array:
     """Replace each pixel by its nearest generator."""
     colors = from_places(generators, space, image.dtype, says_alpha(image))
     return quantize(image, palette=colors, space=space).image

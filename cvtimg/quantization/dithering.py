@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, usual_step
 from cvtimg.quantization import _dithering
@@ -44,16 +44,16 @@ _CLEAN = _Clean()
 class Job(NamedTuple):
     """The arguments of a dithering method."""
 
-    places: NDArray[np.float32]  # (M, 4) place of each color, from 0 up
+    places: Floats32  # (M, 4) place of each color, from 0 up
     kinds: NDArray[np.uint8]  # (M,) which entries each color may take
     inverse: NDArray[np.int32]  # (H, W) color of each pixel
-    entries: NDArray[np.float32]  # (K, 4) places of the palette
+    entries: Floats32  # (K, 4) places of the palette
     finder: _dithering.Finder  # of nearest entries
     ranks: NDArray[np.uint16]  # (K,) of the entries along the main axis of the palette, usually that of brightness
-    strengths: NDArray[np.float32]  # (n_kinds,) fraction of the error handed on
+    strengths: Floats32  # (n_kinds,) fraction of the error handed on
     step: float  # usual distance from an entry to the nearest other one
     longest: float  # longest error handed on
-    clean: NDArray[np.bool_]  # (H, W) pixels that take no part in the diffusion of errors
+    clean: Bools  # (H, W) pixels that take no part in the diffusion of errors
 
 
 def dither(
@@ -64,7 +64,7 @@ def dither(
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
     allowed: ArrayLike | None = None,
-    inside: NDArray[np.bool_] | None = None,
+    inside: Bools | None = None,
 ) -> NDArray[np.int32]:
     """Choose (H, W) entries of a palette so that the mean of an area is that of the image; the first on a tie."""
     # Colors are (M, D) places, D in 1..4, with the (H, W) index of each pixel among them, and entries (K, D) places. A
@@ -125,7 +125,7 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
     return _diffuse(job, (clean | flat)[pieces] | job.clean)
 
 
-def _diffuse(job: Job, clean: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _diffuse(job: Job, clean: Bools) -> NDArray[np.int32]:
     labels = np.empty(job.inverse.shape, np.int32)
     _dithering.diffuse(
         job.places, job.kinds, job.inverse, job.finder, job.strengths, job.longest, clean.view(np.uint8), labels
@@ -180,7 +180,7 @@ DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
 }
 
 
-def _widest_gap(palette: NDArray[np.float32]) -> float:
+def _widest_gap(palette: Floats32) -> float:
     """Return the longest distance from the middle between two entries to the nearest entry."""
     first, second = np.triu_indices(min(len(palette), 1 << 11), 1)
     if len(palette) > 1 << 6:
@@ -192,9 +192,7 @@ def _widest_gap(palette: NDArray[np.float32]) -> float:
     return float(np.sqrt(((middles[:, None] - palette) ** 2).sum(axis=2, dtype=np.float64).min(axis=1).max()))
 
 
-def _finder(
-    palette: NDArray[np.float32], allowed: NDArray[np.bool_], *, doubt: float
-) -> tuple[_dithering.Finder, NDArray[np.uint16]]:
+def _finder(palette: Floats32, allowed: Bools, *, doubt: float) -> tuple[_dithering.Finder, NDArray[np.uint16]]:
     """Return what finds nearest entries, and their (K,) ranks: by the main axis, usually that of brightness."""
     steps = palette - palette.mean(axis=0, dtype=np.float64)
     axis = np.linalg.eigh(np.einsum("kc,kd->cd", steps, steps))[1][:, -1].astype(np.float32)
@@ -207,7 +205,7 @@ def _finder(
     return _dithering.Finder(palette, axis, along[names], names.astype(np.uint16), ends, doubt), ranks
 
 
-def _to_kernels(*arrays: Array) -> list[NDArray[np.float32]]:
+def _to_kernels(*arrays: Array) -> list[Floats32]:
     """Bring (n, D) places to four coordinates, from 0 up, in a frame that suits float32."""
     n_dims = arrays[0].shape[1]
     if n_dims > MAX_DIMS:

@@ -15,7 +15,7 @@ from cvtimg._shared.checks import check_channels, check_in_range, refuse_type
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.colors.places import from_places, kinds_of, to_places, widen_samples
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_space
@@ -84,18 +84,18 @@ def hardware_colors(
     near = color_samples(rounded(samples.colors, bits, space)[np.newaxis], alpha=alpha)
     cells = near.inverse.reshape(-1)
 
-    def errors(ends: NDArray[np.float64], labels: Array) -> NDArray[np.float64]:
+    def errors(ends: Floats, labels: Array) -> Floats:
         steps = places - ends[labels]
         return density * np.einsum("nd,nd->n", steps, steps)
 
     least = errors(to_places(near.colors, space, alpha).astype(np.float64), cells)
 
-    def assigned(colors: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
+    def assigned(colors: Array) -> tuple[Array, NDArray[np.int32], Floats]:
         ends = to_places(colors, space, alpha).astype(np.float64)
         labels = nearest_of_kind(places, kinds, ends, kinds_of(colors, alpha))
         return colors, labels, errors(ends, labels)
 
-    def filled(colors: Array) -> tuple[Array, NDArray[np.int32], NDArray[np.float64]]:
+    def filled(colors: Array) -> tuple[Array, NDArray[np.int32], Floats]:
         found = assigned(colors)
         gains = np.bincount(cells, np.maximum(found[2] - least, 0))
         best = np.argsort(-gains, kind="stable")[: n_colors - len(colors)]

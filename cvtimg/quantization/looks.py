@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.colors.places import allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
@@ -28,7 +28,7 @@ class Below(NamedTuple):
     """The frame that a frame is drawn over: (H, W) indices, and whether the pixels of both originals are equal."""
 
     indices: Array
-    still: NDArray[np.bool_]
+    still: Bools
 
 
 def map_for_eyes(
@@ -73,7 +73,7 @@ def map_for_eyes(
     return np.where(allowed, indices, samples.at_pixels(nearest))
 
 
-def _seen_places(colors: Array, alpha: bool) -> NDArray[np.float64]:
+def _seen_places(colors: Array, alpha: bool) -> Floats:
     """Return where colors lie for eyes, in levels of 8 bits: gray in one coordinate, color in three.
 
     With alpha there is one more: the squared distance is the mean over a black and a white background, on which screens
@@ -89,7 +89,7 @@ def _seen_places(colors: Array, alpha: bool) -> NDArray[np.float64]:
     return np.concatenate([*lightness, (black[:, 1:] + white[:, 1:]) / 4], axis=1) * 255
 
 
-def _brightness(colors: Array, alpha: bool, ground: int) -> NDArray[np.float64]:
+def _brightness(colors: Array, alpha: bool, ground: int) -> Floats:
     """Return the brightness of (..., C) colors in levels of 8 bits, in front of a gray level."""
     bands = colors * (255 / peak(colors.dtype))
     seen = bands[..., : colors.shape[-1] - alpha]

@@ -16,7 +16,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.colors.counting import add_samples, coarser, count_picture
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -302,9 +302,7 @@ def ramp_of(samples: ColorSamples, palette: ArrayLike) -> Palette:
     return Palette(colors, None, alpha, tones.astype(colors.dtype))
 
 
-def _in_cubes(
-    places: NDArray[np.float64], density: Array, size: float
-) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+def _in_cubes(places: Floats, density: Array, size: float) -> tuple[Indices, Floats, Floats]:
     """Return the cube of each place, and the means and masses of cubes."""
     steps = np.floor(places / size).astype(np.int64)
     steps -= steps.min(axis=0)
@@ -357,7 +355,7 @@ class Merged(NamedTuple):
     """Energies of a palette whose neighbors are merged, two at a time, and starts for searches of so few colors."""
 
     energies: Sequence[float]
-    starts: Sequence[NDArray[np.float64]]
+    starts: Sequence[Floats]
     n_pixels: float
 
 
@@ -383,7 +381,7 @@ def merged_colors(palette: Palette, n_colors: int, fixed: Array, samples: ColorS
         energy, n_pixels = tessellation.energy, tessellation.masses.sum()
     energies, starts, left = [energy], [places.copy()], np.ones(len(places), np.bool_)
 
-    def rises(one: NDArray[np.intp]) -> NDArray[np.float64]:
+    def rises(one: Indices) -> Floats:
         shares = masses[one, None] * masses / np.maximum(masses[one, None] + masses, np.finfo(float).tiny)
         found = shares * ((places[one, None] - places) ** 2).sum(axis=2)
         found[:, ~left] = np.inf
@@ -466,13 +464,13 @@ def _hardware_palette(
 
 
 def _keep_opaque(
-    places: NDArray[np.float64],
-    density: NDArray[np.float64],
+    places: Floats,
+    density: Floats,
     kinds: tuple[NDArray[np.uint8], NDArray[np.uint8]],
     tessellation: Tessellation,
     end: float,
     rest: Stopping,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Make the generators of mostly opaque cells opaque, and move all generators until they converge."""
     # `kinds` are those of the places and of the locked generators, which come first. Opaque places belong to the
     # nearest opaque generator, whose last coordinate is `end`. No step raises the energy.

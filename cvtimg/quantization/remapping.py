@@ -15,7 +15,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -97,7 +97,7 @@ class Quantized(ReadOnly, Fidelity):
     n_distinct: int
     curve: EnergyCurve | None = None
     alpha: bool = False
-    inside: NDArray[np.bool_] | None = None
+    inside: Bools | None = None
     outside: Array | None = None
     quality: float | None = None
     content_quality: float | None = None
@@ -369,7 +369,7 @@ def nearest(points: Points, places: Array) -> NDArray[np.int32]:
 
 
 def nearest_of_kind(
-    places: NDArray[np.float64], kinds: NDArray[np.uint8], ends: NDArray[np.float64], kinds_of_ends: NDArray[np.uint8]
+    places: Floats, kinds: NDArray[np.uint8], ends: Floats, kinds_of_ends: NDArray[np.uint8]
 ) -> NDArray[np.int32]:
     """Return the (N,) index of the nearest of (K, D) places, among those that the kind of each may become."""
     labels = np.empty(len(places), np.int32)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_keywords
-from cvtimg._shared.choices import DitherName, GoalName, SpaceName
-from cvtimg._shared.types import Array, Row
+from cvtimg._shared.choices import DitherName, GoalName, Row, SpaceName
+from cvtimg._shared.types import Array, Bools
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -293,10 +293,10 @@ class SeriesSource(Source):
         return QuantizedSeries(tuple(results), kind, n_distinct, original=frames)
 
 
-def _still(before: Array, image: Array) -> NDArray[np.bool_]:
+def _still(before: Array, image: Array) -> Bools:
     """Return (H, W) whether a pixel is in a square of 3 x 3 that are all as before: others may be so by chance."""
     from scipy.ndimage import binary_opening  # which takes long to import
 
     equal = (image == before).reshape(*image.shape[:2], -1).all(axis=2)
-    still: NDArray[np.bool_] = binary_opening(equal, np.ones((3, 3)))
+    still: Bools = binary_opening(equal, np.ones((3, 3)))
     return still

@@ -12,10 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes, side_by_side
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.types import Bools, Floats, Floats32, Indices
 from cvtimg.restoration.versions import Versions
 
 #: Sides of the windows on whose mean a version may depart; 1 is the pixel itself.
@@ -107,7 +106,7 @@ class _Part:
     versions: Versions
 
     @classmethod
-    def of(cls, versions: Versions, rows: slice | NDArray[np.intp]) -> _Part:
+    def of(cls, versions: Versions, rows: slice | Indices) -> _Part:
         """Take some rows."""
         values = np.stack([versions.bands(version, rows) for version in range(versions.n_versions)])
         return cls(values, np.moveaxis(versions.known[rows], 2, 0), versions)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Indices
 from cvtimg.restoration.versions import Clipped, Versions
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
@@ -225,7 +225,7 @@ def _halves_of(patches: Floats) -> tuple[Floats, Floats]:
     return (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)
 
 
-def _order_of(halves: Floats) -> NDArray[np.intp]:
+def _order_of(halves: Floats) -> Indices:
     """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
     rows = halves - halves.mean(axis=0)
     squares = np.square(rows @ np.linalg.eigh(rows.T @ rows)[1])

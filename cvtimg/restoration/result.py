@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -69,18 +69,18 @@ class Denoised(ReadOnly):
     alpha: Array | None
     coverage: NDArray[np.int32]
     left_out: NDArray[np.int32]
-    noise: NDArray[np.float64]
-    noise_shared: NDArray[np.float64] | None
-    noise_lines: NDArray[np.float64] | None
+    noise: Floats
+    noise_shared: Floats | None
+    noise_lines: Floats | None
     noisy: bool
-    impulses: NDArray[np.float64]
-    stripes: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    shifts: NDArray[np.float64]
-    transforms: NDArray[np.float64]
-    exposures: NDArray[np.float64] | None
+    impulses: Floats
+    stripes: Floats
+    weights: Floats
+    shifts: Floats
+    transforms: Floats
+    exposures: Floats | None
     models: tuple[str, ...]
-    misfits: NDArray[np.float64]
+    misfits: Floats
 
     def _claims(self) -> Claims:
         yield "no more versions are left out than there are", self.left_out <= self.coverage
@@ -94,7 +94,7 @@ class Denoised(ReadOnly):
         evidence: Evidence,
         space: SpaceName,
         *,
-        bands: NDArray[np.intp] | None = None,
+        bands: Indices | None = None,
         **more: Any,
     ) -> Self:
         """Make a result of (H, W, C) places in a color space, the versions `used`, and `more` of its fields."""
@@ -102,7 +102,7 @@ class Denoised(ReadOnly):
         versions, noise = evidence.placed, evidence.noise
         bands = np.arange(places.shape[2]) if bands is None else bands
 
-        def of_all(values: Array | None, *axes: int, other: ArrayLike = 0.0) -> NDArray[np.float64] | None:
+        def of_all(values: Array | None, *axes: int, other: ArrayLike = 0.0) -> Floats | None:
             if values is None:
                 return None
             for axis in axes:
@@ -180,8 +180,8 @@ class Restoration(Denoised):
     """
 
     labels: NDArray[np.int32]
-    generators: NDArray[np.float64]
-    colors: NDArray[np.float64]
+    generators: Floats
+    colors: Floats
     edge_weight: float
     energies: tuple[float, ...]
     converged: bool

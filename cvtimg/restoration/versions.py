@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_image, check_in_range, check_shape, chec
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
@@ -100,7 +100,7 @@ class Versions:
     #: memory; of any value where unknown
     stack: tuple[Array, ...]
     known: Bools  # (H, W, S): which pixels each version knows
-    version_of: NDArray[np.intp]  # (D,): version that each band belongs to; the bands of a version are consecutive
+    version_of: Indices  # (D,): version that each band belongs to; the bands of a version are consecutive
     dtypes: tuple[np.dtype[Any], ...]  # types of the versions
     grey: bool  # whether the first version came without an axis of channels
     white: float | None = None  # where values end, at which noise may have been clipped; None if they have no ends
@@ -140,7 +140,7 @@ class Versions:
         in_stripes(convert, len(source), work=4.0 * source.size)
         return values
 
-    def distinct(self) -> tuple[Versions, NDArray[np.intp]]:
+    def distinct(self) -> tuple[Versions, Indices]:
         """Versions of the bands that differ from each other and show anything; and (C,) which of them each band is.
 
         It is -1 of bands that have one value in each version. If all have, they are returned as they are, and so are
@@ -167,7 +167,7 @@ class Versions:
         tones, lines = (None if one is None else one[..., chosen, :] for one in (tones, self.lines))
         return replace(self, stack=stack, version_of=version_of, tones=tones, lines=lines), places
 
-    def with_all(self, image: Floats32, places: NDArray[np.intp]) -> Floats32:
+    def with_all(self, image: Floats32, places: Indices) -> Floats32:
         """(H, W, C) image of all bands from one of those that are `distinct`; others have the value that they have."""
         first = next(s for s in range(self.n_versions) if self.known[:, :, s].any())
         of_one_value = self.stack[first][self.known[:, :, first]][0]

@@ -7,8 +7,9 @@ because w * |u - z|^2 = |w * u - z|^2 + a term without z.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+
+from cvtimg._shared.types import Bools, Floats32
 
 #: A Gaussian is truncated at this many standard deviations.
 TRUNCATE = 4.0
@@ -22,14 +23,12 @@ def noise_gain(deviation: float) -> float:
     return float(weights @ weights) ** 2
 
 
-def averaged(
-    values: NDArray[np.float32], deviation: float, inside: NDArray[np.bool_] | None = None
-) -> NDArray[np.float32]:
+def averaged(values: Floats32, deviation: float, inside: Bools | None = None) -> Floats32:
     """(H, W, D) averages of (H, W, D) values over the pixels `inside`, (H, W); 0 elsewhere."""
     # Deviations are in pixels. Pixels beyond the border of the image are outside too.
     within = np.ones(values.shape[:2], bool) if inside is None else inside
 
-    def filtered(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def filtered(image: Floats32) -> Floats32:
         return np.asarray(gaussian_filter(image, deviation, mode="constant", truncate=TRUNCATE, axes=(0, 1)))
 
     mass = filtered(within[..., None].astype(np.float32))

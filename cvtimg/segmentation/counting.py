@@ -29,7 +29,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Bools, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
@@ -202,7 +202,7 @@ class Necks:
     depth: float | None  # in radius, in pixels; infinity not to split, None to weigh necks against ripples
 
 
-def at_edges(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+def at_edges(labels: NDArray[np.int32]) -> Bools:
     """Tell of each label, from 0, whether it has pixels at an edge of the image, or voxels at a face of the volume."""
     touching = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
     for axis in range(labels.ndim):
@@ -261,7 +261,7 @@ def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.
     return numbers_of(sizes >= max(least, 1))[objects], least
 
 
-def _most_compact(objects: NDArray[np.int32], n: int) -> NDArray[np.float64]:
+def _most_compact(objects: NDArray[np.int32], n: int) -> Floats:
     """Return some times the size of the largest disc in each object of a plane, which a long one does not reach."""
     from scipy.ndimage import distance_transform_edt
 

@@ -34,6 +34,7 @@ from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
+from cvtimg._shared.types import Bools, Floats, Floats32, Indices
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.region_moves import parts_of, rearranged
@@ -64,20 +65,20 @@ class EdgeWeighted(ReadOnly):
     labels: NDArray[np.int32]  # (H, W): labels from 1; 0 outside the mask
     #: (K, D): mean of each segment; row ``label - 1`` belongs to a label. A segment without weight keeps its last
     #: mean.
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]  # (K, D): weight of each segment in each channel; 0 for segments that have vanished
+    generators: Floats
+    masses: Floats  # (K, D): weight of each segment in each channel; 0 for segments that have vanished
     energies: tuple[float, ...]  # energy before each sweep and at the end; it never rises
     edge_weight: float  # the cost of each pair of near pixels, from either side
     converged: bool  # whether the last sweep transferred almost no pixels
 
 
 def descend(
-    values: NDArray[np.float32],
+    values: Floats32,
     labels: NDArray[np.int32],
     n_segments: int,
     *,
     edge_weight: float,
-    weights: NDArray[np.float32] | None = None,
+    weights: Floats32 | None = None,
     max_sweeps: int = _MAX_SWEEPS,
     detail: float = 0,
     **moves: Any,
@@ -100,7 +101,7 @@ def descend(
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
 
 
-def _start(labels: NDArray[np.int32], weights: NDArray[np.float32] | None) -> NDArray[np.int32]:
+def _start(labels: NDArray[np.int32], weights: Floats32 | None) -> NDArray[np.int32]:
     """Give each unknown pixel the label of the nearest known one."""
     if weights is None:
         return labels
@@ -156,7 +157,7 @@ class SegmentMoments:
         self.masses, self.means = self.rows[:, :n_dims], self.rows[:, n_dims:-1]  # in each channel
         self.energies = self.rows[:, -1]  # of each cell about its mean
 
-    def add(self, changes: NDArray[np.float64]) -> None:
+    def add(self, changes: Floats) -> None:
         """Add masses, sums and squares about the means, and move these to where they are then."""
         n_dims = self.masses.shape[1]
         masses, sums = self.masses + changes[:, :n_dims], changes[:, n_dims:-1]
@@ -169,7 +170,7 @@ class SegmentMoments:
     def measure(self, image: Layers, stripes: Sequence[tuple[int, int]], margin: int) -> None:
         """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
 
-        def moments(stripe: tuple[int, int]) -> NDArray[np.float64]:
+        def moments(stripe: tuple[int, int]) -> Floats:
             own, found = image.rows(*stripe, margin), np.zeros_like(self.rows)
             _segments.measure_cells(own.values, own.weights, own.labels, margin, self.rows, found)
             return found
@@ -179,7 +180,7 @@ class SegmentMoments:
         self.add(total)
 
 
-def moments_of(values: NDArray[np.float32], labels: NDArray[np.int32]) -> SegmentMoments:
+def moments_of(values: Floats32, labels: NDArray[np.int32]) -> SegmentMoments:
     """Measure the segments of (H, W, D) values with a mean near 0."""
     found = SegmentMoments(int(labels.max(initial=0)), values.shape[2])
     for _ in range(2):  # about the origin, to find the means; and about these
@@ -342,7 +343,7 @@ class State:
         self._changed()
         return True
 
-    def _reduced(self, side: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    def _reduced(self, side: int) -> tuple[Floats32, NDArray[np.int32]]:
         """Return means of squares of pixels, and the labels in their middles."""
         margin, height, values, labels = self._margin, self._shape[0] // side, [], []
         for first in range(0, height, _STRIPE):
@@ -387,7 +388,7 @@ class State:
 
         self._n_pairs, self._n_boundary = map(sum, zip(*side_by_side(count, self._stripes), strict=True))
 
-    def _shares(self) -> NDArray[np.float64]:
+    def _shares(self) -> Floats:
         """(K + 1,) factors of the energies of cells: their shares of the mass to the power."""
         sizes = self.cells.masses.mean(axis=1)
         return np.asarray((sizes / max(sizes.sum(), 1e-300)) ** self._moves.volume_power)
@@ -449,7 +450,7 @@ class State:
         return moved
 
 
-def cells_at_edges(values: NDArray[np.float32], inside: NDArray[np.bool_], n_cells: int) -> NDArray[np.int32]:
+def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> NDArray[np.int32]:
     """(H, W) superpixels of (H, W, D) values, not quite settled, so that dots and lines are parts that can move."""
     if inside.all() and inside.size > _ENOUGH_FOR_CELLS:
         rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in inside.shape)
@@ -460,13 +461,13 @@ def cells_at_edges(values: NDArray[np.float32], inside: NDArray[np.bool_], n_cel
     return descend(values, cells, int(cells.max()), edge_weight=weight, connected=True, max_sweeps=_CELL_SWEEPS).labels
 
 
-def compactness_of(values: NDArray[np.float32], cells: NDArray[np.int32]) -> float:
+def compactness_of(values: Floats32, cells: NDArray[np.int32]) -> float:
     """Return the edge weight of details of one pixel that differ as two pixels of a cell do."""
     within = float(moments_of(values, cells).energies.sum() / np.count_nonzero(cells))
     return 2 * within * weight_of_detail(1, 3)
 
 
-def halved(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def halved(values: Floats32) -> Floats32:
     """(H // 2, W // 2, D) means of squares of four pixels."""
     height, width = (side // 2 for side in values.shape[:2])
     half = np.empty((height, width, values.shape[2]), np.float32)
@@ -485,7 +486,7 @@ def is_deep(radius: int, planes: Planes | None) -> bool:
     return planes is not None and planes.spacing <= radius
 
 
-def neighbors(radius: int, planes: Planes | None = None) -> NDArray[np.intp]:
+def neighbors(radius: int, planes: Planes | None = None) -> Indices:
     """(S, 3) steps in planes, down and right to the neighbors within a disc or a ball, without its center."""
     depth = planes.spacing if planes else 1.0
     deep = int(radius / depth) if planes else 0

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array, Row
+from cvtimg._shared.choices import Row
+from cvtimg._shared.types import Array, Bools
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.tracking import track_labels
 from cvtimg.pictures.files import ImageInfo
@@ -25,7 +26,7 @@ from cvtimg.segmentation.result import Segmentation, measured
 
 #: `segment` and its siblings with their options: takes an image, and its pixels that count as `mask`.
 Divide = Callable[..., Segmentation]
-_Part = tuple[Array, NDArray[np.bool_]]
+_Part = tuple[Array, Bools]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +133,7 @@ def _spacing(pages: Pages | None) -> tuple[float, float, float]:
     return size.z, size.y, size.x
 
 
-def _without_alpha(image: Array, known: NDArray[np.bool_], header: ImageInfo) -> _Part:
+def _without_alpha(image: Array, known: Bools, header: ImageInfo) -> _Part:
     """Return the bands that count, and the pixels that count and can be seen."""
     if header.has_alpha and image.shape[2:] == (4,):
         return image[:, :, :3], known & (image[:, :, 3] > 0)

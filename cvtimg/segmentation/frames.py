@@ -11,9 +11,8 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools
 
 
 class Frame(NamedTuple):
@@ -40,7 +39,7 @@ def whole_frame(shape: tuple[int, ...]) -> Frame:
     return Frame(tuple(slice(0, side) for side in shape), (slice(None),) * len(shape), False)
 
 
-def frame_of(image: Array, inside: NDArray[np.bool_], turns: bool = True) -> Frame:
+def frame_of(image: Array, inside: Bools, turns: bool = True) -> Frame:
     """Find the frame of an image or a volume, of any number of bands, by the pixels that count; there is at least one.
 
     Without `turns`, rows and columns do not change places.
@@ -65,7 +64,7 @@ def frame_of(image: Array, inside: NDArray[np.bool_], turns: bool = True) -> Fra
     return left[0]
 
 
-def _values(image: Array, inside: NDArray[np.bool_]) -> Array:
+def _values(image: Array, inside: Bools) -> Array:
     """Return values in order, with 0 for pixels that do not count."""
     known = inside.reshape(*inside.shape, *(1,) * (image.ndim - inside.ndim))
     return np.where(known, image, image.dtype.type(0)).ravel()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation.touching import largest_by_label
 
@@ -43,9 +44,7 @@ _ROUNDS = 50
 _REACH = 2.0
 
 
-def join_at_ripples(
-    parts: NDArray[np.int32], distance: NDArray[np.float32], noise: float, fine: int = 1
-) -> NDArray[np.int32]:
+def join_at_ripples(parts: NDArray[np.int32], distance: Floats32, noise: float, fine: int = 1) -> NDArray[np.int32]:
     """Join (H, W) parts at cuts that are more likely ripples than necks.
 
     `distance` is that to the background, in pixels. `noise` is how far noise moves outlines (standard deviation), in
@@ -65,9 +64,7 @@ def join_at_ripples(
     return np.asarray(np.argsort(np.argsort(firsts))[of_piece][parts], np.int32)
 
 
-def _odds_of_necks(
-    depths: NDArray[np.float64], narrowings: NDArray[np.float64], radii: NDArray[np.float64], noise: float
-) -> NDArray[np.float64]:
+def _odds_of_necks(depths: Floats, narrowings: Floats, radii: Floats, noise: float) -> Floats:
     """Return the probability of each cut, by its depth, its narrowing and the smaller radius, that it is a neck."""
     sizes = np.minimum(depths, RIPPLES.deepest * radii) + RIPPLES.narrowing * narrowings
     sigma = float(np.hypot(RIPPLES.spread, RIPPLES.spread_of_noise * noise))
@@ -82,9 +79,7 @@ def _odds_of_necks(
     return np.where(np.isfinite(depths), odds, 1.0)
 
 
-def _cuts(
-    parts: NDArray[np.int32], distance: NDArray[np.float32]
-) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _cuts(parts: NDArray[np.int32], distance: Floats32) -> tuple[NDArray[np.int32], Floats, Floats, Floats]:
     """Return which parts meet, and of each cut how deep, how much narrower, and the radius of the smaller part."""
     borders = find_borders(parts)
     pairs = borders.pairs + 1

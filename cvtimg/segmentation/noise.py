@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_image
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike
 
 #: Side of a block, and in how many of them noise is measured at most.
 _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
@@ -28,7 +27,7 @@ _FLAT = 0.5
 _PIXELS_THAT_COUNT = 3.78
 
 
-def estimate_noise(image: ImageLike) -> NDArray[np.float64]:
+def estimate_noise(image: ImageLike) -> Floats:
     """Estimate the standard deviation of the noise in each band of an image.
 
     White noise, such as that of a sensor, is found to within some percent. Texture that covers the whole image is
@@ -61,16 +60,14 @@ def estimate_noise(image: ImageLike) -> NDArray[np.float64]:
     return np.sqrt(np.diag(noise_covariance(values)))
 
 
-def noise_covariance(values: Array, inside: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+def noise_covariance(values: Array, inside: Bools | None = None) -> Floats:
     """(D, D) covariance of the noise of (H, W, D) values, measured in the blocks that lie `inside`, (H, W)."""
     return noise_of_rows(
         lambda first, last: (values[first:last], None if inside is None else inside[first:last]), values.shape[:2]
     )
 
 
-def noise_of_rows(
-    read: Callable[[int, int], tuple[Array, NDArray[np.bool_] | None]], shape: tuple[int, ...]
-) -> NDArray[np.float64]:
+def noise_of_rows(read: Callable[[int, int], tuple[Array, Bools | None]], shape: tuple[int, ...]) -> Floats:
     """(D, D) covariance of the noise of an image of which some rows are read at a time, with where they count."""
     # It is 0 if nothing can be measured. Of a large image, some rows of blocks are enough.
     height, width = (min(_BLOCK, max(side - 2, 1)) for side in shape)
@@ -89,7 +86,7 @@ def noise_of_rows(
     return np.asarray(covariances[order[first:last]].mean(axis=0) / (1 - _LESS_IN_QUIET * variation))
 
 
-def _block_covariances(values: Array, inside: NDArray[np.bool_] | None) -> NDArray[np.float64]:
+def _block_covariances(values: Array, inside: Bools | None) -> Floats:
     """(B, D, D) covariance of the second differences in each block of a row of blocks that is inside the mask."""
     n_dims = values.shape[2]
     if min(values.shape[:2]) < 3:
@@ -104,7 +101,7 @@ def _block_covariances(values: Array, inside: NDArray[np.bool_] | None) -> NDArr
     n_columns = min(_BLOCK, width)
     bands = np.moveaxis(differences[:, : width // n_columns * n_columns], 2, 0).copy()  # for long loops
     products = np.stack([(band * bands).sum(axis=1) for band in bands]).reshape(n_dims, n_dims, -1, n_columns)
-    covariances: NDArray[np.float64] = products.sum(axis=3).transpose(2, 0, 1) / (height * n_columns)
+    covariances: Floats = products.sum(axis=3).transpose(2, 0, 1) / (height * n_columns)
     flat = (bands == 0).all(axis=0).reshape(height, -1, n_columns).mean(axis=(0, 2))
     covariances[flat > _FLAT] = 0
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight, check_in_range, check_non_negative
 from cvtimg._shared.choices import EffortName
-from cvtimg._shared.types import Floats32
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
@@ -74,7 +74,7 @@ class Smoothness:
         weight = check_edge_weight(edge_weight)
         return cls(averaging, weight, radius, detail, described, volume_power, planes, effort)
 
-    def weight_under(self, noise: NDArray[np.float64], gain: float = 1.0) -> tuple[float, float]:
+    def weight_under(self, noise: Floats, gain: float = 1.0) -> tuple[float, float]:
         """Return the edge weight, or the least one and the detail that it is to follow; gain is that of the noise."""
         if self.edge_weight is not None:
             return self.edge_weight, 0.0
@@ -106,7 +106,7 @@ class Prepared:
     values: PictureValues  # the colors inside the mask
     field: Floats32  # (H, W, D): values of the pixels about their mean; 0 outside the mask
     data: Floats32  # (H, W, D): the values to segment: the field, in even light or averaged first
-    noise: NDArray[np.float64]  # (D, D): covariance of the noise of the field; measured only where edges cost
+    noise: Floats  # (D, D): covariance of the noise of the field; measured only where edges cost
     edge_weight: float  # cost of each pair of near pixels in different segments, in squared values; or the least
     smallest_detail: float  # radius of the discs that are just worth their edge; 0 if the weight is given
 
@@ -133,13 +133,13 @@ class Prepared:
         return end.labels, end
 
 
-def auto_weight(noise: NDArray[np.float64], radius: int, planes: Planes | None = None) -> float:
+def auto_weight(noise: Floats, radius: int, planes: Planes | None = None) -> float:
     """Follow the noise in the direction where it is greatest, at the same cost of length for every radius."""
     variance = max(float(np.linalg.eigvalsh(noise)[-1]), 0.0)
     return _AUTO_WEIGHT * variance * length_cost(_RADIUS_OF_AUTO) / length_cost(radius, planes)
 
 
-def blur_at_start(variance: float, noise: NDArray[np.float64], n_segments: int) -> float:
+def blur_at_start(variance: float, noise: Floats, n_segments: int) -> float:
     """Return the standard deviation of a Gaussian that keeps noise from hiding the segments; 0 if none is needed."""
     noisy = float(np.trace(noise))
     signal = max(variance - noisy, 1e-3 * noisy)
@@ -170,7 +170,7 @@ def curve_of_segments(prepared: Prepared, n_max: int, rng: int | np.random.Gener
     rows = (prepared.field if start is None else start)[inside]
     points, center = pack(rows, np.ones(len(rows))), prepared.values.center  # which the field is about
     energies: list[float] = []
-    generators: list[NDArray[np.float64]] = []
+    generators: list[Floats] = []
     for places in cells.generators:
         labels = np.zeros(inside.shape, np.int32)
         about = places - center if start is None else places

@@ -17,7 +17,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.segmentation import _segments
 
 #: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
@@ -76,12 +76,7 @@ def _squared(rows: Floats) -> Floats:
 
 
 def parts_of(
-    values: NDArray[np.float32],
-    numbers: NDArray[np.int32],
-    margin: int,
-    steps: NDArray[np.int32],
-    border: float,
-    rates: Floats,
+    values: Floats32, numbers: NDArray[np.int32], margin: int, steps: NDArray[np.int32], border: float, rates: Floats
 ) -> Parts:
     """Measure parts on (H, W, D) values; numbers, from 1 and 0 outside, are padded by the margin.
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly, equals, never_rises
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Array, Floats32, Row
+from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -51,8 +52,8 @@ class Counting:
 class Segments(ReadOnly):
     """What is known of segments, wherever their labels are: see `Segmentation`."""
 
-    generators: NDArray[np.float64]
-    masses: NDArray[np.float64]
+    generators: Floats
+    masses: Floats
     energy: float
     energies: tuple[float, ...]
     edge_weight: float
@@ -236,11 +237,7 @@ def from_labels(
 
 
 def sorted_ends(
-    values: PictureValues,
-    means: NDArray[np.float64],
-    masses: NDArray[np.float64],
-    energy: float,
-    energies: Sequence[float],
+    values: PictureValues, means: Floats, masses: Floats, energy: float, energies: Sequence[float]
 ) -> tuple[NDArray[np.int32], dict[str, Any]]:
     """Return the new label of each segment, from dark to bright, and attributes of the result in units of the image."""
     generators = values.to_picture(means + values.center)

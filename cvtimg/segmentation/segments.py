@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats32, ImageLike
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -212,9 +212,7 @@ def segment_curve(
     return curve_of_segments(smoothness.prepare(values), n_max, rng)
 
 
-def below_each_other(
-    bands: Array, inside: NDArray[np.bool_], spacing: float, radius: int
-) -> tuple[Array, NDArray[np.bool_], Planes]:
+def below_each_other(bands: Array, inside: Bools, spacing: float, radius: int) -> tuple[Array, Bools, Planes]:
     """Return the planes of a volume as one image, with as much around them as `Planes` needs, and what counts of it."""
     planes = Planes(bands.shape[1] + radius, spacing)
     first = int(radius / planes.spacing)
@@ -223,9 +221,7 @@ def below_each_other(
     return tall, np.pad(inside, around).reshape(tall.shape[:2]), planes
 
 
-def _in_pieces(
-    labels: NDArray[np.int32], data: NDArray[np.float32], size: int, price: float, apart: bool
-) -> NDArray[np.int32]:
+def _in_pieces(labels: NDArray[np.int32], data: Floats32, size: int, price: float, apart: bool) -> NDArray[np.int32]:
     """Merge small pieces of segments into their neighbors; apart, pieces are segments of their own."""
     pieces = connected_pieces(labels)
     kept = absorb_small(pieces, data, size, price)

@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.colors.counting import Count
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES
@@ -197,13 +197,13 @@ class PixelsOnDisk:
         self.strips = [(first, min(first + n_rows, height)) for first in range(0, height, n_rows)]
         self._center = self.values.center
 
-    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    def read(self, first: int, last: int) -> tuple[Floats32, Bools]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
         colors, inside = (self.frame.of(pixels[:])[first:last] for pixels in (self._pixels, self._inside))
         own = colors.reshape(inside.size, -1) if inside.all() else colors[inside]
         return at_pixels(self.values.of_colors(own, self._center), inside), inside
 
-    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
+    def __getitem__(self, rows: slice) -> Floats32:
         return self.read(rows.start, rows.stop)[0]
 
     def layers(self, folder: Path, margin: int) -> Layers:
@@ -212,7 +212,7 @@ class PixelsOnDisk:
         kinds = {"labels": np.int32, "others": np.uint16, "stale": np.uint8}
         return Layers(self, None, *(RowsOnDisk(folder / name, shape, kinds[name]) for name in kinds))
 
-    def blurred(self, blur: float) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bool_]]]:
+    def blurred(self, blur: float) -> Iterator[tuple[Floats32, Bools]]:
         """Yield strips of values, averaged by a Gaussian unless the blur is 0, and the mask of each."""
         halo = int(TRUNCATE * blur + 0.5)
         for first, last in self.strips:
@@ -221,12 +221,12 @@ class PixelsOnDisk:
             own = slice(first - above, last - above)
             yield (averaged(values, blur, inside) if blur else values)[own], inside[own]
 
-    def averages(self, blur: float) -> NDArray[np.float32]:
+    def averages(self, blur: float) -> Floats32:
         """(N, D) averages: of a large image, those of pixels at even steps."""
         step = max(int(self.values.samples.density.sum()) // _ENOUGH_AVERAGES, 1)
         return np.concatenate([values[inside][::step] for values, inside in self.blurred(blur)])
 
-    def nearest(self, generators: NDArray[np.float64], blur: float) -> Iterator[NDArray[np.int32]]:
+    def nearest(self, generators: Floats, blur: float) -> Iterator[NDArray[np.int32]]:
         """Yield strips of labels, those of the generators nearest to the averages."""
         origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are broken alike
         for values, inside in self.blurred(blur):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 from cvtimg.segmentation.averaging import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
@@ -59,7 +59,7 @@ class Objects:
         if self.neck_depth != np.inf:
             check_non_negative("neck_depth", self.neck_depth)
 
-    def found(self, labels: NDArray[np.int32], values: NDArray[np.float32]) -> NDArray[np.int32]:
+    def found(self, labels: NDArray[np.int32], values: Floats32) -> NDArray[np.int32]:
         """Return labels of the objects from 1 in segments of (H, W, D) values, and 0 for the background."""
         own = labels[labels > 0]
         masses = np.bincount(own)
@@ -81,7 +81,7 @@ class Objects:
 
 
 def split_touching(
-    inside: NDArray[np.bool_], neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None
+    inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None
 ) -> NDArray[np.int32]:
     """Label the objects of a mask, (H, W), splitting those that touch: at necks, and where their contrast differs."""
     # S. Beucher, C. Lantuejoul, Use of watersheds in contour detection, International Workshop on Image Processing,
@@ -98,7 +98,7 @@ def split_touching(
     return split_at_saddles(distance, inside, neck_depth)
 
 
-def split_at_saddles(height: NDArray[np.floating], inside: NDArray[np.bool_], depth: float) -> NDArray[np.int32]:
+def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) -> NDArray[np.int32]:
     """Label the parts of pixels, of two or three axes, that rise by more than the depth above their saddles."""
     from skimage.measure import label
     from skimage.morphology import local_maxima, reconstruction
@@ -116,9 +116,7 @@ def split_at_saddles(height: NDArray[np.floating], inside: NDArray[np.bool_], de
     return numbered(np.asarray(parts, np.int32))
 
 
-def with_own_borders(
-    objects: NDArray[np.int32], values: NDArray[np.float32], ground: NDArray[np.float32]
-) -> NDArray[np.int32]:
+def with_own_borders(objects: NDArray[np.int32], values: Floats32, ground: Floats32) -> NDArray[np.int32]:
     """Take from each object what is nearer to the mean of the background than to the object's own."""
     from scipy.ndimage import binary_fill_holes
     from skimage.measure import label
@@ -145,12 +143,12 @@ def with_own_borders(
     return numbered(np.where((own > 0) & (main[own] == pieces), own, 0))
 
 
-def _apart(values: NDArray[np.float32], color: NDArray[np.float32]) -> NDArray[np.float32]:
+def _apart(values: Floats32, color: Floats32) -> Floats32:
     """Squared distances of (..., D) values to a color or to that of each pixel."""
     return np.square(values - color).sum(axis=-1)
 
 
-def largest_by_label(values: Array, labels: Array) -> NDArray[np.float64]:
+def largest_by_label(values: Array, labels: Array) -> Floats:
     """Return the largest value, >= 0, of each label from 0, whose is 0; without a sort, as in scipy.ndimage."""
     largest = np.zeros(int(labels.max(initial=0)) + 1)
     np.maximum.at(largest, labels.ravel(), values.ravel())
@@ -163,6 +161,6 @@ def numbered(objects: Array) -> NDArray[np.int32]:
     return numbers_of(np.bincount(objects.ravel()) > 0)[objects]
 
 
-def numbers_of(kept: NDArray[np.bool_]) -> NDArray[np.int32]:
+def numbers_of(kept: Bools) -> NDArray[np.int32]:
     """Return the new number of each label, from 1 for those that are kept, and 0 for others and for 0."""
     return np.append(np.int32(0), np.cumsum(kept[1:], dtype=np.int32) * kept[1:])

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
@@ -30,7 +30,7 @@ _WHITES = (1, 255, 65535)
 class PictureValues:
     """Values of the pixels inside a mask."""
 
-    inside: NDArray[np.bool_]  # (H, W): the n pixels that count
+    inside: Bools  # (H, W): the n pixels that count
     #: Distinct colors of these pixels, as of one row (1, n): their levels in "rgb", their values in other spaces
     samples: ColorSamples
     scale: float  # values are scale times the colors of `samples`
@@ -43,12 +43,12 @@ class PictureValues:
         """The value of 1 in the units of the image or, in another space, of that space."""
         return unit_of(self.space, self.dtype)
 
-    def field(self) -> NDArray[np.float32]:
+    def field(self) -> Floats32:
         """(H, W, D) values about their `center`; 0 outside the mask."""
         places = (self.samples.colors * self.scale - self.center).astype(np.float32)
         return at_pixels(self.samples.at_pixels(places)[0], self.inside)
 
-    def of_colors(self, colors: Array, center: NDArray[np.float64]) -> NDArray[np.float32]:
+    def of_colors(self, colors: Array, center: Floats) -> Floats32:
         """(N, D) values of (N, C) colors of an image without an offset, about their center."""
         scale = self.scale
         if self.space != "rgb":
@@ -60,10 +60,10 @@ class PictureValues:
         return values
 
     @property
-    def center(self) -> NDArray[np.float64]:
+    def center(self) -> Floats:
         """(D,) mean of the values."""
         # Not by BLAS, whose bits depend on the processor.
-        sums: NDArray[np.float64] = np.einsum("n,nd->d", self.samples.density, self.samples.colors)
+        sums: Floats = np.einsum("n,nd->d", self.samples.density, self.samples.colors)
         return sums / self.samples.density.sum() * self.scale
 
     @property
@@ -72,7 +72,7 @@ class PictureValues:
         squares = np.square(self.samples.colors * self.scale - self.center)
         return float(np.einsum("n,nd->", self.samples.density, squares) / self.samples.density.sum())
 
-    def in_even_light(self, field: NDArray[np.float32], n_segments: int) -> NDArray[np.float32]:
+    def in_even_light(self, field: Floats32, n_segments: int) -> Floats32:
         """(H, W, D) values about their mean, where the light on a number of segments is even; 0 outside the mask."""
         black = self.center + (self.spacing.first * self.unit if self.space == "rgb" else 0)
         light = (field + np.maximum(black, -field.min(axis=(0, 1)))).astype(np.float32)
@@ -80,15 +80,15 @@ class PictureValues:
         even[self.inside] -= even[self.inside].mean(axis=0)
         return even
 
-    def to_picture(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_picture(self, values: Floats) -> Floats:
         """Convert (K, D) values to (K, C) colors in the units of the image."""
         if self.space == "rgb":
             return self.spacing.within(values / self.unit + self.spacing.first)
-        colors: NDArray[np.float64] = from_space(values / self.unit, self.space, np.dtype(np.float64))
+        colors: Floats = from_space(values / self.unit, self.space, np.dtype(np.float64))
         return colors * peak(self.dtype)
 
 
-def at_pixels(rows: Array, inside: NDArray[np.bool_]) -> Array:
+def at_pixels(rows: Array, inside: Bools) -> Array:
     """Put (n, ...) rows at the n pixels `inside`, (H, W), that they belong to: (H, W, ...), 0 elsewhere."""
     if len(rows) == inside.size:
         return rows.reshape(*inside.shape, *rows.shape[1:])
@@ -97,7 +97,7 @@ def at_pixels(rows: Array, inside: NDArray[np.bool_]) -> Array:
     return pixels
 
 
-def from_nearest(pixels: Array, known: NDArray[np.bool_]) -> Array:
+def from_nearest(pixels: Array, known: Bools) -> Array:
     """Give each pixel, (H, W), that is not known what the nearest known one has."""
     from scipy.ndimage import distance_transform_edt
 
@@ -132,21 +132,17 @@ class Spacing:
         """The sample at level 0."""
         return self.offset / self.white
 
-    def samples(self, levels: Array) -> NDArray[np.float64]:
+    def samples(self, levels: Array) -> Floats:
         """Scale levels back to samples."""
         return self.within((self.offset + self.step * levels.astype(np.float64)) / self.white)
 
-    def within(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    def within(self, samples: Floats) -> Floats:
         """Bring samples that rounding has led out of the limits back to them."""
         return np.clip(samples, self.low, self.high)
 
 
 def values_of(
-    samples: ColorSamples,
-    inside: NDArray[np.bool_],
-    space: SpaceName,
-    dtype: np.dtype[np.generic],
-    spacing: Spacing = Spacing(),
+    samples: ColorSamples, inside: Bools, space: SpaceName, dtype: np.dtype[np.generic], spacing: Spacing = Spacing()
 ) -> PictureValues:
     """Return the values of distinct colors, which are levels of samples in the units of the image."""
     if space == "rgb":
@@ -187,7 +183,7 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
     return shares.astype(np.float32), Spacing(limits[0], span, 1.0, *limits)
 
 
-def in_whole_numbers(image: Array, inside: NDArray[np.bool_]) -> Array:
+def in_whole_numbers(image: Array, inside: Bools) -> Array:
     """Return an (H, W, C) image as the integers of 8 or 16 bits that floating point in 0..1 was made of, if it was."""
     if image.dtype.kind != "f":
         return image
@@ -200,7 +196,7 @@ def in_whole_numbers(image: Array, inside: NDArray[np.bool_]) -> Array:
     return whole
 
 
-def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64]) -> NDArray[np.int32]:
+def dark_to_bright(generators: Floats, masses: Floats) -> NDArray[np.int32]:
     """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
     order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
     order = order[masses[order] > 0]
@@ -209,6 +205,6 @@ def dark_to_bright(generators: NDArray[np.float64], masses: NDArray[np.float64])
     return labels
 
 
-def in_order(new_label: NDArray[np.int32]) -> NDArray[np.intp]:
+def in_order(new_label: NDArray[np.int32]) -> Indices:
     """Segments with pixels, in the order of their new labels."""
     return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]

@@ -12,7 +12,7 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_picture_de
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices, Points
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -58,8 +58,8 @@ class CoastalGrid(SphereGrid):
         Points on land and not on the coast.
     """
 
-    on_coast: NDArray[np.bool_]
-    on_land: NDArray[np.bool_]
+    on_coast: Bools
+    on_land: Bools
 
     def _flags(self) -> dict[str, NDArray[np.int32]]:
         return {"land": self.on_land.astype(np.int32), "coast": self.on_coast.astype(np.int32)}
@@ -131,7 +131,7 @@ def coastal_grid(
     return _coastal(as_grid(mesh, sums, ~on_coast), on_coast, coast)
 
 
-def _coastal(grid: SphereGrid, on_coast: NDArray[np.bool_], coast: Coast) -> CoastalGrid:
+def _coastal(grid: SphereGrid, on_coast: Bools, coast: Coast) -> CoastalGrid:
     """Say which points of a grid are on the coast, and which on land."""
     values = {field.name: getattr(grid, field.name) for field in fields(grid)} | {
         "fixed": np.zeros(len(on_coast), bool)
@@ -139,9 +139,7 @@ def _coastal(grid: SphereGrid, on_coast: NDArray[np.bool_], coast: Coast) -> Coa
     return CoastalGrid(**values, on_coast=on_coast, on_land=coast.is_land(grid.points) & ~on_coast)
 
 
-def _settled(
-    mesh: SphereTriangulation, coast: Coast, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _settled(mesh: SphereTriangulation, coast: Coast, on_coast: Bools, sizes: Floats) -> Bools:
     """Polish angles while points on the coast move along it; return which are there in the end."""
 
     def project(there: Points, _: Points) -> Points:
@@ -167,7 +165,7 @@ class Coast:
     # (M, 3): of arcs.
     starts: Points
     ends: Points
-    before: NDArray[np.intp]  # (M,): the arc that ends where an arc starts; itself if there is none
+    before: Indices  # (M,): the arc that ends where an arc starts; itself if there is none
     tree: Any  # Of starts
 
     @classmethod
@@ -192,7 +190,7 @@ class Coast:
         gaps, before = cKDTree(ends).query(starts)  # of closed lines the first arc follows the last one
         return cls(height, starts, ends, np.where(gaps < 1e-12, before, np.arange(len(starts))), cKDTree(starts))
 
-    def is_land(self, points: Points) -> NDArray[np.bool_]:
+    def is_land(self, points: Points) -> Bools:
         """Tell which of (N, 3) points are on land."""
         return self.height(points) > 0.5
 
@@ -205,7 +203,7 @@ class Coast:
         nearer = np.linalg.norm(after - points, axis=1) <= np.linalg.norm(before - points, axis=1)
         return np.where(nearer[:, None], after, before)
 
-    def crosses(self, mesh: SphereTriangulation, on_coast: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def crosses(self, mesh: SphereTriangulation, on_coast: Bools) -> Bools:
         """Tell which cells (N,) have corners, or a generator that is not on the coast, on both sides."""
         corners = np.repeat(self.is_land(mesh.circumcenters()), 3)
         vertices, n = mesh.triangles.ravel(), len(mesh.points)
@@ -214,7 +212,7 @@ class Coast:
         n_land, n_corners = np.where(on_coast, (n_land, n_corners), (n_land + on_land, n_corners + 1))
         return (n_land > 0) & (n_land < n_corners)
 
-    def claimed(self, points: Points, on_coast: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
+    def claimed(self, points: Points, on_coast: Bools, size: float) -> Bools:
         """Tell which of those (N,) points go to the coast: of two that would meet there, the nearer one does."""
         from scipy.spatial import cKDTree
 
@@ -226,9 +224,7 @@ class Coast:
         claimed[which[np.where(far[pairs[:, 0]] < far[pairs[:, 1]], pairs[:, 1], pairs[:, 0])]] = False
         return claimed
 
-    def crowded(
-        self, mesh: SphereTriangulation, on_coast: NDArray[np.bool_], sizes: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
+    def crowded(self, mesh: SphereTriangulation, on_coast: Bools, sizes: Floats) -> Bools:
         """Tell which points (N,) on the coast have too little of it, and no more than their neighbors have."""
         from scipy.spatial import cKDTree
 
@@ -240,13 +236,13 @@ class Coast:
             np.minimum.at(least, mesh.triangles[:, k], shares[mesh.triangles[:, k - 1]])
         return (shares < _HOW.crowded) & (shares <= least)
 
-    def _on_arcs(self, points: Points, arcs: NDArray[np.intp]) -> Points:
+    def _on_arcs(self, points: Points, arcs: Indices) -> Points:
         start, way = self.starts[arcs], self.ends[arcs] - self.starts[arcs]
         part = np.einsum("ij,ij->i", points - start, way) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
         return unit(start + np.clip(part, 0, 1)[:, None] * way)
 
 
-def _smoothed(land: Array, size: float) -> NDArray[np.float32]:
+def _smoothed(land: Array, size: float) -> Floats32:
     """Smooth an image of land by a length on the ground, and leave out islands and lakes that are too small."""
     from scipy.ndimage import gaussian_filter1d, label
 

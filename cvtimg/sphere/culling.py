@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Bools, Floats, Points
 from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
@@ -41,7 +41,7 @@ class PartialGrid(SavedGrid):
     """
 
     whole: SphereGrid
-    kept: NDArray[np.bool_]
+    kept: Bools
     layers: NDArray[np.int32]
 
     @property
@@ -50,7 +50,7 @@ class PartialGrid(SavedGrid):
         return self.whole.points[self.kept]
 
     @property
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """Areas (K,) of the kept cells on the unit sphere."""
         return self.whole.areas[self.kept]
 
@@ -145,7 +145,7 @@ def limit_area(grid: SphereGrid | PartialGrid, within: PartLike, *, layers: int 
     return PartialGrid(whole, kept, numbers[kept].astype(np.int32))
 
 
-def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
+def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> Bools:
     """Tell which cells points and lines go through."""
     from scipy.spatial import cKDTree
 
@@ -162,7 +162,7 @@ def _along(grid: SphereGrid, lines: Sequence[ArrayLike]) -> NDArray[np.bool_]:
     return held
 
 
-def _largest(sea: NDArray[np.bool_], starts: Array, ends: Array, areas: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _largest(sea: Bools, starts: Array, ends: Array, areas: Floats) -> Bools:
     """Return the connected part of the sea with the largest area."""
     both = sea[starts] & sea[ends]
     _, parts = connected_parts((starts[both], ends[both]), len(sea))

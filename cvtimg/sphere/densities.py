@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_positive, check_shape, check_that
 from cvtimg._shared.growth import limit_growth
-from cvtimg._shared.types import Array, Points
+from cvtimg._shared.types import Array, Floats, Floats32, Points
 from cvtimg.placement.densities import FunctionDensity, PictureDensity
 
 #: Densities below this part of the largest are raised to it: cells there have 100 times the size.
@@ -27,7 +27,7 @@ _PROBES = 1 << 15
 
 
 #: A density on the unit sphere: from (N, 3) unit vectors to (N,) values.
-SphereDensity = Callable[[Points], NDArray[np.float64]]
+SphereDensity = Callable[[Points], Floats]
 #: What `sphere_grid` takes as a density.
 SphereDensityLike: TypeAlias = "Callable[[Points], Any] | ArrayLike | Refinement | Sequence[Refinement] | None"
 
@@ -78,7 +78,7 @@ class Refinement:
         if self.width is not None:
             check_positive("width", self.width, "in degrees")
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, points: ArrayLike) -> Floats:
         """Return the density at (N, 3) points: 1 inside, and less outside."""
         distance = angles_from(self.lon, self.lat, np.asarray(points))
         width = np.radians(0.6 * self.radius if self.width is None else self.width)
@@ -93,7 +93,7 @@ class Refined:
 
     parts: tuple[SphereDensity, ...]
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the largest density at (N, 3) points."""
         return np.max([part(points) for part in self.parts], axis=0)
 
@@ -108,7 +108,7 @@ class GlobePicture:
         Equirectangular: longitudes from -180 to 180 degrees along rows, latitudes from 90 to -90 along columns.
     """
 
-    picture: NDArray[np.float32]
+    picture: Floats32
     _padded: PictureDensity
 
     @classmethod
@@ -117,11 +117,11 @@ class GlobePicture:
         return cls.padded(check_globe(name, check_picture_density(name, picture)))
 
     @classmethod
-    def padded(cls, picture: NDArray[np.float32]) -> GlobePicture:
+    def padded(cls, picture: Floats32) -> GlobePicture:
         """Add the columns that lie beyond both ends of the date line."""
         return cls(picture, PictureDensity(np.concatenate([picture[:, -1:], picture, picture[:, :1]], axis=1)))
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the value at (N, 3) points."""
         lon, lat = to_radians(points)
         height, width = self.picture.shape
@@ -175,7 +175,7 @@ def as_sphere_density(density: SphereDensityLike) -> SphereDensity | None:
     return GlobePicture.of("density", density)  # type: ignore[arg-type]
 
 
-def by_spacing(brightness: ArrayLike, ratio: float) -> NDArray[np.float32]:
+def by_spacing(brightness: ArrayLike, ratio: float) -> Floats32:
     """Return the density of cells that are `ratio` times smaller where an image is brightest than where it is black.
 
     Parameters
@@ -210,7 +210,7 @@ class Scaled:
         self.share_of_zeros = float((values == 0).mean())
         self._least = LEAST_DENSITY * (highest / self.unit)
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the density at (N, 3) points, at least a small part of the largest."""
         return np.maximum(self._density(points) / self.unit, self._least)
 
@@ -223,7 +223,7 @@ class Scaled:
         return Scaled(density.for_cells(n)) if isinstance(density, GlobePicture) else self
 
 
-def limit_on_globe(sizes: NDArray[np.float64], growth: float) -> None:
+def limit_on_globe(sizes: Floats, growth: float) -> None:
     """Lower sizes in an image of the globe until they grow by no more than `growth` for each radian."""
     height, width = sizes.shape
     across = growth * np.pi / height
@@ -232,7 +232,7 @@ def limit_on_globe(sizes: NDArray[np.float64], growth: float) -> None:
     sizes[:] = around[:, width : 2 * width]
 
 
-def _row_weights(height: int) -> NDArray[np.float64]:
+def _row_weights(height: int) -> Floats:
     """Return the share of the sphere that each row of an image of the globe covers."""
     edges = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
     return -np.diff(edges) / 2
@@ -250,7 +250,7 @@ def pixel_places(height: int) -> Points:
     return from_degrees(np.tile(steps - 180, height), np.repeat(90 - steps[:height], 2 * height))
 
 
-def angles_from(lon: float, lat: float, points: Points) -> NDArray[np.float64]:
+def angles_from(lon: float, lat: float, points: Points) -> Floats:
     """Return the angles (N,) in radians between points and a center in degrees."""
     return np.arccos(np.clip(points @ from_degrees(lon, lat)[0], -1, 1))
 
@@ -261,7 +261,7 @@ def check_center(lon: float, lat: float) -> None:
     check_in_range("lat", lat, -90 <= lat <= 90, "in -90..90 degrees")
 
 
-def to_radians(points: Points) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def to_radians(points: Points) -> tuple[Floats, Floats]:
     """Return longitudes and latitudes (N,) of points."""
     return np.arctan2(points[:, 1], points[:, 0]), np.arcsin(np.clip(points[:, 2], -1, 1))
 

@@ -7,10 +7,9 @@ from functools import partial
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Watch
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.placement.descent import Projection, StepMemory, by_rows
 from cvtimg.sphere import _sphere
 from cvtimg.sphere.triangulation import Cells, SphereTriangulation, SumCells, counted, unit
@@ -35,7 +34,7 @@ def descend(
     most: int,
     tolerance: float,
     *,
-    free: NDArray[np.bool_] | None = None,
+    free: Bools | None = None,
     project: Projection | None = None,
     watch: Watch | None = None,
 ) -> Cells:
@@ -66,14 +65,14 @@ def descend(
     return cells
 
 
-def _moved(points: Points, step: Points, areas: NDArray[np.float64], part: float) -> Points:
+def _moved(points: Points, step: Points, areas: Floats, part: float) -> Points:
     """Move points by a part of a step, no farther than their cells allow."""
     lengths = np.sqrt(np.einsum("ij,ij->i", step, step) / areas)
     return unit(points + (part * _LONGEST / np.maximum(lengths, _LONGEST))[:, None] * step)
 
 
 def _move(
-    mesh: SphereTriangulation, moved: Callable[..., Points], free: NDArray[np.bool_] | None, project: Projection | None
+    mesh: SphereTriangulation, moved: Callable[..., Points], free: Bools | None, project: Projection | None
 ) -> None:
     """Move points by a step, or as much of it as turns no triangle over."""
     part, before = 1.0, mesh.points
@@ -92,11 +91,11 @@ def _move(
 
 def polish_angles(
     mesh: SphereTriangulation,
-    sizes: NDArray[np.float64],
+    sizes: Floats,
     most: int,
     *,
     bounds: tuple[float, float] = BOUNDS,
-    free: NDArray[np.bool_] | None = None,
+    free: Bools | None = None,
     project: Projection | None = None,
 ) -> None:
     """Descend the sum of squares by which cosines of angles are out of bounds, in degrees, with flips in between.

@@ -8,7 +8,8 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cvtimg._shared.types import Floats
 
 
 @cache
@@ -39,7 +40,7 @@ def earth_land() -> dict[str, Any]:
     return {**_land()}
 
 
-def earth_coasts() -> list[NDArray[np.float64]]:
+def earth_coasts() -> list[Floats]:
     """Return the coasts of the earth as lines of longitudes and latitudes in degrees, for charts.
 
     Returns

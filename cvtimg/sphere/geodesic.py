@@ -8,9 +8,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Indices, Points
 from cvtimg.sphere.starts import icosahedron
 from cvtimg.sphere.triangulation import unit
 
@@ -51,7 +50,7 @@ class Lattice:
         self.shares = shares[(shares >= 0).all(axis=-1)]
 
     @cached_property
-    def numbers(self) -> NDArray[np.intp]:
+    def numbers(self) -> Indices:
         """The number of the point at each place of all faces (20, B)."""
         flat = self._on_faces(None, None)
         _, numbers = np.unique(np.rint(flat / _SAME), axis=0, return_inverse=True)
@@ -72,7 +71,7 @@ class Lattice:
         nodes = moved[coarse.numbers]
         return np.concatenate([np.einsum("bc,bcx->bx", weights, face[corners]) for face in nodes])
 
-    def _around(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    def _around(self, shares: Floats) -> tuple[Indices, Floats]:
         """Return the places (B, 3) of this lattice, k = 0, at the corners around others, and their weights (B, 3)."""
         n_steps = int(self.t**0.5 + 0.5)
         steps = (shares + _INWARD * (1 / 3 - shares)) * n_steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_at_least,
@@ -18,7 +18,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
@@ -243,7 +243,7 @@ class _Plan:
         return as_grid(mesh, sums, None)
 
 
-def as_grid(mesh: SphereTriangulation, sums: SumCells, free: NDArray[np.bool_] | None) -> SphereGrid:
+def as_grid(mesh: SphereTriangulation, sums: SumCells, free: Bools | None) -> SphereGrid:
     """Sum the cells of a triangulation at its end."""
     cells = sums(mesh)
     weight = sums.density if isinstance(sums, WeightedCells) else None

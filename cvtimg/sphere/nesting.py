@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.sphere.densities import (
     GROWTH,
     GlobePicture,
@@ -115,15 +115,15 @@ class _Transition:
     """Sizes of cells that lead from those of a parent to those of a part of it."""
 
     # From (N, 3) points to how far they are inside of the part, in radians.
-    depth: Callable[[Points], NDArray[np.float64]]
+    depth: Callable[[Points], Floats]
     size: float  # Of the cells of the parent at the border, in radians
     # (N, 3): of the parent, to sum by.
     points: Points
-    areas: NDArray[np.float64]
-    inside: NDArray[np.bool_]  # (N,)
+    areas: Floats
+    inside: Bools  # (N,)
 
     @classmethod
-    def of(cls, mesh: SphereTriangulation, inside: NDArray[np.bool_], within: PartLike) -> _Transition:
+    def of(cls, mesh: SphereTriangulation, inside: Bools, within: PartLike) -> _Transition:
         areas = mesh.areas()
         at_border = inside[mesh.triangles].any(axis=1) & ~inside[mesh.triangles].all(axis=1)
         size = float(np.sqrt(np.median(areas[np.unique(mesh.triangles[at_border])])))
@@ -152,21 +152,21 @@ class _Transition:
     def start(self, wanted: SphereDensity, n: int, rng: np.random.Generator) -> Points:
         """Return the points of a grid by which about n are in the part, fewer and fewer outside."""
 
-        def fading(points: Points) -> NDArray[np.float64]:
+        def fading(points: Points) -> Floats:
             return wanted(points) / self._sizes(-self.depth(points), np.inf) ** 4
 
         counts = self.areas * np.sqrt(fading(self.points))
         n_all = max(round(n * counts.sum() / counts[self.inside].sum()), 12)
         return sphere_grid(n_all, density=fading, effort="fast", polish=False, rng=rng).points
 
-    def _sizes(self, depths: NDArray[np.float64], factor: float, growth: float = GROWTH) -> NDArray[np.float64]:
+    def _sizes(self, depths: Floats, factor: float, growth: float = GROWTH) -> Floats:
         """Return sizes at depths that go from that at the border to `factor` times that, as fast as they may."""
         way = growth * np.maximum(depths, 0) / self.size
         factors = np.minimum(factor, 1 + way) if factor > 1 else np.maximum(factor, 1 - way)
         return self.size * factors
 
 
-def _depths(points: Points, inside: NDArray[np.bool_]) -> Callable[[Points], NDArray[np.float64]]:
+def _depths(points: Points, inside: Bools) -> Callable[[Points], Floats]:
     """Return a function for how far places are from the other side: a picture, as it is asked often."""
     from scipy.spatial import cKDTree
 
@@ -180,19 +180,19 @@ class Kept:
     """What stays of a parent."""
 
     points: Points  # (K, 3)
-    sizes: NDArray[np.float64]  # (K,): of their cells in the parent
+    sizes: Floats  # (K,): of their cells in the parent
     # (B, 3): circumscribed caps of kept triangles at the border: Delaunay triangles stay if no other point gets into
     # them.
     centers: Points
-    radii: NDArray[np.float64]
+    radii: Floats
     # Of kept points, of centers of caps, and of all points of the parent.
     kept_tree: Any
     cap_tree: Any
     parent_tree: Any
-    gone: NDArray[np.bool_]  # (N,): points of the parent that are replaced
+    gone: Bools  # (N,): points of the parent that are replaced
 
     @classmethod
-    def of(cls, mesh: SphereTriangulation, kept: NDArray[np.bool_]) -> Kept:
+    def of(cls, mesh: SphereTriangulation, kept: Bools) -> Kept:
         """Find the caps of a parent that new points must keep out of."""
         from scipy.spatial import cKDTree
 
@@ -245,7 +245,7 @@ class Kept:
         return places[distances > _APART * self.sizes[nearest]]
 
 
-def _at_distance(points: Points, centers: Points, angles: NDArray[np.float64]) -> Points:
+def _at_distance(points: Points, centers: Points, angles: Floats) -> Points:
     """Move points along great circles to angles from centers."""
     along = np.einsum("ij,ij->i", points, centers)
     away = points - along[:, None] * centers

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range, check_picture_density, check_returned, check_that
-from cvtimg._shared.types import Options, Points
+from cvtimg._shared.choices import Options
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.sphere.densities import GlobePicture, angles_from, check_center, check_globe, to_radians
 
 #: A part of the globe: a function from (N, 3) unit vectors to booleans, polygons in degrees (GeoJSON or shapely), or a
@@ -44,11 +45,11 @@ class Cap:
         check_center(self.lon, self.lat)
         check_in_range("radius", self.radius, 0 < self.radius < 180, "in 0..180 degrees")
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def __call__(self, points: ArrayLike) -> Bools:
         """Tell which of (N, 3) points are inside."""
         return self.depth(np.asarray(points, np.float64)) > 0
 
-    def depth(self, points: Points) -> NDArray[np.float64]:
+    def depth(self, points: Points) -> Floats:
         """Return how far (N, 3) points are inside of the border, in radians; negative outside."""
         return np.radians(self.radius) - angles_from(self.lon, self.lat, points)
 
@@ -80,14 +81,14 @@ class Box:
         check_in_range("south", self.south, -90 <= self.south <= 90, "in -90..90 degrees")
         check_in_range("north", self.north, self.south < self.north <= 90, "above south and at most 90 degrees")
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def __call__(self, points: ArrayLike) -> Bools:
         """Tell which of (N, 3) points are inside."""
         lon, lat = (np.degrees(angles) for angles in to_radians(np.asarray(points, np.float64)))
         span = (self.east - self.west) % 360 or 360.0
         return ((lon - self.west) % 360 <= span) & (lat >= self.south) & (lat <= self.north)
 
 
-def inside_of(name: str, part: PartLike, points: Points) -> NDArray[np.bool_]:
+def inside_of(name: str, part: PartLike, points: Points) -> Bools:
     """Tell which points are in a part."""
     if callable(part):
         inside = np.asarray(part(points))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_positive
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly, equals
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Bools, Floats, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
@@ -162,13 +162,13 @@ class SphereGrid(SavedGrid):
         Points that were given and stayed.
     """
 
-    points: NDArray[np.float64]
+    points: Floats
     triangles: NDArray[np.int32]
-    areas: NDArray[np.float64]
-    density: NDArray[np.float64]
+    areas: Floats
+    density: Floats
     energy: float
     offset: float
-    fixed: NDArray[np.bool_]
+    fixed: Bools
 
     def _claims(self) -> Claims:
         yield "areas add up to the sphere", equals(self.areas.sum(), 4 * np.pi)
@@ -176,12 +176,12 @@ class SphereGrid(SavedGrid):
         yield "triangles close", len(self.triangles) == 2 * len(self.points) - 4
 
     @property
-    def lon(self) -> NDArray[np.float64]:
+    def lon(self) -> Floats:
         """Longitudes (N,) of the points in degrees, -180..180."""
         return np.degrees(np.arctan2(self.points[:, 1], self.points[:, 0]))
 
     @property
-    def lat(self) -> NDArray[np.float64]:
+    def lat(self) -> Floats:
         """Latitudes (N,) of the points in degrees."""
         return np.degrees(np.arcsin(np.clip(self.points[:, 2], -1, 1)))
 
@@ -189,7 +189,7 @@ class SphereGrid(SavedGrid):
         """Return the Voronoi cells of the points."""
         return SphereTriangulation(self.points, self.triangles).cells()
 
-    def widths(self, *, radius: float = EARTH_RADIUS) -> NDArray[np.float64]:
+    def widths(self, *, radius: float = EARTH_RADIUS) -> Floats:
         """Return the widths (N,) of cells: means of the distances to their neighbors, in km on the earth by default."""
         starts, ends = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
         distances = 2 * np.arcsin(np.linalg.norm(self.points[starts] - self.points[ends], axis=1) / 2)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
 from cvtimg.placement.descent import by_rows
@@ -36,7 +36,7 @@ class SphereTriangulation(HalfEdges):
     """The Delaunay triangulation of N points on the unit sphere, T = 2 N - 4 triangles: their convex hull."""
 
     def __init__(self, points: Points, triangles: Triangles | None = None) -> None:
-        self._arcs: NDArray[np.float64] | None = None
+        self._arcs: Floats | None = None
         self._firsts: NDArray[np.int32] | None = None
         if triangles is None:
             self.points = np.ascontiguousarray(points)
@@ -87,7 +87,7 @@ class SphereTriangulation(HalfEdges):
         in_parts(kernel, len(moments), WORK * len(moments))
         return masses, moments, energies
 
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """Return the areas (N,) of Voronoi cells; together 4 pi."""
         ones = np.ones(len(self.points)), self.circumcenters(), np.ones(len(self.triangles))
         return self.weighted_moments(*ones)[0]
@@ -106,7 +106,7 @@ class SphereTriangulation(HalfEdges):
             self._firsts[self.triangles.ravel()] = np.arange(self.triangles.size, dtype=np.int32)
         return self._firsts
 
-    def _arcs_of(self, points: Points) -> tuple[NDArray[np.float64], int]:
+    def _arcs_of(self, points: Points) -> tuple[Floats, int]:
         """Return half arcs (T, 3) with the vertices at other points, and how many triangles are turned over there."""
         arcs = np.empty(self.triangles.shape)
         return arcs, counted(partial(_sphere.fill_half_arcs, points, self.triangles, arcs), len(arcs))
@@ -236,19 +236,19 @@ def _hull(points: Points) -> Triangles:
 class Cells:
     """Sums over the cells of N points."""
 
-    masses: NDArray[np.float64]  # (N,): integral of the density
+    masses: Floats  # (N,): integral of the density
     # (N, 3): integral of the density times x, without its part along the point: mass times the way to the center of
     # mass.
     pulls: Points
-    areas: NDArray[np.float64]  # (N,): by which steps are measured
+    areas: Floats  # (N,): by which steps are measured
     energy: float  # integral of the density times the squared distance to the points
 
-    def offset_of(self, free: NDArray[np.bool_] | None) -> float:
+    def offset_of(self, free: Bools | None) -> float:
         """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
         squares = by_rows(lambda m, a, p: np.einsum("ij,ij->i", p, p) / (m**2 * a), self.masses, self.areas, self.pulls)
         return float(np.sqrt((squares if free is None else squares[free]).mean()))
 
-    def moving(self, free: NDArray[np.bool_] | None) -> Cells:
+    def moving(self, free: Bools | None) -> Cells:
         """Return the cells with no pull at points that are not free; None lets all move."""
         return self if free is None else replace(self, pulls=np.where(free[:, None], self.pulls, 0.0))
 
@@ -264,7 +264,7 @@ def uniform_cells(mesh: SphereTriangulation) -> Cells:
     return Cells(areas, pulls, areas, 8 * np.pi - 2 * float(along.sum()))
 
 
-def _leveled(points: Points, moments: Points) -> NDArray[np.float64]:
+def _leveled(points: Points, moments: Points) -> Floats:
     """Take the parts of moments along points out of them; return (2, N) lengths before, and of these parts."""
     parts = np.empty((2, len(points)))
 

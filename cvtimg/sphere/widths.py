@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_in_range, check_positive, check_returned, check_shape, check_that, refuse
-from cvtimg._shared.types import Points
+from cvtimg._shared.types import Floats, Points
 from cvtimg.sphere.densities import (
     GROWTH,
     GlobePicture,
@@ -68,7 +68,7 @@ class WidthCircle:
         if self.transition is not None:
             check_positive("transition", self.transition, "in km")
 
-    def within(self, outside: NDArray[np.float64], points: Points) -> NDArray[np.float64]:
+    def within(self, outside: Floats, points: Points) -> Floats:
         """Return widths (N,) at points, where they are `outside` without the circle: the finer counts."""
         beyond = EARTH_RADIUS * angles_from(self.lon, self.lat, points) - self.radius
         wider = np.maximum(outside - self.width, 0)
@@ -128,14 +128,14 @@ class CellWidth:
         near = nearest_twelve(n_points) if self.is_even else n_points
         self.n_points = near if abs(near - n_points) <= _NEAR * n_points else n_points
 
-    def at(self, points: Points) -> NDArray[np.float64]:
+    def at(self, points: Points) -> Floats:
         """Return widths in km at (N, 3) unit vectors."""
         widths = self._outside(points)
         for circle in self.circles:
             widths = circle.within(widths, points)
         return widths
 
-    def __call__(self, points: Points) -> NDArray[np.float64]:
+    def __call__(self, points: Points) -> Floats:
         """Return the density at (N, 3) unit vectors: 1 where cells are finest."""
         return np.asarray((self._finest / self.at(points)) ** 4)
 
@@ -143,7 +143,7 @@ class CellWidth:
         return f"CellWidth(from {self._finest:g} km, {self.n_points} points)"
 
 
-def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> NDArray[np.float64]:
+def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> Floats:
     """Return a map of the globe, as `CellWidth` takes it, of widths that are given along longitudes and latitudes.
 
     Parameters
@@ -185,7 +185,7 @@ def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> NDArray[np.f
     return np.asarray(RegularGridInterpolator((y, around), table)(places))
 
 
-def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
+def _outside(width: WidthLike) -> Callable[[Points], Floats]:
     """Return a checked function from points to widths."""
     if callable(width):
         return lambda points: _checked_widths(width(*np.degrees(to_radians(points))), points)
@@ -200,7 +200,7 @@ def _outside(width: WidthLike) -> Callable[[Points], NDArray[np.float64]]:
     return lambda points: picture(points).astype(np.float64)
 
 
-def _checked_widths(values: object, points: Points) -> NDArray[np.float64]:
+def _checked_widths(values: object, points: Points) -> Floats:
     widths = np.asarray(values, np.float64)
     check_returned("width", widths, len(points))
     wrong = ~((widths > 0) & (widths < np.inf))

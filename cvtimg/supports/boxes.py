@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Bools, Floats, Indices
 from cvtimg.placement import Region
 
 #: Boxes at first, for each point; and all that are made.
@@ -46,7 +45,7 @@ class Boxes(NamedTuple):
 
     middles: Floats
     halves: Floats
-    points: NDArray[np.intp]
+    points: Indices
     distances: Floats
 
     def only(self, chosen: Array) -> Boxes:
@@ -54,7 +53,7 @@ class Boxes(NamedTuple):
         return Boxes(self.middles[chosen], self.halves[chosen], self.points[chosen], self.distances[chosen])
 
 
-def lies_in(region: Region, places: Floats, tolerance: float) -> NDArray[np.bool_]:
+def lies_in(region: Region, places: Floats, tolerance: float) -> Bools:
     """Tell which places lie in a region, or no farther than a tolerance from it."""
     inside = region.contains(places)
     outside = np.flatnonzero(~inside)
@@ -117,7 +116,7 @@ def _reach(radii: Floats, boxes: Boxes, order: int, *, beyond: bool) -> None:
     np.maximum.at(radii, boxes.points[:, :order].ravel(), distances.ravel())
 
 
-def _depths(boxes: Boxes, radii: Floats) -> NDArray[np.intp]:
+def _depths(boxes: Boxes, radii: Floats) -> Indices:
     """How many balls hold each box as a whole."""
     return (boxes.distances + boxes.halves[:, None] <= radii[boxes.points]).sum(axis=1)
 

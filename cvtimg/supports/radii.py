@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -19,7 +19,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
 from cvtimg.supports.boxes import lies_in, radii_by_boxes
@@ -172,7 +172,7 @@ def _overlap(points: Floats, radii: Floats) -> Any:
     return (one_way + one_way.T).astype(bool)
 
 
-def _held(places: Floats, points: Floats, radii: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _held(places: Floats, points: Floats, radii: Floats) -> tuple[Indices, Indices]:
     """Return all pairs of a ball and of a place in it."""
     from scipy.spatial import cKDTree
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, hints_at_keywords, refuse_type
 from cvtimg._shared.choices import EffortName
@@ -228,7 +228,7 @@ def _relax(
         move += 1
 
 
-def _measured(fine: SurfaceTriangulation, points: Points, density: Density) -> tuple[NDArray[np.float64], float]:
+def _measured(fine: SurfaceTriangulation, points: Points, density: Density) -> tuple[Floats, float]:
     """Return masses and energy of the cells of points.
 
     They are integrated by the middles of the sides of fine triangles, which is exact for squares within a cell.

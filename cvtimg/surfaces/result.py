@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_triangles
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -107,9 +108,9 @@ class SurfacePoints(ReadOnly):
         Moves that were made.
     """
 
-    points: NDArray[np.float64]
+    points: Floats
     triangles: NDArray[np.int32]
-    masses: NDArray[np.float64]
+    masses: Floats
     energy: float
     offset: float
     n_iter: int
@@ -118,7 +119,7 @@ class SurfacePoints(ReadOnly):
         yield "masses are not negative", self.masses >= 0
 
     @property
-    def qualities(self) -> NDArray[np.float64]:
+    def qualities(self) -> Floats:
         """2 r / R of each triangle (T,), for the radii of its incircle and circumcircle; 1 if it is equilateral."""
         return measure_triangles(self.points, self.triangles).qualities
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_have_area, check_places, check_triangles, check_weights
-from cvtimg._shared.types import Points, Triangles
+from cvtimg._shared.types import Floats, Points, Triangles
 from cvtimg.halfedges import measure_triangles
 from cvtimg.surfaces.triangulation import SurfaceTriangulation, check_directions, divided
 
@@ -149,7 +149,7 @@ class VertexDensity:
         self._tree: Any = KDTree(points[self._used])
         self._face = self._mesh.face_of_each()
 
-    def __call__(self, places: Points) -> NDArray[np.float64]:
+    def __call__(self, places: Points) -> Floats:
         """Return the density (N,) at (N, 3) places on the surface or near to it."""
         places = check_places("places", places, 3)
         start = self._face[self._used[self._tree.query(places)[1]]]

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import HalfEdges, connected_parts, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
@@ -24,16 +23,16 @@ _MOST_FLIPS = 20
 class SurfaceTriangulation(HalfEdges):
     """Triangles of a surface in space, counterclockwise from outside."""
 
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Floats:
         """Return the areas (T,) of triangles."""
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
         return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
-    def edge_lengths(self) -> NDArray[np.float64]:
+    def edge_lengths(self) -> Floats:
         """Return the lengths (3 T,) of half-edges."""
         return np.linalg.norm(np.subtract(*self.points[self.edges.T]), axis=1)
 
-    def vertex_areas(self) -> NDArray[np.float64]:
+    def vertex_areas(self) -> Floats:
         """Return a third of the areas (N,) of the triangles at each vertex."""
         return sum_by_label(self.triangles.ravel(), np.repeat(self.areas() / 3, 3), len(self.points))
 
@@ -50,7 +49,7 @@ class SurfaceTriangulation(HalfEdges):
         """Flip edges until opposite angles add up to at most 180 degrees, but fold nothing."""
         _surfaces.flip(self, normals, _MOST_FLIPS * len(self.triangles))
 
-    def moments(self, density: NDArray[np.float64]) -> tuple[NDArray[np.float64], Points]:
+    def moments(self, density: Floats) -> tuple[Floats, Points]:
         """Return the masses (N,) of the cells of points, and the steps (N, 3) to their centers of mass."""
         masses, pulls = _surfaces.sum_cells(self, density)
         # A cell of no mass, or of a negative one where angles are obtuse, stays.
@@ -63,13 +62,13 @@ class SurfaceTriangulation(HalfEdges):
         in_parts(partial(_surfaces.walk, self, found, last), len(found), 300.0 * len(found))  # steps of the kernel
         return found, last
 
-    def cut(self, features: NDArray[np.bool_]) -> tuple[SurfaceTriangulation, NDArray[np.intp]]:
+    def cut(self, features: Bools) -> tuple[SurfaceTriangulation, Indices]:
         """Cut along half-edges (3 T,), so that each side has vertices of its own; return what these were, too."""
         edge = np.where(features, -1, number_edges(self.triangles, len(self.points)))
         sites, triangles = divide_fans(self.triangles, edge)
         return SurfaceTriangulation(self.points[sites], triangles), sites
 
-    def on_boundary(self) -> NDArray[np.bool_]:
+    def on_boundary(self) -> Bools:
         """Tell which vertices (N,) are on the boundary."""
         found = np.zeros(len(self.points), np.bool_)
         found[self.edges[self.twins.ravel() < 0]] = True
@@ -108,7 +107,7 @@ def check_directions(points: Points, triangles: Triangles) -> None:
         check_that(f"faces at the edge from {ends[0]} to {ends[1]}", False, demand)
 
 
-def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[NDArray[np.intp], Triangles]:
+def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[Indices, Triangles]:
     """Give each fan of triangles a vertex of its own where several meet in one; return what these were, and triangles.
 
     Fans go on across edges that are numbered alike (3 T,), but not across those of number -1. Unused vertices vanish.
@@ -134,7 +133,7 @@ def divided(points: Points, triangles: Triangles) -> SurfaceTriangulation:
 
 
 def split_long_edges(
-    mesh: SurfaceTriangulation, limits: Callable[[Points], NDArray[np.float64]], on_surface: Callable[[Points], Points]
+    mesh: SurfaceTriangulation, limits: Callable[[Points], Floats], on_surface: Callable[[Points], Points]
 ) -> SurfaceTriangulation:
     """Halve edges until none is longer than `limits` allow at points (N, 3); their middles go to the surface."""
     points, triangles = mesh.points, np.ascontiguousarray(mesh.triangles)

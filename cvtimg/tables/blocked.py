@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 from cvtimg.blocks.passes import Block, blocks_of, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Scaling, Spread
@@ -48,7 +48,7 @@ def standardized(blocks: Blocks, scaling: Scaling) -> Blocks:
     return replace(blocks, rows=blocks.rows.map_blocks(scaling.apply, dtype=np.float64))
 
 
-def sample_rows(blocks: Blocks, rng: int) -> tuple[Array, NDArray[np.float64]]:
+def sample_rows(blocks: Blocks, rng: int) -> tuple[Array, Floats]:
     """Draw about a million rows of positive weight; return them and their weights."""
     surveyed = survey(blocks, 1, np.random.default_rng(rng))
     return surveyed.rows, surveyed.weights

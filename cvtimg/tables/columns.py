@@ -28,11 +28,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 #: Marks of missing values, in small letters.
 _NO_VALUE = frozenset(
@@ -102,7 +101,7 @@ class Columns:
     named: bool  # whether the file gives the names
     reasons: dict[str, str]  # why columns are not used unless they are asked for
 
-    def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def values(self, columns: Sequence[int]) -> Floats:
         """Read (M, C) numbers, NaN where one is missing."""
         raise NotImplementedError
 
@@ -132,7 +131,7 @@ class _Arrays(Columns):
                 name: said.get(kind, "text") for name, kind in zip(self.names, kinds, strict=True) if kind not in "iuf"
             }
 
-    def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def values(self, columns: Sequence[int]) -> Floats:
         for number in columns:
             column = self._columns[number]
             if column.dtype.kind not in "biuf" or column.ndim != 1:
@@ -419,10 +418,10 @@ class _Text(Columns):
         is_id = column == 0 or re.search(r"(^|[_\W])(id|nr|no|key|index)$", name, re.IGNORECASE)
         return "identifiers: whole numbers in order" if is_id and n_rows >= _COUNTED else None
 
-    def values(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def values(self, columns: Sequence[int]) -> Floats:
         return np.stack([self._numbers(column) for column in columns], axis=1)
 
-    def _numbers(self, column: int) -> NDArray[np.float64]:
+    def _numbers(self, column: int) -> Floats:
         cells, numbers = self._cells[column], list[float]()
         if self._decimal == "." and not self._dialect.missing_values:
             with suppress(ValueError):

@@ -13,7 +13,7 @@ from cvtimg._shared.checks import check_count, check_needs, check_shape, check_t
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats, Indices
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
@@ -150,7 +150,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         self.masses_ = np.bincount(self.labels_, weights, len(order)).astype(np.float64, copy=False)
         return self
 
-    def _keep(self, result: Tessellation, dtype: Any) -> NDArray[np.intp]:
+    def _keep(self, result: Tessellation, dtype: Any) -> Indices:
         """Keep what is the same for all kinds of samples; return the order in which the generators are kept."""
         order = np.arange(len(result.generators))
         if isinstance(self.init, str):
@@ -244,7 +244,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return tessellate(rows, n_generators, density=weights, rng=int(seed), **how)
 
 
-def _measure(centers: Array, rows: Array, weights: NDArray[np.float64] | None) -> tuple[NDArray[np.int32], float]:
+def _measure(centers: Array, rows: Array, weights: Floats | None) -> tuple[NDArray[np.int32], float]:
     """Return the index of the nearest generator of each sample, and the energy."""
     density = np.ones(len(rows)) if weights is None else weights
     labels = _nearest(centers, rows)
@@ -254,7 +254,7 @@ def _measure(centers: Array, rows: Array, weights: NDArray[np.float64] | None) -
 
 def _nearest(centers: Array, rows: Array) -> NDArray[np.int32]:
     # The middle depends only on the generators, so that a label does not depend on the other samples.
-    middle: NDArray[np.float64] = np.mean(centers, axis=0, dtype=np.float64)
+    middle: Floats = np.mean(centers, axis=0, dtype=np.float64)
     return assign_rows(rows, centers.astype(np.float64), pack(rows, np.ones(len(rows)), center=middle))
 
 
@@ -268,12 +268,10 @@ def _energy_of_block(block: Block, centers: Array) -> float:
     return math.fsum(_measure(centers, rows, weights)[1] for rows, weights in block.pieces())
 
 
-def _weights(sample_weight: ArrayLike | None, n_samples: int) -> NDArray[np.float64]:
+def _weights(sample_weight: ArrayLike | None, n_samples: int) -> Floats:
     if sample_weight is None:
         return np.ones(n_samples)
-    weights: NDArray[np.float64] = check_array(
-        sample_weight, ensure_2d=False, dtype=np.float64, input_name="sample_weight"
-    )
+    weights: Floats = check_array(sample_weight, ensure_2d=False, dtype=np.float64, input_name="sample_weight")
     check_shape("sample_weight", weights.shape, weights.shape == (n_samples,), f"({n_samples},), one per sample")
     check_that("sample_weight", weights.min() >= 0 and weights.any(), "be >= 0, and not zero for all samples")
     return weights

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_choice, check_shape
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images, find_remote
 from cvtimg.files.remote import is_remote, local_copy, url_of
@@ -56,9 +56,9 @@ class Table(ReadOnly):
     """
 
     names: tuple[str, ...]
-    rows: NDArray[np.float64]
-    weights: NDArray[np.float64] | None
-    kept: NDArray[np.bool_]
+    rows: Floats
+    weights: Floats | None
+    kept: Bools
     left_out: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -157,7 +157,7 @@ def _read_table(
     return Table(tuple(names[:-1]), np.ascontiguousarray(values[:, :-1]), values[:, -1].copy(), kept, left_out)
 
 
-def write_row_labels(path: StrPath, labels: Array, kept: NDArray[np.bool_], *, overwrite: bool = False) -> None:
+def write_row_labels(path: StrPath, labels: Array, kept: Bools, *, overwrite: bool = False) -> None:
     """Write a label for each row of a table, whole or not at all.
 
     Parameters
@@ -182,7 +182,7 @@ def write_clusters(
     path: StrPath,
     table: StrPath,
     labels: Array,
-    kept: NDArray[np.bool_],
+    kept: Bools,
     *,
     dialect: Dialect | None = None,
     overwrite: bool = False,
@@ -231,19 +231,14 @@ def _write_parquet(file: object, parts: Iterable[NDArray[np.int32]]) -> None:
 
 
 def write_generators(
-    path: StrPath,
-    names: Sequence[str],
-    generators: NDArray[np.float64],
-    masses: NDArray[np.float64],
-    *,
-    overwrite: bool = False,
+    path: StrPath, names: Sequence[str], generators: Floats, masses: Floats, *, overwrite: bool = False
 ) -> None:
     """Write (K, D) generators as a CSV, in the order of the labels, with two more columns, ``mass`` and ``share``."""
     rows = np.column_stack([generators, masses, masses / masses.sum()]).tolist()
     write_csv(path, _with_more(names, "mass", "share"), rows, overwrite=overwrite)
 
 
-def read_weights(path: StrPath) -> NDArray[np.float64]:
+def read_weights(path: StrPath) -> Floats:
     """Read the (N,) numbers of a table with one column."""
     rows = read_table(path).rows
     check_shape("weights", rows.shape, rows.shape[1] == 1, "(N, 1), a number in each row")

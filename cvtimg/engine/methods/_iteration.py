@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
+from cvtimg._shared.types import Floats
 from cvtimg.engine.points import Points, assign
 
 
@@ -49,7 +50,7 @@ class Conditions:
 class Iteration:
     """The end of an iteration."""
 
-    generators: NDArray[np.float64]  # (K, D) in the frame of the points
+    generators: Floats  # (K, D) in the frame of the points
     energies: list[float]  # before each step and at the end, weighted by `Conditions.volume_power`
     converged: bool
     labels: NDArray[np.int32] | None = None  # of all points, padding included; None for those of the nearest generators
@@ -62,12 +63,12 @@ class Iteration:
 class Ends(NamedTuple):
     """The ends of iterations from n sets of generators."""
 
-    generators: NDArray[np.float64]  # (n, K, D) in the frame of the points
-    energies: NDArray[np.float64]  # (n,) weighted by `Conditions.volume_power`
+    generators: Floats  # (n, K, D) in the frame of the points
+    energies: Floats  # (n,) weighted by `Conditions.volume_power`
 
 
 #: Takes points, initial generators (K, D) and conditions; returns the end of the iteration.
-Iterate = Callable[[Points, NDArray[np.float64], Conditions], Iteration]
+Iterate = Callable[[Points, Floats, Conditions], Iteration]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +83,13 @@ class Method:
     exact_in_one_dimension: bool = False
     # The same from many (n, K, D) sets of generators, faster over so few points that a pass takes less time than
     # calling for it; empty cells may stay empty.
-    of_sets: Callable[[Points, NDArray[np.float64], Conditions], Ends] | None = None
+    of_sets: Callable[[Points, Floats, Conditions], Ends] | None = None
 
-    def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    def __call__(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
         """Iterate from these generators."""
         return self.iterate(points, generators, conditions)
 
-    def over_few(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    def over_few(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
         """Iterate as `of_sets` does from one set."""
         if self.of_sets is None:
             return self.iterate(points, generators, conditions)

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping
+from cvtimg._shared.types import Floats
 from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
 from cvtimg.engine.points import Points, assign_next, cell_energies
 from cvtimg.engine.seeding import halves
@@ -24,11 +24,7 @@ _WORTHWHILE = 1e-4
 
 
 def breathe(
-    points: Points,
-    generators: NDArray[np.float64],
-    descend: Iterate,
-    conditions: Conditions,
-    breaths: tuple[float, float],
+    points: Points, generators: Floats, descend: Iterate, conditions: Conditions, breaths: tuple[float, float]
 ) -> Iteration:
     """Breathe until no breath lowers the energy, then descend."""
     # With breaths of (0, 0) this is the descent alone; others are at least one generator.
@@ -56,7 +52,7 @@ def breathe(
     return replace(end, energies=energies + [lower for lower in end.energies if lower < energies[-1]])
 
 
-def add(points: Points, end: Iteration, n_more: int, n_locked: int) -> NDArray[np.float64]:
+def add(points: Points, end: Iteration, n_more: int, n_locked: int) -> Floats:
     """Divide the `n_more` cells of highest energy, or as many as can be divided; locked generators stay as well."""
     generators, labels = end.generators, end.labels_of(points)
     energies = cell_energies(points, generators, labels)
@@ -68,7 +64,7 @@ def add(points: Points, end: Iteration, n_more: int, n_locked: int) -> NDArray[n
     return more
 
 
-def remove(points: Points, end: Iteration, n_fewer: int, n_locked: int) -> NDArray[np.float64]:
+def remove(points: Points, end: Iteration, n_fewer: int, n_locked: int) -> Floats:
     """Remove the generators whose loss raises the energy least, and no two neighbors unless there is no other way."""
     generators, labels = end.generators, end.labels_of(points)
     seconds, gaps = assign_next(points, generators, labels)

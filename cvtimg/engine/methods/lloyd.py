@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
+from cvtimg._shared.types import Floats
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
 
 
-def lloyd(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+def lloyd(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Iterate until the energy converges. It never rises, except by the rounding of distances to float32."""
     n_locked = conditions.n_locked
     labels: NDArray[np.int32]
-    masses: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    masses: Floats
+    sums: Floats
 
     def measure() -> float:
         nonlocal labels, masses, sums
@@ -42,7 +43,7 @@ def lloyd(points: Points, generators: NDArray[np.float64], conditions: Condition
     return Iteration(generators, *history, labels)
 
 
-def lloyd_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
+def lloyd_of_sets(points: Points, sets: Floats, conditions: Conditions) -> Ends:
     """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
     return Cells.after(points, sets, conditions.stopping, conditions.n_locked).ends
 
@@ -51,11 +52,11 @@ class Cells(NamedTuple):
     """Sets of generators with their energies, and the moments (n, K, D + 1) and labels (n, M) of their cells."""
 
     ends: Ends
-    sums: NDArray[np.float64]
+    sums: Floats
     labels: NDArray[np.int32]
 
     @classmethod
-    def after(cls, points: Points, sets: NDArray[np.float64], stopping: Stopping, n_locked: int = 0) -> Cells:
+    def after(cls, points: Points, sets: Floats, stopping: Stopping, n_locked: int = 0) -> Cells:
         """Move the generators until they rest; with no iterations, only find their cells."""
         n_sets, n_generators, n_dims = sets.shape
         ends = Ends(sets.copy(), np.zeros(n_sets))

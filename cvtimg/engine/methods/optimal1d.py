@@ -19,13 +19,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, cell_energies
 from cvtimg.engine.seeding import TooFewSamplesError
 
 
-def optimal1d(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+def optimal1d(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Find the global optimum. Only the number of initial generators matters; nothing is drawn."""
     levels = _levels(points)
     n_cells = len(generators)
@@ -56,9 +57,9 @@ class _Levels(NamedTuple):
 
     # The moments are those of `sum_levels`, where y is the level minus the middle one.
 
-    values: NDArray[np.float64]
-    density: NDArray[np.float64]
-    moments: NDArray[np.float64]
+    values: Floats
+    density: Floats
+    moments: Floats
 
     @property
     def whole(self) -> _Cut:
@@ -77,7 +78,7 @@ class _Levels(NamedTuple):
         n_cells = _kernels.cut_levels(self.moments, price, np.empty(n_bounds), firsts, queue, since, bounds)
         return self._cut_at(bounds[: n_cells + 1].copy())
 
-    def means(self, cut: _Cut) -> NDArray[np.float64]:
+    def means(self, cut: _Cut) -> Floats:
         """Return the (k, 1) means of the cells, summed cell by cell: differences of `moments` would lose digits."""
         masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
         return (sums / masses)[:, None]

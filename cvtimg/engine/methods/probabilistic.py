@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.iteration import Stopping, iterate
+from cvtimg._shared.types import Floats
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -29,7 +30,7 @@ _PATIENCE = 4
 _DRAWS_PER_GENERATOR = 32
 
 #: Moves generators (K, D) in place by the drawn points, and counts the moves of each (K,) in place.
-Move = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]], None]
+Move = Callable[[Floats, Floats, NDArray[np.int64]], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +66,11 @@ class Probabilistic:
             if not (one >= 0 and other >= 0 and abs(one + other - 1) <= 1e-12):
                 raise ValueError(f"{first}={one} and {second}={other} must be >= 0, with sum 1")
 
-    def __call__(self, points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+    def __call__(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
         """Iterate until the best energy converges."""
         draws = self.draws or _DRAWS_PER_GENERATOR * len(generators)
 
-        def move(moving: NDArray[np.float64], counts: NDArray[np.float64], drawn: NDArray[np.int64]) -> None:
+        def move(moving: Floats, counts: Floats, drawn: NDArray[np.int64]) -> None:
             for start in range(0, len(drawn), draws):
                 some = np.sort(drawn[start : start + draws])  # near points stay near, which makes `assign` faster
                 group = points.take(some, np.ones(len(some)))
@@ -84,16 +85,14 @@ class Probabilistic:
         return follow_draws(points, generators, conditions, draws, move)
 
 
-def follow_draws(
-    points: Points, generators: NDArray[np.float64], conditions: Conditions, draws: int, move: Move
-) -> Iteration:
+def follow_draws(points: Points, generators: Floats, conditions: Conditions, draws: int, move: Move) -> Iteration:
     """Follow moves of `draws` points each, and keep the best generators seen."""
     # A step draws each point once on average, so that measuring the energy costs no more than moving.
     n_drawn = -(-points.n_points // draws) * draws
     moving, counts = generators.copy(), np.ones(len(generators))
     best, lowest = generators, np.inf
     labels: NDArray[np.int32]
-    masses: NDArray[np.float64]
+    masses: Floats
 
     def measure() -> float:
         nonlocal labels, masses, best, lowest

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
+from cvtimg._shared.types import Floats
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.methods.lloyd import Cells
@@ -23,15 +24,15 @@ _ONCE = Stopping(tolerance=0, max_iterations=1)
 _NEVER = Stopping(tolerance=0, max_iterations=0)
 
 
-def transfer(points: Points, generators: NDArray[np.float64], conditions: Conditions) -> Iteration:
+def transfer(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Sweep over the points until transfers lower the energy by next to nothing. No cell loses its last point."""
     locked = np.arange(len(generators)) < conditions.n_locked
     labels = assign(points, generators)
     start = cell_moments(points, labels, len(generators))[0]
     labels = assign(points, refill(points, generators, labels, start, conditions.n_locked))
-    masses: NDArray[np.float64]
-    means: NDArray[np.float64]
-    parts: NDArray[np.float64]
+    masses: Floats
+    means: Floats
+    parts: Floats
 
     def measure() -> float:
         nonlocal masses, means, parts
@@ -49,7 +50,7 @@ def transfer(points: Points, generators: NDArray[np.float64], conditions: Condit
     return Iteration(means, *history, labels)
 
 
-def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Conditions) -> Ends:
+def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> Ends:
     """Sweep over the points from each of (n, K, D) sets of generators, until each rests; empty cells may fill."""
     # Lloyd's method does most of the way in less time, but cells that are weighted it would take astray.
     power = conditions.volume_power
@@ -68,12 +69,7 @@ def transfer_of_sets(points: Points, sets: NDArray[np.float64], conditions: Cond
 
 
 def _sweep(
-    points: Points,
-    labels: NDArray[np.int32],
-    masses: NDArray[np.float64],
-    means: NDArray[np.float64],
-    parts: NDArray[np.float64],
-    conditions: Conditions,
+    points: Points, labels: NDArray[np.int32], masses: Floats, means: Floats, parts: Floats, conditions: Conditions
 ) -> int:
     """Transfer points between the cells of n sets, in place; return how many moved last."""
     (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
@@ -84,11 +80,11 @@ def _sweep(
     return n_moved
 
 
-def weighted_energy(masses: NDArray[np.float64], energies: NDArray[np.float64], volume_power: float) -> float:
+def weighted_energy(masses: Floats, energies: Floats, volume_power: float) -> float:
     """Sum the energies of the cells, each times its fraction of the mass to the power `volume_power`."""
     return float(_weighted(masses / masses.sum(), energies, volume_power))
 
 
-def _weighted(shares: NDArray[np.float64], energies: NDArray[np.float64], power: float) -> NDArray[np.float64]:
+def _weighted(shares: Floats, energies: Floats, power: float) -> Floats:
     # Not by BLAS, whose bits depend on the processor.
     return np.asarray(np.einsum("...k,...k->...", shares**power, energies))

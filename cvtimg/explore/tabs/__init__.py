@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
 from cvtimg.explore.controls import UnfitRequestError, parse_settings
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture

@@ -10,8 +10,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.messages import reworded
-from cvtimg._shared.types import Array, Json, Options
+from cvtimg._shared.types import Array
 from cvtimg.explore.calls import Code, Line, call, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import find_palette, read_palette
-from cvtimg._shared.types import Array, Json, Options
+from cvtimg._shared.choices import Json, Options
+from cvtimg._shared.types import Array
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError

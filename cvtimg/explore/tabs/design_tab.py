@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing
-from cvtimg._shared.types import Json, Options
 from cvtimg.designs import Design, Factor
 from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Entry, Settings, Table, UnfitRequestError, controls_of

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing, numbers
-from cvtimg._shared.types import Json, Options
 from cvtimg.explore.calls import Code, Line, call
 from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Drawing, Layer

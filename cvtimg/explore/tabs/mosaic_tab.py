@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Mosaic
 from cvtimg.explore.calls import Line, call
 from cvtimg.explore.controls import Choice, Control, Settings, controls_of

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg import find_palette
-from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options, SpaceName
 from cvtimg.colors import to_depth
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import (

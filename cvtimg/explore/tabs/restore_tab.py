@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated, literal
 from cvtimg.explore.controls import Choice, Control, Files, Settings, Switch, UnfitRequestError, controls_of, words_of
 from cvtimg.explore.layers import Layer, Pixels, Window

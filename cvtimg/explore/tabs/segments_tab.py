@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import Choice, Control, Number, Settings, Table, UnfitRequestError, controls_of
 from cvtimg.explore.layers import Globe, Layer

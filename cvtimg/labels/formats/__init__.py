@@ -12,7 +12,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ class Drawing:
     unit: str = ""
     place: Mapping[str, int] = field(default_factory=dict)
     channels: Sequence[str] = ()
-    lines: Sequence[NDArray[np.float64]] = ()
-    chances: NDArray[np.float64] | None = None
+    lines: Sequence[Floats] = ()
+    chances: Floats | None = None
 
 
 def write_contours(path: StrPath, drawing: Drawing | Sequence[Drawing], *, overwrite: bool = False) -> None:

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, groupby
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.geojson import collection, feature
-from cvtimg._shared.types import Json, Options
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
@@ -43,7 +44,7 @@ def _features(drawing: Drawing) -> Iterator[Json]:
         yield feature(_placed(pieces, matrix, digits), {"label": label, **drawing.place, **drawing.properties[label]})
 
 
-def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[Json]:
+def _lines(drawing: Drawing, chances: Floats) -> Iterator[Json]:
     """Yield a feature for each line."""
     matrix, digits = _map_of(drawing.transform)
     for line, chance in zip(drawing.lines, np.round(chances, 4).tolist(), strict=True):
@@ -52,13 +53,13 @@ def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[Json]:
         yield {"type": "Feature", "properties": {"chance": chance, **drawing.place}, "geometry": geometry}
 
 
-def _map_of(transform: ArrayLike | None) -> tuple[NDArray[np.float64], int]:
+def _map_of(transform: ArrayLike | None) -> tuple[Floats, int]:
     """Return the matrix (2, 3) from pixels to coordinates of the file, and how many decimals these have."""
     matrix = np.eye(2, 3) if transform is None else np.asarray(transform, np.float64)
     return matrix, max(PLACE_DIGITS - math.floor(math.log10(np.abs(matrix[:, :2]).max())), 0)
 
 
-def _placed(pieces: Iterable[Polygon], matrix: NDArray[np.float64], digits: int) -> list[list[list[list[float]]]]:
+def _placed(pieces: Iterable[Polygon], matrix: Floats, digits: int) -> list[list[list[list[float]]]]:
     """Map rings to the coordinates of the file, and keep their sense there."""
     mirrored = np.linalg.det(matrix[:, :2]) < 0
     placed = [[(ring @ matrix[:, :2].T + matrix[:, 2]).round(digits) for ring in piece.rings] for piece in pieces]

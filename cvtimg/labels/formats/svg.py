@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.svg import drawing as svg_drawing
 from cvtimg._shared.svg import hexadecimal, numbers
+from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
@@ -25,7 +26,7 @@ def write(path: StrPath, drawings: Sequence[Drawing], overwrite: bool) -> None:
     write_text(path, svg_drawing(width, height, body), overwrite=overwrite)
 
 
-def _lines(drawing: Drawing, chances: NDArray[np.float64]) -> Iterator[str]:
+def _lines(drawing: Drawing, chances: Floats) -> Iterator[str]:
     """Draw lines, as dark as people are likely to draw them, the darkest last."""
     yield '<g fill="none" stroke="#000" stroke-linecap="round" stroke-linejoin="round">\n'
     for line, chance in zip(drawing.lines[::-1], numbers(chances[::-1], 4), strict=True):
@@ -43,5 +44,5 @@ def _body(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[st
     yield "</g>\n"
 
 
-def _places(ring: NDArray[np.float64]) -> str:
+def _places(ring: Floats) -> str:
     return " ".join(map(",".join, zip(*(numbers(axis, PLACE_DIGITS) for axis in ring.T), strict=True)))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.types import Floats
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -85,7 +86,7 @@ def _color(block: bytes) -> tuple[tuple[int, ...], str]:
     return tuple(_to_srgb(model, values).tolist()), name
 
 
-def _to_srgb(model: bytes, values: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _to_srgb(model: bytes, values: Floats) -> NDArray[np.uint8]:
     if model == b"LAB ":
         from skimage.color import lab2xyz, xyz2rgb
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
@@ -43,14 +43,14 @@ class _Box(NamedTuple):
     size: tuple[int, int]
 
 
-def _box(wanted: NDArray[np.bool_], step: int = 1) -> _Box:
+def _box(wanted: Bools, step: int = 1) -> _Box:
     """Return the bounding box of the true pixels, or one pixel; left and top are multiples of `step`."""
     found = [np.flatnonzero(wanted.any(axis=axis)) if wanted.any() else np.zeros(1, int) for axis in (1, 0)]
     (top, bottom), (left, right) = ((int(one[0]) // step * step, int(one[-1]) + 1) for one in found)
     return _Box((slice(top, bottom), slice(left, right)), left, top, (right - left, bottom - top))
 
 
-def _changes(cels: Sequence[Cel]) -> Iterator[NDArray[np.bool_]]:
+def _changes(cels: Sequence[Cel]) -> Iterator[Bools]:
     """Yield for each frame an (H, W) mask of the pixels that differ from the previous frame."""
     before: Array | None = None
     for cel in cels:
@@ -88,7 +88,7 @@ def _gif_table(palette: NDArray[np.uint8]) -> bytes:
     return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")
 
 
-def _gif_frame(cel: Cel, changed: NDArray[np.bool_], clears: bool, options: dict[str, Any]) -> list[bytes]:
+def _gif_frame(cel: Cel, changed: Bools, clears: bool, options: dict[str, Any]) -> list[bytes]:
     """Encode a frame: the pixels that changed, or all visible pixels if the animation has transparency."""
     palette = np.empty((0, 3), np.uint8) if cel.palette is None else cel.palette
     box = _box(cel.image[..., 3] > 0 if clears else changed)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.ExifTags import IFD, Base
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
 from cvtimg.pictures.formats.geotiff import GeoTag, GeoTags, Place, Tags, geo_tags
 from cvtimg.pictures.formats.opening import open_picture
 from cvtimg.pictures.formats.pixel_size import PixelSize

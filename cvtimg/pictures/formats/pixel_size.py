@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from cvtimg._shared.types import Options
+from cvtimg._shared.choices import Options
 
 _MICROMETER = "um"
 #: Other ways to write units.

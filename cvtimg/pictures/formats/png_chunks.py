@@ -14,10 +14,9 @@ from io import BytesIO
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL.ImageFile import ImageFile
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Floats
 
 Light = Callable[[Array], Array]
 
@@ -39,7 +38,7 @@ class Described(NamedTuple):
     """Colors that chunks describe: light by sample in 0..1, and light of sRGB by that of the three primaries."""
 
     light: Light
-    matrix: NDArray[np.float64]
+    matrix: Floats
 
     def to_srgb(self, colors: Array) -> Array:
         """Return (..., C) colors of integers in sRGB; C is 3, or 1 for gray, and one more for alpha that stays."""
@@ -128,12 +127,12 @@ def _places(file: BinaryIO) -> Iterator[tuple[bytes, int, int]]:
         start += 12 + length
 
 
-def _to_709(chromaticities: tuple[float, ...]) -> NDArray[np.float64]:
+def _to_709(chromaticities: tuple[float, ...]) -> Floats:
     """Return the matrix from the light of primaries to that of sRGB."""
     return np.linalg.inv(_to_xyz(_PRIMARIES[1])) @ _to_xyz(chromaticities)
 
 
-def _to_xyz(chromaticities: tuple[float, ...]) -> NDArray[np.float64]:
+def _to_xyz(chromaticities: tuple[float, ...]) -> Floats:
     """Return the matrix from the light of primaries to XYZ whose white is D65."""
     x, y = np.reshape(chromaticities, (4, 2)).T
     white, *primaries = np.stack([x / y, np.ones(4), (1 - x - y) / y], axis=1)

@@ -14,8 +14,9 @@ from typing import Any, BinaryIO, NamedTuple, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array, Options
+from cvtimg._shared.types import Array
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples
 from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size, selected

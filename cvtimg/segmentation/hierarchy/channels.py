@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts, of_each
+from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -32,8 +33,8 @@ class Channels:
 
     bins: NDArray[np.uint8]  # (H, W, C): bins of color, `N_LEVELS` for each channel but the last, which has the textons
     #: (H, W, D): where distances of colors are measured, at full contrast and centered; 0 outside
-    values: NDArray[np.float32]
-    inside: NDArray[np.bool_]  # (H, W): pixels that count
+    values: Floats32
+    inside: Bools  # (H, W): pixels that count
 
 
 def find_channels(values: PictureValues) -> Channels:
@@ -58,7 +59,7 @@ def find_channels(values: PictureValues) -> Channels:
     return Channels(bins, field * np.float32(gain), inside)
 
 
-def _blur_for(noise: NDArray[np.float64]) -> float:
+def _blur_for(noise: Floats) -> float:
     """Return the width of the Gaussian that leaves of noise what does no harm; 0 if none is needed."""
     deviation = float(np.sqrt(noise[0, 0]))
     # A Gaussian of width s leaves 1 / (2 s sqrt(pi)) of white noise.
@@ -66,9 +67,7 @@ def _blur_for(noise: NDArray[np.float64]) -> float:
     return 0.0 if blur < SETTINGS.blurs[0] else min(blur, SETTINGS.blurs[1])
 
 
-def _colors(
-    field: NDArray[np.float32], values: PictureValues
-) -> tuple[NDArray[np.float32], Sequence[tuple[float, float]]]:
+def _colors(field: Floats32, values: PictureValues) -> tuple[Floats32, Sequence[tuple[float, float]]]:
     """(H, W, 1 or 3) colors, and the range of each channel: if it starts at 0, contrast may be stretched to fill it."""
     # Of more bands than three the three principal components are taken, or of two both.
     n_bands = field.shape[2]
@@ -82,7 +81,7 @@ def _colors(
     return components, [(0, 255), (-128, 128), (-128, 128)][: axes.shape[1]]
 
 
-def _full_contrast(rows: NDArray[np.float32], noise: NDArray[np.float64]) -> tuple[float, float]:
+def _full_contrast(rows: Floats32, noise: Floats) -> tuple[float, float]:
     """Return the least value of the first channel, and what stretches its contrast to 255."""
     low, high = np.percentile(rows[:, 0], SETTINGS.extremes)
     # No bin is narrower than the noise.
@@ -90,7 +89,7 @@ def _full_contrast(rows: NDArray[np.float32], noise: NDArray[np.float64]) -> tup
     return float(low), 255 / span if span > 0 else 1.0
 
 
-def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArray[np.int32]:
+def textons(lightness: Floats32, inside: Bools) -> NDArray[np.int32]:
     """(H, W) number of the pattern around each pixel."""
     responses = _responses(lightness).reshape(lightness.size, -1)
     flat = inside.ravel()
@@ -101,7 +100,7 @@ def textons(lightness: NDArray[np.float32], inside: NDArray[np.bool_]) -> NDArra
     return assign(packed, packed.frame.inward(generators))[: lightness.size].reshape(lightness.shape)
 
 
-def _responses(lightness: NDArray[np.float32]) -> NDArray[np.float32]:
+def _responses(lightness: Floats32) -> Floats32:
     """(H, W, F) derivatives of the first and second order at each scale, their contrast compressed."""
     from scipy.ndimage import gaussian_filter
 

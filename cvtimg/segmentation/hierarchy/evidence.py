@@ -16,12 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
-def evidence_of(borders: Borders, views: Sequence[Floats], inside: NDArray[np.bool_]) -> Floats:
+def evidence_of(borders: Borders, views: Sequence[Floats], inside: Bools) -> Floats:
     """(B,) evidence of borders; views, (B,) each, are the altitude, the strength, and the altitude from afar."""
     if not len(borders.pairs):
         return np.zeros(0)
@@ -36,13 +36,13 @@ def evidence_of(borders: Borders, views: Sequence[Floats], inside: NDArray[np.bo
     return seen * np.minimum(inward / accuracy, 1) / (around / SETTINGS.usual_surround) ** SETTINGS.inhibition
 
 
-def chances_of(evidence: NDArray[np.floating]) -> NDArray[np.float32]:
+def chances_of(evidence: NDArray[np.floating]) -> Floats32:
     """Chances that people draw borders, by their evidence."""
     odds = (np.asarray(evidence, np.float64) / SETTINGS.half_drawn) ** SETTINGS.drawn_power
     return (odds / (1 + odds)).astype(np.float32)
 
 
-def _inward(inside: NDArray[np.bool_], accuracy: float) -> Floats:
+def _inward(inside: Bools, accuracy: float) -> Floats:
     """(H, W) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
     from scipy.ndimage import distance_transform_edt, label
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bools, Floats, Indices
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
@@ -27,7 +27,7 @@ def reduction(n_pixels: int) -> int:
     return max(1, int(np.ceil(np.sqrt(n_pixels / SETTINGS.most_pixels))))
 
 
-def reduced(image: Array, inside: NDArray[np.bool_], factor: int) -> tuple[Array, NDArray[np.bool_]]:
+def reduced(image: Array, inside: Bools, factor: int) -> tuple[Array, Bools]:
     """Replace blocks of an (H, W, C) image by the mean of their pixels inside; also say which have some."""
     # Blocks at the right and lower border may be smaller. Integers become floating point with white at 1: rounded means
     # would depend on the type.
@@ -46,7 +46,7 @@ def reduced(image: Array, inside: NDArray[np.bool_], factor: int) -> tuple[Array
     return means, occupied
 
 
-def enlarged(leaves: Leaves, image: Array, inside: NDArray[np.bool_], factor: int) -> Leaves:
+def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves:
     """Carry the leaves of a reduced image to the whole one, and let their borders follow its edges."""
     height, width = inside.shape
     blocks = leaves.labels.repeat(factor, axis=0)[:height].repeat(factor, axis=1)[:, :width]
@@ -86,7 +86,7 @@ def _at_edges(image: Array, labels: NDArray[np.int32], factor: int) -> NDArray[n
     ).labels
 
 
-def _known(leaves: Leaves, values: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+def _known(leaves: Leaves, values: Floats, pairs: Indices) -> Floats:
     """(B,) values of borders between leaves; 0 within one, and the mean where two have met only now."""
     known_at = EdgeTable(leaves.borders.pairs, len(leaves.sizes)).find(pairs)
     known = np.full(len(pairs), values.mean() if len(values) else 0.0)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
+from cvtimg._shared.types import Floats
 from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -30,16 +31,16 @@ class Leaves:
     """N leaves, numbered from 0, and B borders between them."""
 
     labels: NDArray[np.int32]  # (H, W): the number of each leaf plus 1; 0 outside the mask
-    sizes: NDArray[np.float64]  # (N,): pixels
+    sizes: Floats  # (N,): pixels
     #: (N, D + 1): sums over the pixels of each leaf: of their values about the center, and of the squares of these
-    moments: NDArray[np.float64]
-    histograms: list[NDArray[np.float64]]  # (N, bins) each: of each channel, textons last
+    moments: Floats
+    histograms: list[Floats]  # (N, bins) each: of each channel, textons last
     borders: Borders  # between the leaves
-    strengths: NDArray[np.float64]  # (B,): how strongly each border parts its sides
+    strengths: Floats  # (B,): how strongly each border parts its sides
     #: (B,) each: altitudes in the tree of the image alone, and in that of the image at half its size, if there is one
-    near_and_far: tuple[NDArray[np.float64], ...] = ()
+    near_and_far: tuple[Floats, ...] = ()
 
-    def merged(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    def merged(self) -> tuple[NDArray[np.int32], Floats]:
         """Merge the leaves, those that differ least first; return (M, 2) the regions that merge, and (M,) altitudes."""
         # Merge m makes region N + m. Altitudes are the running maximum of what differs, so that they never fall.
         pairs, lengths, sizes = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64), self.sizes.copy()
@@ -80,7 +81,7 @@ def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
     return numbered(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))
 
 
-def _histograms(own: NDArray[np.int32], n_leaves: int, channels: Channels) -> list[NDArray[np.float64]]:
+def _histograms(own: NDArray[np.int32], n_leaves: int, channels: Channels) -> list[Floats]:
     """(N, bins) histogram of each channel, colors smoothed, for the leaves (n,) of the pixels inside."""
     n_colors = channels.bins.shape[2] - 1
     histograms = []

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import ImageLike, Points
+from cvtimg._shared.types import Floats, ImageLike, Points
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import find_borders
 from cvtimg.labels.contours import find_contours, simplify
@@ -26,7 +26,7 @@ class Lines(NamedTuple):
     """
 
     lines: tuple[Points, ...]
-    chances: NDArray[np.float64]
+    chances: Floats
 
 
 def find_lines(

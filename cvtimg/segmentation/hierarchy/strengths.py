@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts, one_blas_thread
+from cvtimg._shared.types import Floats, Floats32
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
@@ -29,7 +30,7 @@ from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
-def border_strengths(borders: Borders, channels: Channels) -> NDArray[np.float64]:
+def border_strengths(borders: Borders, channels: Channels) -> Floats:
     """(B,) mean strength of each border, about 0 to 1.5."""
     if not len(borders.pairs):
         return np.zeros(0)
@@ -69,9 +70,7 @@ def _angles(borders: Borders) -> NDArray[np.int32]:
     return angles
 
 
-def _half_disc_distances(
-    channels: Channels, places: NDArray[np.int32], turns: NDArray[np.int32]
-) -> NDArray[np.float32]:
+def _half_disc_distances(channels: Channels, places: NDArray[np.int32], turns: NDArray[np.int32]) -> Floats32:
     """(P, C, R) distances of the halves of discs around cracks."""
     margin = SETTINGS.radii[-1]
     shown = np.where(channels.inside[..., None], channels.bins, np.uint8(HIDDEN))
@@ -117,12 +116,12 @@ def _discs() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
     return rows[sides], columns[sides], np.array(counts, np.int32)
 
 
-def _taps() -> NDArray[np.float64]:
+def _taps() -> Floats:
     taps = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SETTINGS.smoothing) ** 2)
     return taps / taps.sum()
 
 
-def smoothing_matrix() -> NDArray[np.float64]:
+def smoothing_matrix() -> Floats:
     """(N_LEVELS, N_LEVELS) share of each level that smoothing gives to each other; rows have sum 1."""
     levels = np.arange(N_LEVELS)
     far = levels[:, None] - levels
@@ -130,9 +129,7 @@ def smoothing_matrix() -> NDArray[np.float64]:
     return shares / shares.sum(axis=1, keepdims=True)
 
 
-def global_strengths(
-    pairs: NDArray[np.int32], strengths: NDArray[np.float64], lengths: NDArray[np.int32], sizes: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def global_strengths(pairs: NDArray[np.int32], strengths: Floats, lengths: NDArray[np.int32], sizes: Floats) -> Floats:
     """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these."""
     # Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
     if not len(pairs):
@@ -147,9 +144,7 @@ def global_strengths(
 
 
 @one_blas_thread  # for the bits must not depend on how many there are
-def _slow_vectors(
-    pairs: NDArray[np.int32], weights: NDArray[np.float64], masses: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _slow_vectors(pairs: NDArray[np.int32], weights: Floats, masses: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues, rising, and eigenvectors in columns; without those of 0, which only tell connected parts apart."""
     from scipy.sparse import coo_array, csc_array, diags_array
     from scipy.sparse.csgraph import connected_components

@@ -19,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.records import Claims, ReadOnly, equals
-from cvtimg._shared.types import Array, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import Borders, find_borders
@@ -71,12 +71,12 @@ class RegionHierarchy(ReadOnly):
 
     leaves: NDArray[np.int32]
     merges: NDArray[np.int32]
-    altitudes: NDArray[np.float64]
-    sizes: NDArray[np.float64]
-    colors: NDArray[np.float64]
-    means: NDArray[np.float64]
-    energies: NDArray[np.float64]
-    evidence: NDArray[np.float64]
+    altitudes: Floats
+    sizes: Floats
+    colors: Floats
+    means: Floats
+    energies: Floats
+    evidence: Floats
     default_threshold: float
 
     def _claims(self) -> Claims:
@@ -150,7 +150,7 @@ class RegionHierarchy(ReadOnly):
         new_label = np.append(np.int32(0), dark_to_bright(colors, self.sizes[nodes]))
         return np.append(np.int32(0), new_label[leaf_labels])[self.leaves]
 
-    def contour_map(self) -> NDArray[np.float32]:
+    def contour_map(self) -> Floats32:
         """Map how strongly the regions at the two sides of each border differ.
 
         The pixels where the map exceeds a threshold are the borders of the cut at that threshold.
@@ -294,20 +294,20 @@ class RegionHierarchy(ReadOnly):
         tree = cls(**arrays, evidence=np.zeros(0))
         return replace(tree, evidence=tree._between(find_borders(tree.leaves)))
 
-    def divide(self, leaves: NDArray[np.integer]) -> NDArray[np.bool_]:
+    def divide(self, leaves: NDArray[np.integer]) -> Bools:
         """Return which of the N leaves are on one side of the last merge of some leaves (n >= 2), from 0."""
         sizes = range(self.n_parts, self.n_leaves + 1)
         apart = bisect_left(sizes, True, key=lambda n: len(np.unique(self._cut(n)[1][leaves])) > 1)
         parts = self._cut(sizes[apart])[1]
         return parts == parts[leaves].max()
 
-    def _between(self, borders: Borders) -> NDArray[np.float64]:
+    def _between(self, borders: Borders) -> Floats:
         return altitudes_between(borders.pairs, self.merges, self.altitudes, self.n_leaves)
 
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)
 
-    def _cut(self, n_regions: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    def _cut(self, n_regions: int) -> tuple[Indices, NDArray[np.int32]]:
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
         n_merges = self.n_leaves - n_regions
         roots = parents_of(self.merges[:n_merges], self.n_leaves)
@@ -320,16 +320,14 @@ class RegionHierarchy(ReadOnly):
         return nodes, label_of[roots[: self.n_leaves]]
 
 
-def parents_of(merges: NDArray[np.int32], n_leaves: int) -> NDArray[np.intp]:
+def parents_of(merges: NDArray[np.int32], n_leaves: int) -> Indices:
     """Return the node that each node becomes part of by these merges, or its own number."""
     parents = np.arange(n_leaves + len(merges))
     parents[merges.ravel()] = np.repeat(np.arange(n_leaves, len(parents)), 2)
     return parents
 
 
-def altitudes_between(
-    pairs: NDArray[np.int32], merges: NDArray[np.int32], altitudes: NDArray[np.float64], n_leaves: int
-) -> NDArray[np.float64]:
+def altitudes_between(pairs: NDArray[np.int32], merges: NDArray[np.int32], altitudes: Floats, n_leaves: int) -> Floats:
     """(B,) altitudes at which pairs of leaves come to be in one region."""
     parents = parents_of(merges, n_leaves)
     low, high = pairs.min(axis=1), pairs.max(axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.halfedges import find_twins, half_edges_out
 from cvtimg.sphere.triangulation import circumcenters, unit
 
@@ -242,10 +242,10 @@ class CulledContent(GridContent):
     """
 
     whole: GridContent = field(kw_only=True)
-    kept: NDArray[np.bool_] = field(kw_only=True)  # (N,): of the whole
+    kept: Bools = field(kw_only=True)  # (N,): of the whole
 
     @classmethod
-    def of(cls, whole: GridContent, kept: NDArray[np.bool_], flags: Mapping[str, Indices]) -> CulledContent:
+    def of(cls, whole: GridContent, kept: Bools, flags: Mapping[str, Indices]) -> CulledContent:
         """Keep some cells; `flags` are those of these. The whole grid is the parent, before its own."""
         points, density = whole.points[kept], whole.density[kept]
         older = whole.attributes.get("parent_id")
@@ -253,15 +253,15 @@ class CulledContent(GridContent):
         return cls(points, whole.triangles, density, whole.radius, flags, attributes, whole=whole, kept=kept)
 
     @cached_property
-    def _edges(self) -> NDArray[np.bool_]:
+    def _edges(self) -> Bools:
         return np.asarray(self.kept[self.whole.around.cells_on_edge].any(axis=1))
 
     @cached_property
-    def _vertices(self) -> NDArray[np.bool_]:
+    def _vertices(self) -> Bools:
         return np.asarray(self.kept[self.whole.around.cells_on_vertex].any(axis=1))
 
     @cached_property
-    def _turned(self) -> NDArray[np.bool_]:
+    def _turned(self) -> Bools:
         """Which of the edges that are left have lost their first cell."""
         return ~self.kept[self.whole.around.cells_on_edge[self._edges, 0]]
 
@@ -308,6 +308,6 @@ class CulledContent(GridContent):
         return _those_first(table, signs[:-1, None] * weights * signs[table])
 
 
-def _renumbered(kept: NDArray[np.bool_]) -> Indices:
+def _renumbered(kept: Bools) -> Indices:
     """Return the new number of each that is kept, and -1 for others; the last is that of -1."""
     return np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1).astype(np.int32)

@@ -9,7 +9,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from cvtimg._shared.types import Array, Floats, Options
+from cvtimg._shared.choices import Options
+from cvtimg._shared.types import Array, Floats
 from cvtimg.sphere.formats.geometry import GridContent, Indices, latitudes_longitudes
 
 #: Flags of cells that a grid may have.
