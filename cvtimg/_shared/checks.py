@@ -11,11 +11,11 @@ from functools import wraps
 from typing import Any, NoReturn, TypeVar, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
-from cvtimg._shared.types import Array, Bools, Floats, Floats32
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 
 _Name = TypeVar("_Name", bound=str)
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -332,7 +332,7 @@ def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> B
     return inside
 
 
-def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
+def check_labels(name: str, labels: ArrayLike) -> Ints:
     """Return `labels` as a C-contiguous (H, W) int32 array of whole numbers >= 0."""
     array = np.asarray(labels)
     check_shape(name, array.shape, array.ndim == 2 and array.size > 0, "(H, W), none of them 0")
@@ -344,7 +344,7 @@ def check_labels(name: str, labels: ArrayLike) -> NDArray[np.int32]:
     return np.ascontiguousarray(array, np.int32)
 
 
-def check_labeled_image(name: str, image: object, labels: NDArray[np.int32]) -> Array:
+def check_labeled_image(name: str, image: object, labels: Ints) -> Array:
     """Return `image` as (H, W, C) samples; pixels of label 0 may hold anything, and are 0 if they are not finite."""
     array = array_of(image)
     alike = array.shape[:2] == labels.shape
@@ -415,7 +415,7 @@ def check_colors(name: str, colors: ArrayLike, dtype: np.dtype[Any]) -> Array:
     return np.ascontiguousarray(array, dtype)
 
 
-def check_triangles(name: str, triangles: ArrayLike, n_points: int) -> NDArray[np.int32]:
+def check_triangles(name: str, triangles: ArrayLike, n_points: int) -> Ints:
     """Return triangles as a (T, 3) int32 array of indices of points, T >= 1."""
     corners = np.asarray(triangles)
     check_shape(name, corners.shape, corners.ndim == 2 and corners.shape[1] == 3 and len(corners) > 0, "(T, 3), T >= 1")

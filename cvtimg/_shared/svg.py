@@ -5,10 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bytes, Floats
 
 #: Names of the layers that `layer` writes, for the attributes of a drawing.
 LAYERED = ' xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
@@ -32,7 +29,7 @@ def shortest(value: float) -> str:
     return str(int(value)) if value == int(value) else repr(value)
 
 
-def hexadecimal(color: NDArray[np.uint8]) -> str:
+def hexadecimal(color: Bytes) -> str:
     """Write a color as style sheets do; alpha is left out."""
     return "#" + color[:3].tobytes().hex()
 

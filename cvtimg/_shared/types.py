@@ -19,6 +19,9 @@ class _Exported(Protocol):
 Array: TypeAlias = NDArray[Any]
 Floats: TypeAlias = NDArray[np.float64]
 Floats32: TypeAlias = NDArray[np.float32]
+Ints: TypeAlias = NDArray[np.int32]
+Ints64: TypeAlias = NDArray[np.int64]
+Bytes: TypeAlias = NDArray[np.uint8]
 Bools: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.intp]
 #: Points by their coordinates, (N, D).

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_at_least,
@@ -26,7 +26,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import drawing, hexadecimal, number, numbers
-from cvtimg._shared.types import Array, Floats, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bytes, Floats, Floats32, ImageLike, Ints
 from cvtimg.artwork.tilings import (
     DelaunayTiling,
     Painted,
@@ -105,8 +105,8 @@ class Mosaic(ReadOnly):
 
     points: Floats
     colors: Array
-    labels: NDArray[np.int32]
-    triangles: NDArray[np.int32] | None
+    labels: Ints
+    triangles: Ints | None
     energy: float
     energies: tuple[float, ...]
     psnr: float
@@ -134,7 +134,7 @@ class Mosaic(ReadOnly):
             return tuple(self.points[self.triangles])
         return picture_cells(self.points, (self.labels.shape[0], self.labels.shape[1]))
 
-    def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> NDArray[np.uint8]:
+    def draw(self, *, scale: float = 1.0, outline: float = 0.0) -> Bytes:
         """Draw the mosaic with smooth edges, (H scale, W scale, 3 or 4) uint8, of `scale` pixels per pixel.
 
         Dark lines between tiles are `outline` pixels of the image wide; 0 for none.
@@ -177,14 +177,14 @@ class Mosaic(ReadOnly):
             drawn = self.draw(scale=scale, outline=outline)
             write_image(path, drawn[:, :, :3] if suffix in _OPAQUE else drawn, overwrite=overwrite)
 
-    def _eight_bits(self) -> NDArray[np.uint8]:
+    def _eight_bits(self) -> Bytes:
         """Return the colors of tiles as (K, 3) or (K, 4) samples of 8 bits."""
         n_channels = self.colors.shape[1]
         check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
         colors = to_depth(self.colors, np.dtype(np.uint8))
         return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
 
-    def _seen(self) -> Iterator[tuple[int, Floats, NDArray[np.uint8]]]:
+    def _seen(self) -> Iterator[tuple[int, Floats, Bytes]]:
         """Yield the number, corners and color of each tile that is not clear."""
         for tile, (polygon, color) in enumerate(zip(self.polygons(), self._eight_bits(), strict=True)):
             if len(polygon) and (len(color) == 3 or color[3]):

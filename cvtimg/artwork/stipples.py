@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_positive, check_that
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Floats, Floats32, Indices
+from cvtimg._shared.types import Bytes, Floats, Floats32, Indices, Ints
 from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
@@ -165,11 +164,11 @@ class Stipples(ReadOnly):
     points: Floats
     radii: Floats
     masses: Floats
-    layers: NDArray[np.int32]
+    layers: Ints
     order: Indices
-    colors: NDArray[np.uint8]
+    colors: Bytes
     names: tuple[str, ...]
-    paper: NDArray[np.uint8]
+    paper: Bytes
     size: tuple[int, int]
     max_ink: float
     energy: float
@@ -208,7 +207,7 @@ class Stipples(ReadOnly):
         own = self.layers == layer
         return draw_dots(self.points[own], self.radii[own], self.size, scale)
 
-    def draw(self, *, scale: float | None = None) -> NDArray[np.uint8]:
+    def draw(self, *, scale: float | None = None) -> Bytes:
         """Draw the dots with smooth edges, mixed in linear light as the eye does, with `scale` pixels per pixel.
 
         By default dots are 8 pixels apart, if that makes no drawing of more than 32 megapixels. The drawing is uint8,
@@ -228,7 +227,7 @@ class Stipples(ReadOnly):
                 light += covered * (ink - light)
         # A table in place of powers of each pixel: 12 bits of light tell 8-bit levels apart where edges are.
         levels = from_space(np.linspace(0, 1, TABLE_SIZE)[:, np.newaxis], "linear", _BYTE)[:, 0]
-        drawn: NDArray[np.uint8] = levels[np.rint(light * (TABLE_SIZE - 1)).astype(np.uint16)]
+        drawn: Bytes = levels[np.rint(light * (TABLE_SIZE - 1)).astype(np.uint16)]
         return drawn[:, :, 0] if channels == 1 else drawn
 
     def default_scale(self) -> float:

@@ -14,12 +14,12 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import of_each
-from cvtimg._shared.types import Floats, Floats32, Indices
+from cvtimg._shared.types import Floats, Floats32, Indices, Ints
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
 
@@ -56,7 +56,7 @@ DESCENT = Descent()
 class Painted:
     """An (H, W, C) image painted with the mean color of each tile."""
 
-    labels: NDArray[np.int32]  # (H, W) tile of each pixel
+    labels: Ints  # (H, W) tile of each pixel
     colors: Floats  # (K, C) mean of each tile; that of the whole image for one without pixels
     areas: Floats  # (K,) pixels of each tile
     errors: Floats  # (K,) squared error of each tile, summed over pixels and bands
@@ -67,7 +67,7 @@ class Painted:
         return float(self.errors.sum())
 
 
-def paint(image: Floats32, labels: NDArray[np.int32], n_tiles: int) -> Painted:
+def paint(image: Floats32, labels: Ints, n_tiles: int) -> Painted:
     """Measure the tiles of an (H, W, C) image."""
     n_bands = image.shape[2]
     sums = by_rows(partial(_artwork.add_colors, image, labels), labels.shape, (n_tiles, n_bands + 2))
@@ -201,7 +201,7 @@ class VoronoiTiling:
     def __init__(self, shape: tuple[int, int], n_points: int) -> None:
         self._shape, self.n_tiles = shape, n_points
 
-    def labels(self, points: Floats) -> NDArray[np.int32]:
+    def labels(self, points: Floats) -> Ints:
         """Label pixels by the point that is nearest to their center."""
         return pixel_labels(self._shape, points)
 
@@ -230,14 +230,14 @@ class DelaunayTiling:
         size = np.array(shape[::-1], np.float64)
         self._low, self._high = points == 0, points == size
         self._size = size
-        self.triangles: NDArray[np.int32] = np.empty((0, 3), np.int32)
+        self.triangles: Ints = np.empty((0, 3), np.int32)
 
     @property
     def n_tiles(self) -> int:
         """Number of triangles of the last labels."""
         return len(self.triangles)
 
-    def labels(self, points: Floats) -> NDArray[np.int32]:
+    def labels(self, points: Floats) -> Ints:
         """Triangulate the points anew, and label pixels by the triangle that their center is in."""
         labels, self._mesh = find_triangles(points, self._shape)
         self.triangles = np.ascontiguousarray(self._mesh.simplices, np.int32)
@@ -266,7 +266,7 @@ class DelaunayTiling:
         return np.where(self._low, 0, np.where(self._high, self._size, inside))
 
 
-def find_triangles(points: Floats, shape: tuple[int, ...], scale: ArrayLike = 1.0) -> tuple[NDArray[np.int32], Any]:
+def find_triangles(points: Floats, shape: tuple[int, ...], scale: ArrayLike = 1.0) -> tuple[Ints, Any]:
     """Triangulate points, and find the triangle of the center of each pixel in a picture of a shape and scale."""
     from scipy.spatial import Delaunay
 

@@ -11,11 +11,10 @@ from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_image, check_within
 from cvtimg._shared.pixels import array_of, peak
-from cvtimg._shared.types import Array, Floats, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bytes, Floats, Floats32, ImageLike
 from cvtimg.colors.spaces import to_space
 
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
@@ -199,7 +198,7 @@ def process_coverages(image: ImageLike, white_cutoff: float, max_ink: float, ton
 
 
 def pen_coverages(
-    image: ImageLike, pens: NDArray[np.uint8], white_cutoff: float, max_ink: float, tones: str = "true"
+    image: ImageLike, pens: Bytes, white_cutoff: float, max_ink: float, tones: str = "true"
 ) -> list[Floats32]:
     """Compute the coverage of pens of any colors, (L, 3), on white paper, for tones scaled by `max_ink`.
 

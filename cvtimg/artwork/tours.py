@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_rows, check_shape
 from cvtimg._shared.threads import n_threads
-from cvtimg._shared.types import Floats, Indices
+from cvtimg._shared.types import Floats, Indices, Ints
 from cvtimg.artwork._artwork import improve, join, walk
 
 #: Neighbors among which better connections are looked for.
@@ -58,7 +58,7 @@ def find_tour(points: ArrayLike) -> Indices:
     return tour[:: 1 if first <= last else -1].astype(np.intp)
 
 
-def _shorten(points: Floats, near: NDArray[np.int32], starts: Indices, tour: NDArray[np.int32], reach: int) -> int:
+def _shorten(points: Floats, near: Ints, starts: Indices, tour: Ints, reach: int) -> int:
     """Shorten a tour in place until nothing is gained; return in how many moves."""
     where, settled, n_moves = np.empty_like(tour), np.zeros(len(tour), np.uint8), 0
     where[tour] = np.arange(len(tour), dtype=np.int32)
@@ -67,14 +67,14 @@ def _shorten(points: Floats, near: NDArray[np.int32], starts: Indices, tour: NDA
     return n_moves
 
 
-def _beside(tour: NDArray[np.int32]) -> NDArray[np.int32]:
+def _beside(tour: Ints) -> Ints:
     """(N, 2) points before and after each in a tour, the lesser first; -1 beyond its ends."""
     beside = np.empty((len(tour), 2), np.int32)
     beside[tour] = np.stack([np.append(-1, tour[:-1]), np.append(tour[1:], -1)], axis=1)
     return np.sort(beside, axis=1)
 
 
-def _within_steps(tree: Any, tour: NDArray[np.int32], among: Indices) -> tuple[NDArray[np.int32], Indices]:
+def _within_steps(tree: Any, tour: Ints, among: Indices) -> tuple[Ints, Indices]:
     """Find the points nearer to some than those before and after them in a tour, and where those of each begin.
 
     Where two steps cross, an end of one is nearer to an end of the other than to its own: without a gain among these
@@ -93,7 +93,7 @@ def _within_steps(tree: Any, tour: NDArray[np.int32], among: Indices) -> tuple[N
     return others[order], np.searchsorted(own[order], np.arange(len(tour) + 1))
 
 
-def _greedy_path(points: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _greedy_path(points: Floats) -> tuple[Ints, Ints]:
     """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
     n_points = len(points)
     links = np.full((n_points, 2), -1, np.int32)
@@ -113,7 +113,7 @@ def _greedy_path(points: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return tour, near
 
 
-def _nearest(points: Floats) -> tuple[Floats, NDArray[np.int32]]:
+def _nearest(points: Floats) -> tuple[Floats, Ints]:
     """Find the nearest others of each point, and their distances; points may coincide."""
     from scipy.spatial import cKDTree
 

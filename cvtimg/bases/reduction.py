@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Ints64
 from cvtimg.bases.sketch import Sketch, sketch
 from cvtimg.bases.snapshots import as_snapshots
 from cvtimg.elbow.rules import chord_linear
@@ -30,7 +30,7 @@ from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 
 #: Centers, axes, labels and medoids in the coordinates of a sketch, as `Basis` has them.
-_Subspaces: TypeAlias = tuple[Floats, Floats, NDArray[np.int64], NDArray[np.int64]]
+_Subspaces: TypeAlias = tuple[Floats, Floats, Ints64, Ints64]
 _KIND = "reduced basis"
 
 #: Kinds of bases, by the names of `kind`.
@@ -50,7 +50,7 @@ _STARTS = 4
 _RESTING = Stopping(tolerance=1e-6, max_iterations=100)
 
 
-def find_subspaces(rows: Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def find_subspaces(rows: Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> Ints64:
     """Tessellate (N, R) rows by `n_cells` affine subspaces of `n_axes` dimensions, each with a basis of its own.
 
     Return the (N,) cells of the best of a few starts.
@@ -91,7 +91,7 @@ def principal_axes(rows: Floats, n_axes: int) -> tuple[Floats, Floats]:
     return center, axes
 
 
-def _descended(rows: Floats, labels: NDArray[np.int64], n_cells: int, n_axes: int) -> tuple[float, NDArray[np.int64]]:
+def _descended(rows: Floats, labels: Ints64, n_cells: int, n_axes: int) -> tuple[float, Ints64]:
     """Fit each cell's subspace and assign each row to the nearest, in turns; return the energy and the cells."""
     apart: Floats
 
@@ -106,7 +106,7 @@ def _descended(rows: Floats, labels: NDArray[np.int64], n_cells: int, n_axes: in
     return history.energies[-1], apart.argmin(axis=1)
 
 
-def _without_empty_cells(apart: Floats, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _without_empty_cells(apart: Floats, labels: Ints64) -> Ints64:
     """Give each empty cell the row that is farthest from its own subspace, of a cell that keeps others."""
     sizes = np.bincount(labels, minlength=apart.shape[1])
     order = np.argsort(-apart.min(axis=1), kind="stable")
@@ -133,7 +133,7 @@ class Projection:
     """
 
     coordinates: Floats
-    cells: NDArray[np.int64]
+    cells: Ints64
     residuals: Floats
 
 
@@ -168,8 +168,8 @@ class Basis(ReadOnly):
     mean: Floats
     centers: Floats
     modes: Array
-    labels: NDArray[np.int64]
-    medoids: NDArray[np.int64]
+    labels: Ints64
+    medoids: Ints64
     energies: Floats
     variance: float
 
@@ -392,7 +392,7 @@ def _cvod(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) ->
     return centers, axes, labels, _nearest_members(rows, labels, centers)
 
 
-def _energies(rows: Floats, centers: Floats, axes: Floats, labels: NDArray[np.int64]) -> Floats:
+def _energies(rows: Floats, centers: Floats, axes: Floats, labels: Ints64) -> Floats:
     """Return the energies of the first 0, 1, .. n axes."""
     apart = rows - centers[labels if len(centers) > 1 else 0]
     along = np.einsum("nr,nar->na", apart, axes[labels]) if len(axes) > 1 else apart @ axes[0].T
@@ -400,7 +400,7 @@ def _energies(rows: Floats, centers: Floats, axes: Floats, labels: NDArray[np.in
     return np.maximum((apart**2).sum() - taken, 0.0)
 
 
-def _nearest_members(rows: Floats, labels: NDArray[np.int64], centers: Floats) -> NDArray[np.int64]:
+def _nearest_members(rows: Floats, labels: Ints64, centers: Floats) -> Ints64:
     """(k,) for each cell that has rows, the index of the row nearest to its center."""
     apart = ((rows - centers[labels]) ** 2).sum(axis=1)
     order = np.lexsort((apart, labels))

@@ -11,10 +11,7 @@ from cvtimg.options.quantize_options import DEFAULT_COLORS, MAIN_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from cvtimg._shared.types import Array
+    from cvtimg._shared.types import Array, Ints64
 
 EXAMPLES = """\
   cvtimg palette photo.jpg -k 8
@@ -77,7 +74,7 @@ def _palette(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     return {"distinct_colors": n_distinct, "k": len(colors), "colors": _entries(colors, counts)}
 
 
-def _entries(palette: Array, counts: NDArray[np.int64]) -> list[Row]:
+def _entries(palette: Array, counts: Ints64) -> list[Row]:
     channels = {1: [0, 0, 0], 2: [0, 0, 0, 1]}.get(palette.shape[1], slice(None))
     return [
         {

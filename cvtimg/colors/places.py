@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_channels, check_within
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
-from cvtimg._shared.types import Array, Bools, Floats
+from cvtimg._shared.types import Array, Bools, Bytes, Floats
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import from_space, to_space
 
@@ -29,7 +28,7 @@ def has_alpha(n_channels: int) -> bool:
     return n_channels in (2, 4)
 
 
-def kinds_of(colors: Array, alpha: bool) -> NDArray[np.uint8]:
+def kinds_of(colors: Array, alpha: bool) -> Bytes:
     """Return the (N,) kind of each color: `CLEAR`, `PARTLY` transparent or `OPAQUE`; `alpha` is the last channel."""
     if not alpha:
         return np.full(len(colors), OPAQUE, np.uint8)
@@ -38,7 +37,7 @@ def kinds_of(colors: Array, alpha: bool) -> NDArray[np.uint8]:
     return np.where(values == 0, CLEAR, np.where(values == white, OPAQUE, PARTLY)).astype(np.uint8)
 
 
-def allowed_for(kinds: NDArray[np.uint8]) -> Bools:
+def allowed_for(kinds: Bytes) -> Bools:
     """Return (3, K) whether a color of each kind may become each of K colors: CLEAR and OPAQUE ones keep their kind."""
     allowed = np.stack([kinds == CLEAR, np.ones(len(kinds), bool), kinds == OPAQUE])
     return allowed | ~allowed.any(axis=1, keepdims=True)

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_alpha, check_pixels, check_weights
 from cvtimg._shared.pixels import AlphaArray as AlphaArray
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
 #: Numbers from this size on are sorted: a table of them would take more time and memory.
@@ -49,7 +49,7 @@ class ColorSamples(WeightedSamples):
         Pixels that count; None for all.
     """
 
-    inverse: NDArray[np.int32]
+    inverse: Ints
     alpha: bool = False
     inside: Bools | None = None
 
@@ -200,7 +200,7 @@ def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array
     return rows
 
 
-def _counted(numbers: Array) -> tuple[Array, NDArray[np.int32], Floats]:
+def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
     size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else _OF_TABLE + 1
     if size > _OF_TABLE or len(numbers) < _SORTED:

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_shape, check_that
-from cvtimg._shared.types import Floats, Indices
+from cvtimg._shared.types import Floats, Indices, Ints
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
 from cvtimg.placement.cells import regularity
@@ -68,7 +68,7 @@ def _exact(points: Floats) -> float:
 
     areas = np.multiply.outer(*sides[:2])
 
-    def gap(of: NDArray[np.int32], depth: float, sign: int) -> float:
+    def gap(of: Ints, depth: float, sign: int) -> float:
         return float((sign * (of / n_points - depth * areas)).max())
 
     def add(members: Indices) -> None:

@@ -19,9 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints64
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import nearest_distances
 from cvtimg.designs.latin import Slices
@@ -110,7 +109,7 @@ class _Swaps:
         scales = {"maximin": max(self.least_distance, 1e-9) ** -2, "projection": 6.0}
         self._scale = scales.get(criterion, 1.0)
 
-    def run(self, tries: NDArray[np.int64], threshold: float, least: float = 0.0) -> Floats:
+    def run(self, tries: Ints64, threshold: float, least: float = 0.0) -> Floats:
         """Try swaps (T, 3), an axis and two ranks each, and take those below a threshold; return what each changes.
 
         None is taken that brings two points nearer than `least`.

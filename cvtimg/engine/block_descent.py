@@ -14,11 +14,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import as_samples, check_count, check_that, raise_unsupported
 from cvtimg._shared.iteration import iterate
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Ints, Ints64
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Spread
@@ -40,7 +39,7 @@ _ROWS_PER_GENERATOR = 64
 class Survey:
     """What the first pass over the blocks finds, and a sample of rows of positive weight, drawn block by block."""
 
-    lengths: NDArray[np.int64]  # (B,) rows of each block
+    lengths: Ints64  # (B,) rows of each block
     spread: Spread  # of all rows
     rows: Array  # (n, D) the sample
     weights: Floats  # (n,)
@@ -178,13 +177,13 @@ def descend(
     return Iteration(generators, *history), found
 
 
-def label_blocks(blocks: Blocks, lengths: NDArray[np.int64], generators: Floats, frame: Frame) -> Any:
+def label_blocks(blocks: Blocks, lengths: Ints64, generators: Floats, frame: Frame) -> Any:
     """Return the (N,) int32 labels as a Dask array, in the same blocks, which is computed when it is needed."""
     label = partial(_label_rows, generators=generators, frame=frame)
     return map_rows(blocks, label, np.int32, lengths=tuple(lengths.tolist()))
 
 
-def _length(block: Block) -> NDArray[np.int64]:
+def _length(block: Block) -> Ints64:
     return np.array([len(block.rows)])
 
 
@@ -204,7 +203,7 @@ def _survey_block(block: Block, all_rows: bool) -> Survey:
 
 
 def _draw_from_block(
-    block: Block, seed: int, ends: NDArray[np.int64], half: float, mass: float, mean: Floats, energy: float
+    block: Block, seed: int, ends: Ints64, half: float, mass: float, mean: Floats, energy: float
 ) -> tuple[Array, Floats]:
     """Draw rows, those that are far from the mean more often, with weights that make up for it, as `thin` does."""
     # By a number for each row of all, so that the sample is the same for any blocks of the same rows.
@@ -241,7 +240,7 @@ def _moments_of_block(block: Block, generators: Floats, places: Floats, frame: F
     return _total(found)
 
 
-def _label_rows(rows: Array, *, generators: Floats, frame: Frame) -> NDArray[np.int32]:
+def _label_rows(rows: Array, *, generators: Floats, frame: Frame) -> Ints:
     return assign_rows(rows, generators, pack(rows, np.ones(len(rows)), frame=frame))
 
 

@@ -8,11 +8,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import SAMPLE_DTYPES, check_that
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.engine import _kernels
 
 #: Points are summed in at most this many parts, of at least this many tiles each. The parts depend only on the data,
@@ -211,7 +210,7 @@ def thin(points: Points, factor: int, rng: np.random.Generator) -> Points:
     return points.take(drawn, points.density[drawn] * counts * ends[-1] / (n_drawn * chances[drawn]))
 
 
-def assign(points: Points, generators: Floats, gaps: Array | None = None) -> NDArray[np.int32]:
+def assign(points: Points, generators: Floats, gaps: Array | None = None) -> Ints:
     """Label each point, padding included, with its nearest generator; the first one on a tie."""
     # Into gaps goes how much farther the second nearest is, in squared distance.
     # The nearest generator z of a point y has the least ``|z|^2 / 2 - y . z``.
@@ -232,7 +231,7 @@ def assign(points: Points, generators: Floats, gaps: Array | None = None) -> NDA
     return labels
 
 
-def assign_rows(rows: Array, places: Array, points: Points, order: Indices | None = None) -> NDArray[np.int32]:
+def assign_rows(rows: Array, places: Array, points: Points, order: Indices | None = None) -> Ints:
     """Label (N, D) rows with their nearest places, in their own units, once packed as points; perhaps in an order."""
     # Where the two nearest are nearer to each other than rounding is, float64 decides. So a label depends on no other
     # row: J. Shewchuk, Discrete & Computational Geometry 18 (1997) 305-363, doi 10.1007/PL00009321.
@@ -263,7 +262,7 @@ class RowMoments(NamedTuple):
     energies: Floats  # (K,) of weight times squared distance to the place
 
     @classmethod
-    def of(cls, rows: Array, weights: Floats, places: Floats, labels: NDArray[np.int32]) -> RowMoments:
+    def of(cls, rows: Array, weights: Floats, places: Floats, labels: Ints) -> RowMoments:
         """Sum over (N, D) rows by their labels."""
         points = pack(rows, weights, frame=Frame(np.zeros(rows.shape[1]), 1.0), exact=True)
         padded = np.pad(labels, (0, len(points.density) - len(labels)))
@@ -296,7 +295,7 @@ def float32_suffices(points: Points, energy: float) -> bool:
     return _UNIT * np.sqrt(points.n_dims) * points.energy_about_origin <= _LOSS * energy
 
 
-def assign_next(points: Points, generators: Floats, labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], Array]:
+def assign_next(points: Points, generators: Floats, labels: Ints) -> tuple[Ints, Array]:
     """Return the nearest generator of each point but for its own, and how much farther that is, in squared distance."""
     seconds, gaps = np.empty(len(labels), np.int32), np.empty(len(labels), points.tiles.dtype)
     places, half_norms = _for_kernels(points, generators)
@@ -309,7 +308,7 @@ def assign_next(points: Points, generators: Floats, labels: NDArray[np.int32]) -
     return seconds, gaps
 
 
-def cell_moments(points: Points, labels: NDArray[np.int32], n_cells: int) -> tuple[Floats, Floats]:
+def cell_moments(points: Points, labels: Ints, n_cells: int) -> tuple[Floats, Floats]:
     """Return the (K,) mass of each cell and the (K, D) sum of density times point."""
     slices = _fixed_parts(len(points.tiles))
     parts = np.zeros((len(slices), n_cells, points.n_dims + 1))
@@ -323,7 +322,7 @@ def cell_moments(points: Points, labels: NDArray[np.int32], n_cells: int) -> tup
     return total[:, -1].copy(), total[:, :-1].copy()
 
 
-def energy(points: Points, generators: Floats, labels: NDArray[np.int32], masses: Floats, sums: Floats) -> float:
+def energy(points: Points, generators: Floats, labels: Ints, masses: Floats, sums: Floats) -> float:
     """Return the sum of density times squared distance to the own generator, from the moments of the cells."""
     # Below the fraction `SMALL_ENERGY` of that about the origin the moments cancel.
     if points.exact:
@@ -333,7 +332,7 @@ def energy(points: Points, generators: Floats, labels: NDArray[np.int32], masses
     return float(max(points.energy_about_origin - 2 * cross + norms, 0.0))
 
 
-def cell_energies(points: Points, generators: Floats, labels: NDArray[np.int32]) -> Floats:
+def cell_energies(points: Points, generators: Floats, labels: Ints) -> Floats:
     """Return the (K,) energy of each cell, summed point by point: accurate where `energy` cancels."""
     parts = _fixed_parts(len(points.tiles))
     sums = np.empty((len(parts), len(generators)))

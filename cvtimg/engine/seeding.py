@@ -10,10 +10,9 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Floats, Indices, Ints, Ints64
 from cvtimg.engine import _kernels
 from cvtimg.engine.points import Points, cell_energies
 
@@ -31,7 +30,7 @@ _POWERS = 8
 class _Cells(NamedTuple):
     """Counts of the points of positive density in K cells, and the moments of `_kernels.divide_cells`."""
 
-    counts: NDArray[np.int64]
+    counts: Ints64
     moments: Floats
 
     @classmethod
@@ -91,7 +90,7 @@ def split(points: Points, n_generators: int, rng: np.random.Generator) -> Floats
     return cells.means
 
 
-def halves(points: Points, labels: NDArray[np.int32], chosen: Indices, n_cells: int) -> tuple[Floats, Floats]:
+def halves(points: Points, labels: Ints, chosen: Indices, n_cells: int) -> tuple[Floats, Floats]:
     """Return the approximate (n, D) means of the two halves of some cells; equal where a cell is a single point."""
     if points.n_dims > _MOST_DIMS:
         is_weighted = points.density > 0
@@ -124,7 +123,7 @@ def _halves_of_one(points: Points, members: Indices) -> Floats:
     return np.stack([mean - step, mean + step])
 
 
-def refill(points: Points, generators: Floats, labels: NDArray[np.int32], masses: Floats, n_locked: int) -> Floats:
+def refill(points: Points, generators: Floats, labels: Ints, masses: Floats, n_locked: int) -> Floats:
     """Give each empty cell half of a cell of high energy, where a generator lowers the energy most; the first stay."""
     free = np.arange(len(generators)) >= n_locked
     empty = free & (masses == 0)
@@ -202,7 +201,7 @@ class TooFewSamplesError(ValueError):
         self.n_distinct = n_distinct
 
 
-def _gather(points: Points, labels: NDArray[np.int32], chosen: Indices, cells: _Cells) -> None:
+def _gather(points: Points, labels: Ints, chosen: Indices, cells: _Cells) -> None:
     """Count the points of some cells and sum their moments, by a division that puts all points on one side."""
     children = np.full(len(cells.counts), -1, np.int32)
     children[chosen] = chosen
@@ -211,7 +210,7 @@ def _gather(points: Points, labels: NDArray[np.int32], chosen: Indices, cells: _
     _kernels.divide_cells(points.tiles, points.density, labels, children, axes, offsets, cells.counts, cells.moments)
 
 
-def _divide(points: Points, labels: NDArray[np.int32], chosen: Indices, children: Indices, cells: _Cells) -> None:
+def _divide(points: Points, labels: Ints, chosen: Indices, children: Indices, cells: _Cells) -> None:
     """Move the points above the middle of some cells to their children."""
     axes = np.zeros((len(cells.counts), points.n_dims))
     axes[chosen], _ = cells.main_axes(chosen)

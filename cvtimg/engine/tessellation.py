@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -26,7 +26,7 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
 from cvtimg.engine.methods.transfer import weighted_energy
@@ -77,7 +77,7 @@ class Tessellation(ReadOnly):
     """
 
     generators: Floats
-    labels: NDArray[np.int32]
+    labels: Ints
     masses: Floats
     energy: float
     weighted_energy: float

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import shortest
+from cvtimg._shared.types import Bytes
 from cvtimg.options import options_of, record
 from cvtimg.options.record import Option
 from cvtimg.segmentation import Edit, brush
@@ -250,7 +250,7 @@ class Brushed(Edits):
         """Return nothing: the name of the file is known elsewhere."""
         return []
 
-    def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> NDArray[np.uint8]:
+    def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> Bytes:
         image = np.full(size, self.base, np.uint8)
         for stroke in map(Edit.parse, strokes):
             brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))

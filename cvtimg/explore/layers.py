@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvtimg._shared.choices import Json, Options
-from cvtimg._shared.types import Array, Floats32
+from cvtimg._shared.types import Array, Bytes, Floats32
 from cvtimg.explore.controls import UnfitRequestError, is_number
 
 
@@ -61,7 +61,7 @@ class Indexed:
     """(H, W) indices of (K, 4) uint8 colors."""
 
     indices: Array
-    colors: NDArray[np.uint8]
+    colors: Bytes
 
     def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         indices = window.of_array(self.indices)
@@ -76,7 +76,7 @@ class Indexed:
 class Pixels:
     """(H, W, 3) or (H, W, 4) uint8 pixels."""
 
-    pixels: NDArray[np.uint8]
+    pixels: Bytes
 
     def cut(self, window: Window) -> tuple[Json, Sequence[bytes]]:
         pixels = window.of_array(self.pixels)

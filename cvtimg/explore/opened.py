@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg import energy_curve, read_image
 from cvtimg._shared.choices import Json, SpaceName
-from cvtimg._shared.types import Array, Bools
+from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
@@ -237,7 +236,7 @@ class Picture:
     def seen(self, window: Window) -> Pixels:
         return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
 
-    def colors_seen(self, colors: Array, *, alpha: bool) -> NDArray[np.uint8]:
+    def colors_seen(self, colors: Array, *, alpha: bool) -> Bytes:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
         bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
         if bands.shape[1] == 2:  # gray and alpha

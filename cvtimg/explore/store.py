@@ -14,13 +14,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import read_palette
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.types import Bytes
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.opened import Picture
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
@@ -60,7 +59,7 @@ class Store:
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
         self._files: dict[str, tuple[str, Path]] = {}  # name and file of each picture, in memory or not
         self._thumbnails: dict[str, bytes] = {}
-        self._palettes: OrderedDict[str, tuple[str, NDArray[np.uint8]]] = OrderedDict()
+        self._palettes: OrderedDict[str, tuple[str, Bytes]] = OrderedDict()
         self._results: OrderedDict[str, Outcome] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -99,7 +98,7 @@ class Store:
                 self._thumbnails[key] = stream.getvalue()
         return self._thumbnails[key]
 
-    def palette(self, keys: Sequence[str]) -> tuple[str, NDArray[np.uint8]]:
+    def palette(self, keys: Sequence[str]) -> tuple[str, Bytes]:
         """Return the name and the colors of the palette that was chosen."""
         if not keys:
             raise UnfitRequestError("choose a palette, or open a file that has one")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
-from cvtimg._shared.types import Array, Floats, Indices, Points, Triangles
+from cvtimg._shared.types import Array, Floats, Indices, Ints, Ints64, Points, Triangles
 
 
 class HalfEdges:
@@ -61,7 +61,7 @@ def turn_left(half_edges: Triangles, twins: Triangles) -> Triangles:
     return twins.ravel()[np.where(half_edges % 3 == 0, half_edges + 2, half_edges - 1)]
 
 
-def edge_keys(edges: NDArray[np.integer], n: int) -> NDArray[np.int64]:
+def edge_keys(edges: NDArray[np.integer], n: int) -> Ints64:
     """One number for both directions of each of (E, 2) edges between n points."""
     a, b = edges.T.astype(np.int64)
     return np.minimum(a, b) * n + np.maximum(a, b)
@@ -134,7 +134,7 @@ def boundary_edges(triangles: Triangles) -> Triangles:
     return edges[counts[which] == 1]
 
 
-def connected_parts(links: tuple[Array, Array], n: int) -> tuple[int, NDArray[np.int32]]:
+def connected_parts(links: tuple[Array, Array], n: int) -> tuple[int, Ints]:
     """Return how many parts links, by their ends (E,) and (E,), make of n things, and the part (n,) of each."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

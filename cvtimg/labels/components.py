@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.types import Bools, Floats, Floats32, Ints
 from cvtimg.labels import _labels
 
 # --- borders between regions: which regions meet, and at which cracks between their pixels
@@ -23,13 +22,13 @@ from cvtimg.labels import _labels
 class Borders:
     """Borders between regions that are numbered from 0."""
 
-    pairs: NDArray[np.int32]  # (B, 2): regions at the two sides, the lower number first
-    starts: NDArray[np.int32]  # (B + 1,): where the cracks of each border begin
-    places: NDArray[np.int32]  # (P, 2): row and column of the pixel before each crack: above it or to its left
+    pairs: Ints  # (B, 2): regions at the two sides, the lower number first
+    starts: Ints  # (B + 1,): where the cracks of each border begin
+    places: Ints  # (P, 2): row and column of the pixel before each crack: above it or to its left
     is_flat: Bools  # (P,): whether the crack is below that pixel, else to its right
 
     @property
-    def lengths(self) -> NDArray[np.int32]:
+    def lengths(self) -> Ints:
         """(B,) cracks of each border."""
         return np.diff(self.starts)
 
@@ -40,7 +39,7 @@ class Borders:
         return strongest
 
 
-def find_borders(labels: NDArray[np.int32]) -> Borders:
+def find_borders(labels: Ints) -> Borders:
     """Find the borders between regions (H, W) numbered from 1; 0 is no region."""
     n_regions = int(labels.max())
     parts = []
@@ -63,7 +62,7 @@ def find_borders(labels: NDArray[np.int32]) -> Borders:
 # --- pieces of segments
 
 
-def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+def connected_pieces(labels: Ints) -> Ints:
     """Find the connected pieces of (H, W) labels, numbered from 1 in reading order; label 0 stays 0.
 
     Pixels that share a side are connected.
@@ -73,9 +72,7 @@ def connected_pieces(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(label(labels, background=0, connectivity=1), dtype=np.int32)  # type: ignore[no-untyped-call]
 
 
-def absorb_small(
-    pieces: NDArray[np.int32], values: Floats32, min_size: int, length_price: float = 0
-) -> NDArray[np.int32]:
+def absorb_small(pieces: Ints, values: Floats32, min_size: int, length_price: float = 0) -> Ints:
     """Merge pieces smaller than `min_size` into their neighbors until there are none.
 
     The smallest piece comes first and goes to the neighbor that raises the energy least. Only pieces without neighbors

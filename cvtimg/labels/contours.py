@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Points
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints, Ints64, Points
 from cvtimg.labels import _labels
 from cvtimg.labels.figures import region_means
 
@@ -31,7 +31,7 @@ _LEAST_TOLERANCE = 1 / 16
 #: A region of less area than this, in squared pixels, may have none but for rounding.
 _NO_AREA = 1e-3
 
-_Index = NDArray[np.int64]
+_Index = Ints64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ class Contours(ReadOnly):
     """
 
     lines: tuple[Points, ...]
-    sides: NDArray[np.int32]
+    sides: Ints
     polygons: tuple[Polygon, ...]
 
     def __repr__(self) -> str:
@@ -210,7 +210,7 @@ class _Cracks(NamedTuple):
     at_junction: Bools  # (l,): whether a line begins at a junction, and is no ring without one
 
 
-def _walk(rimmed: NDArray[np.int32]) -> _Cracks:
+def _walk(rimmed: Ints) -> _Cracks:
     """Walk along all cracks between labels of an image with a rim."""
     height, width = rimmed.shape
     marks = np.zeros((height - 1, width - 1), np.uint8)
@@ -241,7 +241,7 @@ def _along_sides(cracks: _Cracks) -> list[Points]:
     return _drawn(cracks, places, turns, places[cracks.starts], places[cracks.lasts] + cracks.steps[cracks.lasts, ::-1])
 
 
-def _between_centers(cracks: _Cracks, rimmed: NDArray[np.int32], picture: Array) -> list[Points]:
+def _between_centers(cracks: _Cracks, rimmed: Ints, picture: Array) -> list[Points]:
     """Draw the lines where those from pixel to pixel cross them; junctions lie in the middle of what is around them."""
     means = region_means(rimmed[1:-1, 1:-1], picture)
     labels = np.stack([rimmed[tuple(side.T)] for side in (cracks.right, cracks.left)], axis=1)
@@ -290,7 +290,7 @@ def _strings(lines: Sequence[Points]) -> Array:
     return strings
 
 
-def _polygons(lines: Sequence[Points], sides: NDArray[np.int32], regions: NDArray[np.integer]) -> tuple[Polygon, ...]:
+def _polygons(lines: Sequence[Points], sides: Ints, regions: NDArray[np.integer]) -> tuple[Polygon, ...]:
     """Return the polygons of regions, of which (L, 2) are beside lines and have labels; those of label 0 have none."""
     labels, numbers = sides.T.ravel(), regions.T.ravel()
     order = np.lexsort((numbers, labels))

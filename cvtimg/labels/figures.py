@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_that
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array, Floats, ImageLike
+from cvtimg._shared.types import Array, Floats, ImageLike, Ints
 
 if TYPE_CHECKING:
     from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -156,7 +156,7 @@ def region_table(
     return table
 
 
-def _measured(regions: NDArray[np.int32], values: Array, bands: Sequence[str | int]) -> dict[str, Array]:
+def _measured(regions: Ints, values: Array, bands: Sequence[str | int]) -> dict[str, Array]:
     """Measure regions of two or three axes: label, sizes, centroid and bounding box by the last axis first, bands."""
     n, names = regions.ndim, {"area": "area", "perimeter": "perimeter"} if regions.ndim == 2 else {"area": "volume"}
     columns = _property(regions, values, "label", *names, "centroid", "bbox", "intensity_mean", "intensity_std")
@@ -168,7 +168,7 @@ def _measured(regions: NDArray[np.int32], values: Array, bands: Sequence[str | i
     return table | {f"{of}_{band}": columns[f"intensity_{of}-{at}"] for of in kinds for at, band in enumerate(bands)}
 
 
-def _in_units(segments: NDArray[np.int32], table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
+def _in_units(segments: Ints, table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
     """Measure regions in the unit of the size of a pixel."""
     from skimage.measure import regionprops_table
 
@@ -183,7 +183,7 @@ def _in_units(segments: NDArray[np.int32], table: Mapping[str, Array], size: Pix
     return columns | {f"{name}_{size.unit}": values for name, values in lengths.items()}
 
 
-def _in_units_of_space(regions: NDArray[np.int32], table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
+def _in_units_of_space(regions: Ints, table: Mapping[str, Array], size: PixelSize) -> dict[str, Array]:
     """Measure regions of a volume in the unit of the size of a voxel; none if planes are at no known distance."""
     if size.z is None:
         return {}
@@ -213,7 +213,7 @@ def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> Float
     return areas[np.flatnonzero(np.bincount(regions.ravel(), minlength=areas.size)[1:]) + 1]
 
 
-def _property(segments: NDArray[np.int32], values: Array, *names: str) -> dict[str, Array]:
+def _property(segments: Ints, values: Array, *names: str) -> dict[str, Array]:
     """Measure properties by their names in scikit-image; one of several numbers has several columns."""
     from skimage.measure import regionprops_table
 

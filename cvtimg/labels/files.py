@@ -7,12 +7,12 @@ from colorsys import hsv_to_rgb
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_labels, check_that, check_within
 from cvtimg._shared.extras import optional
 from cvtimg._shared.svg import shortest
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes, Ints
 from cvtimg.files.text_tables import write_csv
 from cvtimg.files.whole import StrPath, whole_file
 from cvtimg.pictures.files import Metadata, read_indices, write_image
@@ -66,7 +66,7 @@ def write_labels(
     write_image(path, stored, palette=palette, metadata=metadata, overwrite=overwrite)
 
 
-def read_labels(path: StrPath) -> NDArray[np.int32]:
+def read_labels(path: StrPath) -> Ints:
     """Read labels that `write_labels` or another program wrote, whatever colors show them.
 
     Parameters
@@ -124,7 +124,7 @@ def one_band(image: Array) -> Array:
     return labels.reshape(colors.shape) + int(values[0] != 0)
 
 
-def label_colors(n_labels: int) -> NDArray[np.uint8]:
+def label_colors(n_labels: int) -> Bytes:
     """Return (n_labels + 1, 3) colors, black for label 0 and distinct ones for the others.
 
     Hues follow the golden ratio, so that labels that are near each other look different, and brightness changes in

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.types import Ints
 
 
-def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> NDArray[np.int32]:
+def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> Ints:
     """Return labels of a time series in which each object keeps its number from frame to frame.
 
     An object takes the number of that of the frame before which it overlaps most. Of two that overlap the same one, as
@@ -53,7 +54,7 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> NDArray[np.i
     return tracks
 
 
-def _pairs(now: NDArray[np.integer], before: NDArray[np.int32], least: float) -> list[tuple[int, int]]:
+def _pairs(now: NDArray[np.integer], before: Ints, least: float) -> list[tuple[int, int]]:
     """Return pairs of overlapping objects of two frames by their share of the union, the largest first."""
     n = int(before.max()) + 1
     here = before > 0

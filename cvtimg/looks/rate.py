@@ -12,10 +12,9 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, Floats, Floats32
+from cvtimg._shared.types import Array, Bytes, Floats, Floats32
 from cvtimg.looks import _looks
 from cvtimg.looks.similarity import blurred
 
@@ -99,7 +98,7 @@ def map_by_rate(
     rate: Rate,
     strength: float = STRENGTH,
     kept: Floats32 | None = None,
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """Return the (H, W) entry of each pixel so that a file needs few bits; the same for any number of threads.
 
     Pixels and the entries, 2 to 256, are places of up to four coordinates, in units in which a squared distance of 1 is

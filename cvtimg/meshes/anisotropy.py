@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_places, check_shape, check_that, check_triangles
-from cvtimg._shared.types import Floats, Points
+from cvtimg._shared.types import Floats, Ints, Points
 from cvtimg.meshes.fields import PER_AREA
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.sizes import MeshValues, estimated_factor
@@ -168,7 +168,7 @@ class RecoveredHessian:
         return _as_matrices(self._values(points))
 
 
-def _fitted_hessians(points: Points, triangles: NDArray[np.int32], values: Floats) -> Points:
+def _fitted_hessians(points: Points, triangles: Ints, values: Floats) -> Points:
     """Fit a quadratic around each vertex; return its second derivatives (N, 3)."""
     from scipy.sparse import coo_array
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats, Indices, Points
+from cvtimg._shared.types import Floats, Indices, Ints, Points
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Areas:
         """Return the areas of lines that were cut: each part is of line `own`."""
         return replace(self, pieces=self.pieces[own])
 
-    def kept(self, points: Points, edges: NDArray[np.int32], of_line: Indices, ends: Indices, still: Indices) -> Points:
+    def kept(self, points: Points, edges: Ints, of_line: Indices, ends: Indices, still: Indices) -> Points:
         """Move vertices (N, 2) of edges (E, 2) on lines (E,) so that pieces have their areas, by the least squares.
 
         Ends of lines, which are corners or junctions, hardly move; those that are still stay.

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.progress import first_few
-from cvtimg._shared.types import Bools, Floats, Indices, Points
+from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points
 from cvtimg.halfedges import EdgeTable, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.fields import Field, lengths_of
@@ -102,7 +101,7 @@ class _Chains:
     along: Floats  # (P,): the length in the metric until each
     of_line: Indices  # (C,): the line of each vertex
     at: Floats  # (C,): where it is along all lines
-    vertices: NDArray[np.int32]  # (C,): its number; lines share their nodes, which come first
+    vertices: Ints  # (C,): its number; lines share their nodes, which come first
 
     @classmethod
     def of(cls, outline: Outline, field: Field, on_curves: int) -> _Chains:
@@ -153,7 +152,7 @@ class _Chains:
         """Where the first vertex (E,) of each edge is in chains."""
         return np.flatnonzero(self.of_line[1:] == self.of_line[:-1])
 
-    def _slides(self, points: Points) -> NDArray[np.int32]:
+    def _slides(self, points: Points) -> Ints:
         """Tell which vertices slide along lines: those where edges hardly turn."""
         before, here, after = (self.vertices[self.inner + step] for step in (-1, 0, 1))
         return here[turns_of(points[before], points[here], points[after]) < Spacing.of(self.outline).straight]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.files.vtu import LINE, LINE3, TETRAHEDRON, TRIANGLE, TRIANGLE6, vtu_content
 from cvtimg.files.whole import StrPath, scratch_folder, whole_file
 
@@ -48,11 +48,11 @@ class MeshContent:
     """What files hold of a mesh of triangles or tetrahedra."""
 
     points: Floats  # (N, 2) or (N, 3)
-    cells: NDArray[np.int32]  # (T, 3), (T, 4), or (T, 6) for triangles with nodes in the middle of edges
-    tags: NDArray[np.int32]  # (T,)
-    sides: NDArray[np.int32]  # (E, 2) or (E, 3): edges on borders, with their middle, or triangles of the surface
+    cells: Ints  # (T, 3), (T, 4), or (T, 6) for triangles with nodes in the middle of edges
+    tags: Ints  # (T,)
+    sides: Ints  # (E, 2) or (E, 3): edges on borders, with their middle, or triangles of the surface
     qualities: Floats  # (T,)
-    side_tags: NDArray[np.int32] | None = None  # (E,): 1 by default
+    side_tags: Ints | None = None  # (E,): 1 by default
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)  # Of the dimension and the tag of cells
 
     @property

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
-from cvtimg._shared.types import Bools, Floats, Indices, Points
+from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points
 from cvtimg.halfedges import EdgeTable, measure_triangles
 from cvtimg.meshes.fields import Field
 from cvtimg.meshes.relaxation import relax
@@ -84,7 +83,7 @@ def _needless(mesh: PlaneTriangulation, small: float) -> Bools:
 
 
 def _refined(
-    mesh: PlaneTriangulation, how: Mending, ends: NDArray[np.int32], shortest: float, dropped: Bools
+    mesh: PlaneTriangulation, how: Mending, ends: Ints, shortest: float, dropped: Bools
 ) -> tuple[Bools, Points, Floats]:
     """Find the border edges (E,) to split, and points (A, 2) to add, which are centers of circles with radii (A,).
 
@@ -118,7 +117,7 @@ def _refined(
     return split, centers[added], radii[added]
 
 
-def _bad(mesh: PlaneTriangulation, how: Mending) -> tuple[Indices, Points, Floats, NDArray[np.int32]]:
+def _bad(mesh: PlaneTriangulation, how: Mending) -> tuple[Indices, Points, Floats, Ints]:
     """Find triangles with small angles, the worst first, and their circumcircles, and narrow corners of borders."""
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     sides = np.stack([np.linalg.norm(p - q, axis=1) for p, q in ((b, a), (c, b), (a, c))], axis=1)

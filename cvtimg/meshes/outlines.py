@@ -8,11 +8,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Indices, Points
+from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Indices, Ints, Points
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.contours import find_contours
 from cvtimg.meshes.areas import Areas
@@ -46,7 +45,7 @@ class Outline:
 
     # From corner to corner, or closed, if the last point is the first; lines meet at their ends only.
     lines: tuple[Points, ...]
-    sides: NDArray[np.int32]  # (M, 2): labels of both sides of each line, as in `Borders`
+    sides: Ints  # (M, 2): labels of both sides of each line, as in `Borders`
     nodes: Points  # (V, 2): where lines start and stop
     ends: Indices  # (M, 2): the nodes where each does
     bounds: Points  # (2, 2): least and greatest coordinates
@@ -146,7 +145,7 @@ class StraightParts:
         return steps / np.linalg.norm(steps, axis=1, keepdims=True)
 
 
-def label_outline(labels: NDArray[np.int32], image: ImageLike | None, tolerance: float) -> Outline:
+def label_outline(labels: Ints, image: ImageLike | None, tolerance: float) -> Outline:
     """Return the borders of segments; pixels of label 0 are outside."""
     mask = labels > 0
     check_that("labels", mask.any(), "not be 0 everywhere")
@@ -170,7 +169,7 @@ def label_outline(labels: NDArray[np.int32], image: ImageLike | None, tolerance:
     return Outline.of(lines, found.sides[own], bounds, mask, contains, kept)
 
 
-def _pieces_beside(lines: Sequence[Points], pieces: NDArray[np.int32]) -> Indices:
+def _pieces_beside(lines: Sequence[Points], pieces: Ints) -> Indices:
     """Numbers (M, 2) of the pieces on both sides of lines along the sides of pixels; 0 beyond the image."""
     padded = np.pad(pieces, 1)
     first = np.array([line[0] for line in lines])

@@ -9,11 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Indices, Points
+from cvtimg._shared.types import Indices, Ints, Points
 from cvtimg.meshes.outlines import ON_LINE, Outline, with_points
 from cvtimg.meshes.quadratic import QuadraticTriangles
 from cvtimg.meshes.result import Mesh
@@ -144,7 +143,7 @@ def _with_chords(outline: Outline, twins: list[_Twin], borders: Borders) -> tupl
     return cut.staying(np.concatenate(asked)), chains
 
 
-def _pairs(points: Points, steps: Points, near: float) -> NDArray[np.int32]:
+def _pairs(points: Points, steps: Points, near: float) -> Ints:
     """Find the points (P, 2) that are others moved by a step."""
     from scipy.spatial import cKDTree
 
@@ -155,7 +154,7 @@ def _pairs(points: Points, steps: Points, near: float) -> NDArray[np.int32]:
     return np.concatenate(found).astype(np.int32)
 
 
-def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: NDArray[np.int32], near: float) -> Points:
+def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: Ints, near: float) -> Points:
     """Return the places of vertices on sides that are in no pair, and of the copies that they need."""
     found, places = [np.empty((0, 2))], shapely.points(mesh.points[mesh.boundary])
     for both in chains:
@@ -167,7 +166,7 @@ def _alone(mesh: Mesh, chains: list[tuple[Points, Points]], pairs: NDArray[np.in
     return np.concatenate(found)
 
 
-def _aligned(points: Points, pairs: NDArray[np.int32]) -> Points:
+def _aligned(points: Points, pairs: Ints) -> Points:
     """Move copies to where they belong."""
     points, steps = points.copy(), points[pairs[:, 0]] - points[pairs[:, 1]]
     for axis in (0, 1):

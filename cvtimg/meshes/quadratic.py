@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Bools, Floats, Indices, Points
+from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
 from cvtimg.meshes.outlines import Outline, StraightParts, cross
@@ -50,10 +49,10 @@ class QuadraticTriangles(ReadOnly):
     """
 
     nodes: Points
-    triangles: NDArray[np.int32]
-    edges: NDArray[np.int32]
+    triangles: Ints
+    edges: Ints
     n_straight: int
-    pairs: NDArray[np.int32] | None = None
+    pairs: Ints | None = None
 
     @property
     def jacobians(self) -> Points:
@@ -66,9 +65,7 @@ class QuadraticTriangles(ReadOnly):
         return self.jacobians.mean(axis=1) / 2
 
 
-def quadratic(
-    points: Points, triangles: NDArray[np.int32], edges: NDArray[np.int32], outline: Outline
-) -> QuadraticTriangles:
+def quadratic(points: Points, triangles: Ints, edges: Ints, outline: Outline) -> QuadraticTriangles:
     """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
     n = len(points)
     half_edges = edges_around(triangles)
@@ -97,8 +94,8 @@ def quadratic(
 class _Bent:
     """How all edges bend with those on borders."""
 
-    triangles: NDArray[np.int32]  # (T, 6)
-    edges: NDArray[np.int32]  # (M, 2): the ends of all edges
+    triangles: Ints  # (T, 6)
+    edges: Ints  # (M, 2): the ends of all edges
     as_border: Indices  # (M,): the number of the border edge that each bends with, or -1
 
     def nodes(self, places: Points, bends: Points) -> Points:
@@ -164,7 +161,7 @@ class _Ways:
         )
 
 
-def _snapped(points: Points, triangles: NDArray[np.int32], edges: NDArray[np.int32], ways: _Ways) -> Points:
+def _snapped(points: Points, triangles: Ints, edges: Ints, ways: _Ways) -> Points:
     """Move vertices that are off the outline to it, but where a triangle would get too small."""
     moves = ways.off & ways.found[:, None]
     moved = points.copy()
@@ -179,7 +176,7 @@ def _snapped(points: Points, triangles: NDArray[np.int32], edges: NDArray[np.int
 
 
 def _with_areas(
-    places: Points, bends: Points, edges: NDArray[np.int32], outline: Outline, ways: _Ways, straight: Bools
+    places: Points, bends: Points, edges: Ints, outline: Outline, ways: _Ways, straight: Bools
 ) -> tuple[Points, Points]:
     """Move vertices and nodes on borders, but not at straight edges, by the least that gives segments their areas."""
     assert outline.areas is not None
@@ -195,7 +192,7 @@ def _with_areas(
     return kept[: len(places)], 3 / 4 * (kept[middle] - (kept[a] + kept[b]) / 2)
 
 
-def _jacobians(nodes: Points, triangles: NDArray[np.int32]) -> Points:
+def _jacobians(nodes: Points, triangles: Ints) -> Points:
     """Bernstein coefficients (T, 6) of the determinants of Jacobians: at corners, and between each two of them."""
     corners, middles = nodes[triangles[:, :3]], nodes[triangles[:, 3:]]
     (a, b, c), (ab, bc, ca) = (

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.meshes.files import TAKEN, MeshContent, suffixes, write_mesh
@@ -57,16 +57,16 @@ class Mesh(ReadOnly):
     """
 
     points: Floats
-    triangles: NDArray[np.int32]
-    tags: NDArray[np.int32]
-    edges: NDArray[np.int32]
+    triangles: Ints
+    tags: Ints
+    edges: Ints
     energies: tuple[float, ...]
     converged: bool
     n_wanted: int | None
-    edge_tags: NDArray[np.int32] | None = None
+    edge_tags: Ints | None = None
     names: Mapping[tuple[int, int], str] = field(default_factory=dict)
     quadratic: QuadraticTriangles | None = None
-    pairs: NDArray[np.int32] | None = None
+    pairs: Ints | None = None
     changes: OutlineChanges | None = None
     projection: LocalProjection | None = None
 
@@ -93,7 +93,7 @@ class Mesh(ReadOnly):
         return measure_triangles(self.points, self.triangles).qualities
 
     @property
-    def boundary(self) -> NDArray[np.int32]:
+    def boundary(self) -> Ints:
         """Indices of the vertices on borders, in rising order."""
         return np.unique(self.edges)
 

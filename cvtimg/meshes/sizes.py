@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_have_area,
@@ -18,7 +18,7 @@ from cvtimg._shared.checks import (
     check_that,
     check_triangles,
 )
-from cvtimg._shared.types import Array, Bools, Floats, Points
+from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
 from cvtimg.meshes.fields import Field, PictureField
 from cvtimg.meshes.outlines import Outline
 from cvtimg.meshes.trees import Sizes, TreeField
@@ -70,7 +70,7 @@ class MeshSize:
 class MeshValues:
     """Values (N, C) at the vertices of a mesh, interpolated on its triangles."""
 
-    def __init__(self, points: Points, triangles: NDArray[np.int32], values: Points) -> None:
+    def __init__(self, points: Points, triangles: Ints, values: Points) -> None:
         from scipy.spatial import cKDTree
 
         free = np.zeros(len(points), bool)
@@ -90,7 +90,7 @@ class MeshValues:
         return values
 
 
-def _counter_clockwise(points: Points, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+def _counter_clockwise(points: Points, triangles: Ints) -> Ints:
     a, b, c = (points[triangles[:, k]] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     check_have_area("triangles", turn)

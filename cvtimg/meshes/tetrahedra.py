@@ -13,10 +13,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints64, Points
 from cvtimg.halfedges import edge_keys, edges_around, unique_edges
 
-Cells = NDArray[np.int64]
+Cells = Ints64
 
 #: A vertex is moved to a place where the surface cuts one of its edges, if that is nearer than this part of the edge.
 _NEAR_LONG, _NEAR_SHORT = 0.24999, 0.41189
@@ -357,9 +357,7 @@ def _cosines(corners: Points) -> tuple[Points, Floats]:
     return np.clip(cosines, -1, 1), volumes
 
 
-def label_faces(
-    tetrahedra: NDArray[np.integer], labels: NDArray[np.integer]
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+def label_faces(tetrahedra: NDArray[np.integer], labels: NDArray[np.integer]) -> tuple[Array, Ints64, Ints64]:
     """Return the faces (S, 3) around each label, counter-clockwise seen from outside, that label, and the one beyond.
 
     Labels (T,) are above 0, which is beyond the faces that only one tetrahedron has. Faces between two come twice.

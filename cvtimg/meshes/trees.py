@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Bools, Floats, Points
+from cvtimg._shared.types import Bools, Floats, Ints, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges
 from cvtimg.meshes.fields import PER_AREA, metric_of
@@ -60,7 +59,7 @@ class TreeField:
     cells: Cells
     mesh: PlaneTriangulation  # Of the corners, and of more points where sizes were lowered
     sizes: Floats  # (N,)
-    _near: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
+    _near: Ints = field(default_factory=lambda: np.empty(0, np.int32))
 
     @classmethod
     def of(cls, sizes: Sizes, outline: Outline, probes: Points) -> TreeField:

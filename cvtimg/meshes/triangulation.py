@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points, Triangles
 from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
@@ -33,11 +32,9 @@ class Borders:
     sides: Triangles
     corners: Bools  # (B,): points that stay where the others move to keep areas
     of_line: Indices | None = None  # (E,): the line of the outline that each edge is on
-    slides: NDArray[np.int32] = field(
-        default_factory=lambda: np.empty(0, np.int32)
-    )  # Points (S,) that may slide along lines
+    slides: Ints = field(default_factory=lambda: np.empty(0, np.int32))  # Points (S,) that may slide along lines
 
-    def chain(self, line: int) -> NDArray[np.int32]:
+    def chain(self, line: int) -> Ints:
         """Return the points (C,) along a line."""
         own = self.edges[self.of_line == line]
         return np.append(own[:, 0], own[-1:, 1])

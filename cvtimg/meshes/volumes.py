@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Array, Bools, Floats, Indices, Points
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.meshes.files import MeshContent, write_mesh
 from cvtimg.meshes.planning import MOST_VERTICES
@@ -89,8 +89,8 @@ class VolumeMesh(ReadOnly):
     """
 
     points: Points
-    tetrahedra: NDArray[np.int32]
-    tags: NDArray[np.int32]
+    tetrahedra: Ints
+    tags: Ints
     n_wanted: int | None
 
     def _claims(self) -> Claims:
@@ -133,13 +133,13 @@ class VolumeMesh(ReadOnly):
         )
 
     @property
-    def surface(self) -> NDArray[np.int32]:
+    def surface(self) -> Ints:
         """Triangles (S, 3) that only one tetrahedron has, counter-clockwise seen from outside."""
         faces, _, beyond = label_faces(self.tetrahedra, self._numbers)
         return faces[beyond == 0]
 
     @property
-    def interfaces(self) -> NDArray[np.int32]:
+    def interfaces(self) -> Ints:
         """Triangles (I, 3) between tetrahedra of two labels, counter-clockwise seen from the higher one."""
         faces, own, beyond = label_faces(self.tetrahedra, self._numbers)
         return faces[own < beyond]

@@ -11,10 +11,7 @@ from cvtimg.options.common import file, switch
 from cvtimg.options.record import Choice, Option, Real, Text, Whole, late, passed
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from cvtimg._shared.types import Array
+    from cvtimg._shared.types import Array, Bytes
 
 #: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
 DEFAULT_COLORS, MAIN_COLORS = 16, 6
@@ -45,7 +42,7 @@ def _rgb(color: str) -> tuple[int, ...]:
     return tuple(bytes.fromhex(color)[:3])
 
 
-def locked_colors(colors: list[str | Path]) -> NDArray[np.uint8]:
+def locked_colors(colors: list[str | Path]) -> Bytes:
     """(L, 3) colors, or (L, 4) if some have transparency, each once."""
     import numpy as np
 

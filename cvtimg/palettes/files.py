@@ -11,11 +11,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_density, check_shape, check_within, refuse_type
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.palettes.formats import adobe, text
@@ -29,7 +29,7 @@ from cvtimg.pictures.formats.opening import reading
 class PaletteFormat:
     """A palette format: the (K, 3) or (K, 4) colors of the bytes of a file, and the bytes of a file with swatches."""
 
-    read: Callable[[bytes], NDArray[np.uint8]]
+    read: Callable[[bytes], Bytes]
     write: Callable[[Swatches], bytes]
 
 
@@ -49,7 +49,7 @@ PALETTE_FORMATS = {
 }
 
 
-def read_palette(path: StrPath) -> NDArray[np.uint8]:
+def read_palette(path: StrPath) -> Bytes:
     r"""Read the colors of a palette file or of an image.
 
     Parameters
@@ -143,7 +143,7 @@ def write_palette(
     write_whole(path, form.write(Swatches(name, colors, shares)), overwrite=overwrite)
 
 
-def _eight_bit(palette: Array) -> NDArray[np.uint8]:
+def _eight_bit(palette: Array) -> Bytes:
     """Convert any palette to (K, 3) or (K, 4) uint8."""
     rows = palette[:, np.newaxis] if palette.ndim == 1 else palette
     fits = rows.ndim == 2 and len(rows) > 0 and rows.shape[1] in (1, 3, 4)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cvtimg._shared.types import Bytes
 
 _WEB = ("00", "33", "66", "99", "cc", "ff")
 #: Hexadecimal colors; the NES had no fixed RGB values, and these are the usual ones.
@@ -23,14 +24,14 @@ _CODES = {
 }
 
 
-def known_palette(text: str) -> NDArray[np.uint8] | None:
+def known_palette(text: str) -> Bytes | None:
     """Return the (K, 3) or (K, 4) colors of a name, or those written as ``"#102030,#f0e0d0"``; None for other texts."""
     if not re.fullmatch(r"#(?:[0-9a-fA-F]{6}(?:,#[0-9a-fA-F]{6})*|[0-9a-fA-F]{8}(?:,#[0-9a-fA-F]{8})*)", text):
         return known_palettes().get(text)
     return np.array([list(bytes.fromhex(code[1:])) for code in text.split(",")], np.uint8)
 
 
-def known_palettes() -> dict[str, NDArray[np.uint8]]:
+def known_palettes() -> dict[str, Bytes]:
     """Return (K, 3) palettes by name."""
     return {
         name: np.frombuffer(bytes.fromhex("".join(codes.split())), np.uint8).reshape(-1, 3).copy()

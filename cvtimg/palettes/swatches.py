@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Bytes
 from cvtimg.pictures.formats.opening import UnfitContentError
 
 
@@ -16,7 +16,7 @@ class Swatches:
     """(K, 3) or (K, 4) uint8 colors, with the fraction of pixels of each where it is known."""
 
     name: str
-    colors: NDArray[np.uint8]
+    colors: Bytes
     shares: list[float] | None
 
     def hexes(self) -> list[str]:
@@ -24,7 +24,7 @@ class Swatches:
         return [f"#{color.tobytes().hex()}" for color in self.colors]
 
 
-def as_palette(rows: Iterable[Iterable[int]]) -> NDArray[np.uint8]:
+def as_palette(rows: Iterable[Iterable[int]]) -> Bytes:
     """Return (K, 3) uint8, or (K, 4) if any color has alpha; colors without alpha are then opaque."""
     colors = [tuple(row) for row in rows]
     if not colors:

@@ -10,10 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode
 from cvtimg.pictures.formats.encoding import encode_image as encode_image
@@ -151,7 +150,7 @@ def write_image(
     path: StrPath,
     image: Array,
     *,
-    palette: NDArray[np.uint8] | None = None,
+    palette: Bytes | None = None,
     alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,

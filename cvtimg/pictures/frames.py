@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import ImageFile
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.animated import FRAME_WRITERS, Cel
 from cvtimg.pictures.formats.arrays import upright
@@ -100,7 +99,7 @@ def write_frames(
     path: StrPath,
     frames: Frames,
     *,
-    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None = None,
+    palettes: Bytes | Sequence[Bytes] | None = None,
     metadata: Metadata | None = None,
     overwrite: bool = False,
 ) -> None:
@@ -130,10 +129,7 @@ def write_frames(
 
 
 def encode_frames(
-    suffix: str,
-    frames: Frames,
-    palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None = None,
-    metadata: Metadata | None = None,
+    suffix: str, frames: Frames, palettes: Bytes | Sequence[Bytes] | None = None, metadata: Metadata | None = None
 ) -> bytes:
     """Encode an animation as the bytes of the file that `write_frames` would write."""
     buffer = BytesIO()
@@ -185,9 +181,7 @@ def with_channels(image: Array, n_channels: int) -> Array:
     return np.concatenate([color, alpha], axis=2)
 
 
-def _cels(
-    images: Sequence[Array], palettes: NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None, *, indexed_png: bool
-) -> list[Cel]:
+def _cels(images: Sequence[Array], palettes: Bytes | Sequence[Bytes] | None, *, indexed_png: bool) -> list[Cel]:
     """Check images and palettes, and pair each frame with its palette."""
     if palettes is None:
         eight = all(image.dtype == np.uint8 and image.shape[2:] in ((), (3,), (4,)) for image in images)

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that
 from cvtimg._shared.choices import Options
 from cvtimg._shared.pixels import says_alpha, with_mark
 from cvtimg._shared.threads import n_threads
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.decoding import decode, decode_opened, to_srgb
 from cvtimg.pictures.formats.encoding import check_indexed
@@ -218,7 +218,7 @@ def _chosen(source: _Decoded | StoredStack) -> Pages:
 
 
 def write_pages(
-    path: StrPath, pages: Pages | ArrayLike, *, palette: NDArray[np.uint8] | None = None, overwrite: bool = False
+    path: StrPath, pages: Pages | ArrayLike, *, palette: Bytes | None = None, overwrite: bool = False
 ) -> None:
     """Write a multi-page TIFF atomically; axes and physical sizes are preserved.
 
@@ -342,7 +342,7 @@ def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[Array]:
     return images
 
 
-def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> None:
+def _encode(file: BinaryIO, pages: Pages, palette: Bytes | None) -> None:
     """Write pages, following the conventions of ImageJ or OME if `pages.kind` says so."""
     kind, images = pages.kind, pages.images
     if palette is not None and kind:
@@ -381,7 +381,7 @@ def _encode(file: BinaryIO, pages: Pages, palette: NDArray[np.uint8] | None) -> 
     )
 
 
-def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], NDArray[np.int64]]:
+def _imagej_order(axes: str, shape: tuple[int, ...]) -> tuple[str, tuple[int, ...], Ints64]:
     """Reorder pages to ImageJ's order of axes; axes unknown to ImageJ count as depth."""
     known = "".join(axis if axis in _ORDEROF_IMAGEJ else "Z" for axis in axes)
     if len(set(known)) < len(known):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 
 #: Parts of the samples that may be darker than black and brighter than white, so that a hot pixel hides nothing.
 _TAIL = 0.001
@@ -38,7 +37,7 @@ def natural_limits(image: Array) -> tuple[float, float]:
     return (0.0, white) if low >= 0 and _DARK * white <= high <= white else (low, high)
 
 
-def shown(image: Array, limits: tuple[float, float]) -> NDArray[np.uint8]:
+def shown(image: Array, limits: tuple[float, float]) -> Bytes:
     """Return the colors to show, (..., 3), or (..., 4) with alpha, for an image with channels on the last axis.
 
     One or two channels are shown as gray by the first, four are RGB and alpha, and of others the first three count.
@@ -56,7 +55,7 @@ def _split_alpha(image: Array) -> tuple[Array, Array]:
     return image[..., : 3 if n_channels >= 3 else 1], image[..., 3 : 4 if n_channels == 4 else 3]
 
 
-def _stretched(values: Array, low: float, high: float) -> NDArray[np.uint8]:
+def _stretched(values: Array, low: float, high: float) -> Bytes:
     span = high - low or 1.0
     levels = np.clip((values - np.float64(low)) * 255 / span, 0, 255)
     return np.rint(np.nan_to_num(levels, copy=False)).astype(np.uint8)

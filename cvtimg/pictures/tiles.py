@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.threads import n_threads
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.files.remote import url_of
 from cvtimg.files.whole import StrPath, whole_file, whole_folder
 from cvtimg.pictures.formats.geotiff import Place, extra_tags, geo_tags
@@ -114,12 +113,7 @@ def open_bands(path: StrPath) -> Bands:
 
 
 def write_bands(
-    path: StrPath,
-    form: Form,
-    bands: Iterable[Band],
-    *,
-    palette: NDArray[np.uint8] | None = None,
-    overwrite: bool = False,
+    path: StrPath, form: Form, bands: Iterable[Band], *, palette: Bytes | None = None, overwrite: bool = False
 ) -> None:
     """Write bands of rows from top to bottom, of any height, as an image in tiles: .tif, or .zarr without palette.
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_picture_density, check_places
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import per_mass
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Ints
 from cvtimg.placement import _placement
 
 #: Generators in a bucket on average, and the side of a bucket in pixels: larger ones hold more sums of rows in memory,
@@ -149,7 +149,7 @@ class PixelMoments:
         in_parts(finish, n_parts, work=64 * n)
         return Moments(found[:, 0].copy(), found[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
 
-    def labels(self, generators: Floats, /) -> NDArray[np.int32]:
+    def labels(self, generators: Floats, /) -> Ints:
         """Find the generator nearest to the center of each pixel, (H, W)."""
         return pixel_labels(self.density.shape, generators * self.scale)
 
@@ -163,7 +163,7 @@ class PixelMoments:
         return PixelMoments(quarters, self.scale / 2)
 
 
-def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> NDArray[np.int32]:
+def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> Ints:
     """Label the pixels of an image of a shape by the nearest of (K, 2) points.
 
     Examples

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Bytes, Floats, Ints
 from cvtimg.files.whole import write_whole
 from cvtimg.pictures.showing import limits_to_show, shown
 
@@ -215,12 +214,12 @@ def draw_supports(points: Floats, radii: Floats, suffix: str, lines: Sequence[Fl
 @chart
 def draw_mesh(
     points: Floats,
-    triangles: NDArray[np.int32],
+    triangles: Ints,
     qualities: Floats,
-    edges: NDArray[np.int32],
+    edges: Ints,
     suffix: str,
     *,
-    image: NDArray[np.uint8] | None = None,
+    image: Bytes | None = None,
     y_down: bool = False,
 ) -> bytes:
     """Draw a mesh, its triangles colored by quality and its borders bold.

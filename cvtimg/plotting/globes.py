@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bytes, Floats, Ints
 from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, show_box
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def draw_globe(
     suffix: str,
     *,
     center: tuple[float, float] = (0.0, 20.0),
-    image: NDArray[np.uint8] | None = None,
+    image: Bytes | None = None,
     lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
@@ -80,7 +79,7 @@ def draw_map(
     sizes: Floats,
     suffix: str,
     *,
-    image: NDArray[np.uint8] | None = None,
+    image: Bytes | None = None,
     lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
@@ -116,12 +115,7 @@ def draw_map(
 
 @chart
 def draw_surface(
-    points: Floats,
-    triangles: NDArray[np.int32],
-    qualities: Floats,
-    suffix: str,
-    *,
-    center: tuple[float, float] = (-60.0, 30.0),
+    points: Floats, triangles: Ints, qualities: Floats, suffix: str, *, center: tuple[float, float] = (-60.0, 30.0)
 ) -> bytes:
     """Draw triangles in space as they are seen from far away, colored by their quality.
 
@@ -189,7 +183,7 @@ def _axes_of_view(longitude: float, latitude: float) -> Floats:
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def _on_globe(image: NDArray[np.uint8], center: tuple[float, float], n_across: int = 1000) -> NDArray[np.uint8]:
+def _on_globe(image: Bytes, center: tuple[float, float], n_across: int = 1000) -> Bytes:
     """Draw a map of the world on a globe of the given size in pixels, with transparent corners around."""
     across = (np.arange(n_across) + 0.5) / n_across * 2 - 1
     x, y = np.meshgrid(across, -across)

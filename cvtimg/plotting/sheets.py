@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from cvtimg._shared.checks import check_count, check_labeled_image, check_labels
-from cvtimg._shared.types import ImageLike
+from cvtimg._shared.types import Bytes, ImageLike
 from cvtimg.labels.contours import Contours
 from cvtimg.labels.edges import find_edges
 from cvtimg.labels.figures import region_means
@@ -29,7 +29,7 @@ def draw_edges(
     color: Sequence[int] = (255, 255, 0),
     thickness: int = 1,
     ignore: int | None = None,
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """Draw the edges of segments over the segmented image.
 
     Parameters
@@ -72,9 +72,7 @@ def draw_edges(
     return drawn
 
 
-def shown_colors(
-    colors: ArrayLike, image: ImageLike, labels: ArrayLike, *, ignore: int | None = None
-) -> NDArray[np.uint8]:
+def shown_colors(colors: ArrayLike, image: ImageLike, labels: ArrayLike, *, ignore: int | None = None) -> Bytes:
     """Convert (K, C) colors in the units of the image to (K, 3) uint8, as `draw_edges` shows them."""
     segments = check_labels("labels", labels)
     values = check_labeled_image("image", image, segments)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_choice, check_in_range
 from cvtimg._shared.choices import DitherName
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Bools, Floats32
+from cvtimg._shared.types import Array, Bools, Bytes, Floats32, Ints
 from cvtimg.engine.points import Frame, scale_for_float32
 from cvtimg.looks.rate import COMPARISONS, usual_step
 from cvtimg.quantization import _dithering
@@ -45,8 +45,8 @@ class Job(NamedTuple):
     """The arguments of a dithering method."""
 
     places: Floats32  # (M, 4) place of each color, from 0 up
-    kinds: NDArray[np.uint8]  # (M,) which entries each color may take
-    inverse: NDArray[np.int32]  # (H, W) color of each pixel
+    kinds: Bytes  # (M,) which entries each color may take
+    inverse: Ints  # (H, W) color of each pixel
     entries: Floats32  # (K, 4) places of the palette
     finder: _dithering.Finder  # of nearest entries
     ranks: NDArray[np.uint16]  # (K,) of the entries along the main axis of the palette, usually that of brightness
@@ -58,14 +58,14 @@ class Job(NamedTuple):
 
 def dither(
     places: Array,
-    inverse: NDArray[np.int32],
+    inverse: Ints,
     palette: Array,
     method: DitherName = "floyd-steinberg",
     strength: float = STRENGTH,
     kinds: ArrayLike | None = None,
     allowed: ArrayLike | None = None,
     inside: Bools | None = None,
-) -> NDArray[np.int32]:
+) -> Ints:
     """Choose (H, W) entries of a palette so that the mean of an area is that of the image; the first on a tie."""
     # Colors are (M, D) places, D in 1..4, with the (H, W) index of each pixel among them, and entries (K, D) places. A
     # color of each of the (M,) kinds may take the entries `allowed`, (n_kinds, K). Errors are handed on between the
@@ -89,12 +89,12 @@ def dither(
     return chosen(Job(colors, kinds, inverse, entries, finder, ranks, strengths, step, longest, clean))
 
 
-def _floyd_steinberg(job: Job) -> NDArray[np.int32]:
+def _floyd_steinberg(job: Job) -> Ints:
     """Hand the error of a pixel on: 7/16 ahead, and 3/16, 5/16 and 1/16 to the next row."""
     return _diffuse(job, job.clean)
 
 
-def _edge_aware(job: Job) -> NDArray[np.int32]:
+def _edge_aware(job: Job) -> Ints:
     """Diffuse errors in smooth transitions alone; connected pixels of one color are dithered together or not at all."""
     # Most borders of such a piece are small steps in a smooth transition. In large pieces these must be tiny: others
     # are flat areas of text and drawings. What touches a flat area, as the smoothed rims of letters do, stays clean
@@ -125,7 +125,7 @@ def _edge_aware(job: Job) -> NDArray[np.int32]:
     return _diffuse(job, (clean | flat)[pieces] | job.clean)
 
 
-def _diffuse(job: Job, clean: Bools) -> NDArray[np.int32]:
+def _diffuse(job: Job, clean: Bools) -> Ints:
     labels = np.empty(job.inverse.shape, np.int32)
     _dithering.diffuse(
         job.places, job.kinds, job.inverse, job.finder, job.strengths, job.longest, clean.view(np.uint8), labels
@@ -133,7 +133,7 @@ def _diffuse(job: Job, clean: Bools) -> NDArray[np.int32]:
     return labels
 
 
-def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int32]:
+def _ordered(job: Job, mask: Callable[[], Bytes]) -> Ints:
     """Mix entries for each color, and let a mask pick one of them: the same wherever the color is at that place."""
     turns = mask()
     mixtures = np.empty((len(job.places), int(turns.max()) + 1), np.uint16)
@@ -155,7 +155,7 @@ def _ordered(job: Job, mask: Callable[[], NDArray[np.uint8]]) -> NDArray[np.int3
 
 
 @cache
-def bayer_mask() -> NDArray[np.uint8]:
+def bayer_mask() -> Bytes:
     """Return the Bayer matrix of 8 x 8 turns: smaller ones show bands, and a larger one a coarser pattern."""
     # B. E. Bayer, IEEE International Conference on Communications 1 (1973) 26.11-26.15.
     mask = np.zeros((1, 1), np.int64)
@@ -165,14 +165,14 @@ def bayer_mask() -> NDArray[np.uint8]:
 
 
 @cache
-def blue_noise_mask() -> NDArray[np.uint8]:
+def blue_noise_mask() -> Bytes:
     """Return a (64, 64) mask of 16 turns without low frequencies, made by ``docs/make_blue_noise.py``."""
     mask = np.load(Path(__file__).parent / "blue_noise.npy")
     return (mask.astype(np.int64) * 16 // mask.size).astype(np.uint8)
 
 
 #: The registry of methods: the values of `dither` and ``--dither``, besides "compact", which is in `looks`.
-DITHERS: dict[str, Callable[[Job], NDArray[np.int32]]] = {
+DITHERS: dict[str, Callable[[Job], Ints]] = {
     "floyd-steinberg": _floyd_steinberg,
     "edge-aware": _edge_aware,
     "blue-noise": partial(_ordered, mask=blue_noise_mask),

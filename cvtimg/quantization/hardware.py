@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_channels, check_in_range, refuse_type
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Ints, Ints64
 from cvtimg.colors.places import from_places, kinds_of, to_places, widen_samples
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_space
@@ -60,7 +59,7 @@ def rounded(colors: Array, bits: _Bits, space: SpaceName = "rgb") -> Array:
     return result
 
 
-def _levels(n_bits: int, dtype: np.dtype[np.generic]) -> NDArray[np.int64]:
+def _levels(n_bits: int, dtype: np.dtype[np.generic]) -> Ints64:
     """Return the values of a type that the values of n bits stand for, in order."""
     values, width = np.arange(1 << n_bits), 8 * dtype.itemsize
     n_copies = -(-width // n_bits)
@@ -90,12 +89,12 @@ def hardware_colors(
 
     least = errors(to_places(near.colors, space, alpha).astype(np.float64), cells)
 
-    def assigned(colors: Array) -> tuple[Array, NDArray[np.int32], Floats]:
+    def assigned(colors: Array) -> tuple[Array, Ints, Floats]:
         ends = to_places(colors, space, alpha).astype(np.float64)
         labels = nearest_of_kind(places, kinds, ends, kinds_of(colors, alpha))
         return colors, labels, errors(ends, labels)
 
-    def filled(colors: Array) -> tuple[Array, NDArray[np.int32], Floats]:
+    def filled(colors: Array) -> tuple[Array, Ints, Floats]:
         found = assigned(colors)
         gains = np.bincount(cells, np.maximum(found[2] - least, 0))
         best = np.argsort(-gains, kind="stable")[: n_colors - len(colors)]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, Bools, Floats
+from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.colors.places import allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
@@ -32,13 +31,8 @@ class Below(NamedTuple):
 
 
 def map_for_eyes(
-    samples: ColorSamples,
-    palette: Array,
-    nearest: NDArray[np.int32],
-    rate: Rate,
-    strength: float,
-    below: Below | None = None,
-) -> NDArray[np.int32]:
+    samples: ColorSamples, palette: Array, nearest: Ints, rate: Rate, strength: float, below: Below | None = None
+) -> Ints:
     """Return the (H, W) index of the color of each pixel, chosen by visible error and the price of bits.
 
     Each color has its `nearest` entry (M,). If that has no error in any pixel, it may be taken, see `Rate`. Pixels that

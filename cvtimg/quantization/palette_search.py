@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_colors, check_count, check_keywords, refuse
 from cvtimg._shared.choices import EffortName, InitName, MethodName, SpaceName
@@ -16,7 +16,7 @@ from cvtimg._shared.pixels import peak
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.threads import pairwise_sum
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Bytes, Floats, Indices
 from cvtimg.colors.counting import add_samples, coarser, count_picture
 from cvtimg.colors.places import CLEAR, OPAQUE, PARTLY, agree, from_places, kinds_of, opaque_end, to_places, with_alpha
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -421,7 +421,7 @@ def check_room(n_colors: int, least: int) -> None:
     check_at_least("n_colors", n_colors, least, "for locked colors, opaque and transparent pixels")
 
 
-def _visible(samples: ColorSamples, kinds: NDArray[np.uint8]) -> ColorSamples:
+def _visible(samples: ColorSamples, kinds: Bytes) -> ColorSamples:
     """Leave out colors that are invisible or have no weight; opaque ones without weight still need one color."""
     opaque, density = kinds == OPAQUE, samples.density
     if opaque.any() and not density[opaque].any():
@@ -464,12 +464,7 @@ def _hardware_palette(
 
 
 def _keep_opaque(
-    places: Floats,
-    density: Floats,
-    kinds: tuple[NDArray[np.uint8], NDArray[np.uint8]],
-    tessellation: Tessellation,
-    end: float,
-    rest: Stopping,
+    places: Floats, density: Floats, kinds: tuple[Bytes, Bytes], tessellation: Tessellation, end: float, rest: Stopping
 ) -> Floats:
     """Make the generators of mostly opaque cells opaque, and move all generators until they converge."""
     # `kinds` are those of the places and of the locked generators, which come first. Opaque places belong to the

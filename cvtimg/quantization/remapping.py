@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
@@ -15,7 +15,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.pixels import array_of, says_alpha, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike
+from cvtimg._shared.types import Array, Bools, Bytes, Floats, ImageLike, Ints
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
@@ -160,7 +160,7 @@ class Quantized(ReadOnly, Fidelity):
         return np.concatenate([colors * inside[..., None], inside[..., None] * np.uint8(255)], axis=2)
 
     @property
-    def content(self) -> tuple[Array, NDArray[np.uint8] | None]:
+    def content(self) -> tuple[Array, Bytes | None]:
         """What `write_image` takes: indices and a palette of RGB or RGBA, or an image if no file has such a palette.
 
         Pixels that do not count become transparent if an indexed image has room for one more color.
@@ -290,7 +290,7 @@ def map_samples(
     )
 
 
-def _fitted(colors: Array, labels: NDArray[np.int32]) -> tuple[Array, NDArray[np.int32]]:
+def _fitted(colors: Array, labels: Ints) -> tuple[Array, Ints]:
     """Let a transparent color that was put first replace one without pixels, if indices would need more bits."""
     # This is said in a warning, as the palette is no longer the one that was given.
     n_given = len(colors) - 1
@@ -316,7 +316,7 @@ def _by_tone(samples: ColorSamples, palette: Array, tones: Array) -> tuple[Color
     return replace(samples, rows=rows), np.column_stack([tones, palette[:, n_seen:]])
 
 
-def _map(samples: ColorSamples, palette: Array, space: SpaceName) -> NDArray[np.int32]:
+def _map(samples: ColorSamples, palette: Array, space: SpaceName) -> Ints:
     """Return the (M,) index of the nearest color of each sample."""
     alpha = samples.alpha
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
@@ -325,9 +325,7 @@ def _map(samples: ColorSamples, palette: Array, space: SpaceName) -> NDArray[np.
     return nearest(pack(places, samples.density), ends)
 
 
-def _dither(
-    samples: ColorSamples, palette: Array, space: SpaceName, method: DitherName, strength: float
-) -> NDArray[np.int32]:
+def _dither(samples: ColorSamples, palette: Array, space: SpaceName, method: DitherName, strength: float) -> Ints:
     """Return the (H, W) index of the color of each pixel."""
     alpha = samples.alpha
     places, ends = to_places(samples.colors, space, alpha), to_places(palette, space, alpha)
@@ -340,7 +338,7 @@ def _dither(
     return dithering.dither(places, inverse, ends, method, strength, kinds, allowed, samples.inside)
 
 
-def _energy(samples: ColorSamples, palette: Array, labels: NDArray[np.int32]) -> float:
+def _energy(samples: ColorSamples, palette: Array, labels: Ints) -> float:
     """Return the energy in sRGB of (M,) labels of the colors, or of (H, W) labels of the pixels that count."""
     places, ends = (to_places(colors, "rgb", samples.alpha) for colors in (samples.colors, palette))
     if labels.ndim == 1:
@@ -356,7 +354,7 @@ def _energy(samples: ColorSamples, palette: Array, labels: NDArray[np.int32]) ->
     return energy
 
 
-def nearest(points: Points, places: Array) -> NDArray[np.int32]:
+def nearest(points: Points, places: Array) -> Ints:
     """Return the (N,) index of the place of (K, D) nearest to each point, the lowest on a tie."""
     inside = points.frame.inward(places)
     if points.n_dims > 1:
@@ -368,9 +366,7 @@ def nearest(points: Points, places: Array) -> NDArray[np.int32]:
     return order[which].astype(np.int32)
 
 
-def nearest_of_kind(
-    places: Floats, kinds: NDArray[np.uint8], ends: Floats, kinds_of_ends: NDArray[np.uint8]
-) -> NDArray[np.int32]:
+def nearest_of_kind(places: Floats, kinds: Bytes, ends: Floats, kinds_of_ends: Bytes) -> Ints:
     """Return the (N,) index of the nearest of (K, D) places, among those that the kind of each may become."""
     labels = np.empty(len(places), np.int32)
     for kind, allowed in enumerate(allowed_for(kinds_of_ends)):

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, Row, SpaceName
-from cvtimg._shared.types import Array, Bools
+from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -76,9 +76,7 @@ class QuantizedSeries(Fidelity):
             frames, palettes = self.content
             write_frames(path, frames, palettes=palettes, overwrite=overwrite)
 
-    def stored(
-        self, pages: Pages, *, keeps_nodata: bool = False
-    ) -> tuple[tuple[Array, ...], NDArray[np.uint8] | None, bool]:
+    def stored(self, pages: Pages, *, keeps_nodata: bool = False) -> tuple[tuple[Array, ...], Bytes | None, bool]:
         """Return pages as they are written: indices and their palette, or colors; and whether they have alpha."""
         left_out, first = any(one.inside is not None for one in self.results), self.palette
         shared = all(np.array_equal(one.palette, first) for one in self.results)
@@ -88,7 +86,7 @@ class QuantizedSeries(Fidelity):
         return images, first if storing.indexed else None, storing.clears or (pages.has_alpha and not storing.indexed)
 
     @property
-    def content(self) -> tuple[Frames, NDArray[np.uint8] | Sequence[NDArray[np.uint8]] | None]:
+    def content(self) -> tuple[Frames, Bytes | Sequence[Bytes] | None]:
         """What `write_frames` takes: frames of indices and their palettes, or frames of colors and None."""
         contents = [result.content for result in self.results]
         frames = self.original if isinstance(self.original, Frames) else Frames((contents[0][0],), (0.0,), 1)

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.types import Bools, Floats, Floats32, Ints
 from cvtimg.colors.spaces import from_space
 from cvtimg.elbow.curves import auto_count
 from cvtimg.restoration.agreement import first_estimate
@@ -28,7 +27,7 @@ from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 #: Blurs, in pixels, of the images in which the search for segments begins; the lowest end is kept.
 _BLURS = {"fast": (1.0,), "balanced": (0.0, 1.5), "best": (0.0, 0.75, 1.5, 3.0)}
 
-_Labels = NDArray[np.int32]
+_Labels = Ints
 
 
 def merge_versions(

@@ -15,11 +15,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
-from cvtimg._shared.types import Array, Floats, Floats32
+from cvtimg._shared.types import Array, Floats, Floats32, Ints, Ints64
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate
@@ -130,7 +129,7 @@ class Kinds:
         step = max(1, chunk // patches.shape[1])
         return np.concatenate(in_stripes(part, len(patches), work=float(patches.size * self.basis.shape[1]), n=step))
 
-    def label(self, features: Floats32) -> NDArray[np.int32]:
+    def label(self, features: Floats32) -> Ints:
         """(N,) kind of each patch, from 0."""
         points = pack(features, np.ones(len(features)), center=np.zeros(features.shape[1]))
         return assign(points, points.frame.inward(self.generators))[: points.n_points]
@@ -140,25 +139,25 @@ class Kinds:
 class Groups:
     """Groups of patches: (N,) pixels in the order of their groups, and (G + 1,) where each group begins."""
 
-    order: NDArray[np.int32]
-    bounds: NDArray[np.int64]
+    order: Ints
+    bounds: Ints64
 
     def __len__(self) -> int:
         return len(self.bounds) - 1
 
     @property
-    def sizes(self) -> NDArray[np.int64]:
+    def sizes(self) -> Ints64:
         """(G,) number of patches of each group."""
         return np.diff(self.bounds)
 
-    def of_pixels(self) -> NDArray[np.int32]:
+    def of_pixels(self) -> Ints:
         """(N,) group of each pixel."""
         found = np.empty(len(self.order), np.int32)
         found[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
         return found
 
 
-def group_patches(features: Floats32, labels: NDArray[np.int32], largest: int) -> Groups:
+def group_patches(features: Floats32, labels: Ints, largest: int) -> Groups:
     """Cut cells, (N,) from 0, in two by features, (N, D), until no group has more than `largest` patches."""
     order = np.argsort(labels, kind="stable").astype(np.int32)
     bounds = np.flatnonzero(np.diff(labels[order], prepend=-1, append=-1)).astype(np.int64)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import encode_image, write_image
@@ -67,8 +67,8 @@ class Denoised(ReadOnly):
 
     image: Array
     alpha: Array | None
-    coverage: NDArray[np.int32]
-    left_out: NDArray[np.int32]
+    coverage: Ints
+    left_out: Ints
     noise: Floats
     noise_shared: Floats | None
     noise_lines: Floats | None
@@ -179,7 +179,7 @@ class Restoration(Denoised):
         Whether the segments converged.
     """
 
-    labels: NDArray[np.int32]
+    labels: Ints
     generators: Floats
     colors: Floats
     edge_weight: float

@@ -10,7 +10,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
@@ -18,7 +18,7 @@ from cvtimg._shared.checks import check_image, check_in_range, check_shape, chec
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, white_of
 from cvtimg._shared.threads import in_stripes
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
@@ -116,7 +116,7 @@ class Versions:
         return int(self.known.shape[2])
 
     @property
-    def coverage(self) -> NDArray[np.int32]:
+    def coverage(self) -> Ints:
         """(H, W) number of versions that know each pixel."""
         return sum(np.moveaxis(self.known, 2, 0), np.zeros(self.known.shape[:2], np.int32))
 

@@ -18,7 +18,7 @@ from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import (
     check_choice,
@@ -29,7 +29,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
@@ -202,7 +202,7 @@ class Necks:
     depth: float | None  # in radius, in pixels; infinity not to split, None to weigh necks against ripples
 
 
-def at_edges(labels: NDArray[np.int32]) -> Bools:
+def at_edges(labels: Ints) -> Bools:
     """Tell of each label, from 0, whether it has pixels at an edge of the image, or voxels at a face of the volume."""
     touching = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
     for axis in range(labels.ndim):
@@ -211,7 +211,7 @@ def at_edges(labels: NDArray[np.int32]) -> Bools:
     return touching
 
 
-def _warn_of_doubts(labels: NDArray[np.int32], inside: Bools, radius: float, size: tuple[float, ...]) -> None:
+def _warn_of_doubts(labels: Ints, inside: Bools, radius: float, size: tuple[float, ...]) -> None:
     """Warn of counts that are doubtful, and say why."""
     from scipy.ndimage import find_objects
 
@@ -250,7 +250,7 @@ def checked_bands(
     return bands.reshape(*shape[:3], -1), inside.reshape(shape[:3]), (float(sides[0] / sides[1:].mean()), 1.0, 1.0)
 
 
-def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.int32], float]:
+def sieved(objects: Ints, least: float | None) -> tuple[Ints, float]:
     """Leave out objects that are too small, number the others from 1, and return the least size."""
     sizes = np.bincount(objects.ravel())
     sizes[0] = 0
@@ -261,7 +261,7 @@ def sieved(objects: NDArray[np.int32], least: float | None) -> tuple[NDArray[np.
     return numbers_of(sizes >= max(least, 1))[objects], least
 
 
-def _most_compact(objects: NDArray[np.int32], n: int) -> Floats:
+def _most_compact(objects: Ints, n: int) -> Floats:
     """Return some times the size of the largest disc in each object of a plane, which a long one does not reach."""
     from scipy.ndimage import distance_transform_edt
 
@@ -287,7 +287,7 @@ def _radius(bright: Bools, size: tuple[float, ...]) -> float:
 
 def _in_tiles(
     contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
-) -> NDArray[np.int32]:
+) -> Ints:
     """Label objects tile by tile; each is that of the tile in whose core its middle lies."""
     from scipy.ndimage import center_of_mass
 
@@ -304,7 +304,7 @@ def _in_tiles(
     return objects
 
 
-def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ...], NDArray[np.int64]]]:
+def _tiles(shape: tuple[int, ...], overlap: int) -> Iterator[tuple[tuple[Any, ...], Ints64]]:
     """Yield overlapping tiles of planes, and the first and last corner of the core of each, which no other has."""
     side = max(int((SETTINGS.tile / np.prod(shape[:-2])) ** 0.5) - 2 * overlap, 4 * overlap, 1)
     lengths = np.array(shape[-2:])
@@ -422,7 +422,7 @@ def _explains(
 
 def split(
     contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
-) -> NDArray[np.int32]:
+) -> Ints:
     """Return labels of the objects, touching ones split at their necks."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter, label, zoom
 

@@ -28,13 +28,12 @@ from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
-from cvtimg._shared.types import Bools, Floats, Floats32, Indices
+from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.region_moves import parts_of, rearranged
@@ -62,7 +61,7 @@ _FIRST_SWEEPS, _SWEEPS_BETWEEN = 3, 2
 class EdgeWeighted(ReadOnly):
     """Segments of low edge-weighted energy."""
 
-    labels: NDArray[np.int32]  # (H, W): labels from 1; 0 outside the mask
+    labels: Ints  # (H, W): labels from 1; 0 outside the mask
     #: (K, D): mean of each segment; row ``label - 1`` belongs to a label. A segment without weight keeps its last
     #: mean.
     generators: Floats
@@ -74,7 +73,7 @@ class EdgeWeighted(ReadOnly):
 
 def descend(
     values: Floats32,
-    labels: NDArray[np.int32],
+    labels: Ints,
     n_segments: int,
     *,
     edge_weight: float,
@@ -101,7 +100,7 @@ def descend(
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
 
 
-def _start(labels: NDArray[np.int32], weights: Floats32 | None) -> NDArray[np.int32]:
+def _start(labels: Ints, weights: Floats32 | None) -> Ints:
     """Give each unknown pixel the label of the nearest known one."""
     if weights is None:
         return labels
@@ -180,7 +179,7 @@ class SegmentMoments:
         self.add(total)
 
 
-def moments_of(values: Floats32, labels: NDArray[np.int32]) -> SegmentMoments:
+def moments_of(values: Floats32, labels: Ints) -> SegmentMoments:
     """Measure the segments of (H, W, D) values with a mean near 0."""
     found = SegmentMoments(int(labels.max(initial=0)), values.shape[2])
     for _ in range(2):  # about the origin, to find the means; and about these
@@ -311,7 +310,7 @@ class State:
         self.rates[:] = np.stack([g0 / c, g0 * np.log(c / g0)], axis=1)
         return max(least, min(2 * log(3) * g / length_cost(radius, planes), most))
 
-    def _cells(self) -> NDArray[np.int32]:
+    def _cells(self) -> Ints:
         """(H, W) superpixels; of a volume, cubes."""
         planes, (height, width, _), n_cells = self._moves.planes, self._shape, self._moves.n_cells
         image = self._image.rows(0, height, self._margin)
@@ -324,7 +323,7 @@ class State:
         high, wide = (places // round(side) for places in (down, np.arange(width, dtype=np.int32)))
         return ((deep * (high.max() + 1) + high) * (wide.max() + 1))[:, None] + wide
 
-    def _rearrange(self, cells: NDArray[np.int32], edge_weight: float) -> bool:
+    def _rearrange(self, cells: Ints, edge_weight: float) -> bool:
         """Move regions, in parts of superpixels; return whether any moved."""
         margin, image, n_labels = self._margin, self._image.rows(0, self._shape[0], self._margin), len(self.rates)
         inner = image.labels[margin:-margin, margin:-margin]
@@ -343,7 +342,7 @@ class State:
         self._changed()
         return True
 
-    def _reduced(self, side: int) -> tuple[Floats32, NDArray[np.int32]]:
+    def _reduced(self, side: int) -> tuple[Floats32, Ints]:
         """Return means of squares of pixels, and the labels in their middles."""
         margin, height, values, labels = self._margin, self._shape[0] // side, [], []
         for first in range(0, height, _STRIPE):
@@ -450,7 +449,7 @@ class State:
         return moved
 
 
-def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> NDArray[np.int32]:
+def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> Ints:
     """(H, W) superpixels of (H, W, D) values, not quite settled, so that dots and lines are parts that can move."""
     if inside.all() and inside.size > _ENOUGH_FOR_CELLS:
         rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in inside.shape)
@@ -461,7 +460,7 @@ def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> NDArray[np.
     return descend(values, cells, int(cells.max()), edge_weight=weight, connected=True, max_sweeps=_CELL_SWEEPS).labels
 
 
-def compactness_of(values: Floats32, cells: NDArray[np.int32]) -> float:
+def compactness_of(values: Floats32, cells: Ints) -> float:
     """Return the edge weight of details of one pixel that differ as two pixels of a cell do."""
     within = float(moments_of(values, cells).energies.sum() / np.count_nonzero(cells))
     return 2 * within * weight_of_detail(1, 3)

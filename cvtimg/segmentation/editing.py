@@ -7,10 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_shape
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Ints
 from cvtimg.segmentation.hierarchy.tree import RegionHierarchy
 from cvtimg.segmentation.touching import numbered
 
@@ -62,7 +62,7 @@ def edit_labels(
     edits: Sequence[str | Edit],
     *,
     hierarchy: RegionHierarchy | Callable[[], RegionHierarchy] | None = None,
-) -> NDArray[np.int32]:
+) -> Ints:
     """Change labels by hand.
 
     Parameters
@@ -125,12 +125,12 @@ def brush(image: Array, points: Sequence[tuple[int, int]], radius: float, value:
         image[top : max(bottom, top), left : max(right, left)][near] = value
 
 
-def _labels_at(labels: NDArray[np.int32], points: Sequence[tuple[int, int]]) -> list[int]:
+def _labels_at(labels: Ints, points: Sequence[tuple[int, int]]) -> list[int]:
     height, width = labels.shape
     return [int(labels[y, x]) for x, y in points if 0 <= x < width and 0 <= y < height]
 
 
-def _split(labels: NDArray[np.int32], edit: Edit, tree: RegionHierarchy | None) -> None:
+def _split(labels: Ints, edit: Edit, tree: RegionHierarchy | None) -> None:
     if tree is None:
         raise ValueError("a split needs the tree of the image, hierarchy")
     check_shape("hierarchy", tree.leaves.shape, tree.leaves.shape == labels.shape, "that of the labels")

@@ -11,10 +11,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import Row
-from cvtimg._shared.types import Array, Bools
+from cvtimg._shared.types import Array, Bools, Ints
 from cvtimg.labels.components import connected_pieces
 from cvtimg.labels.tracking import track_labels
 from cvtimg.pictures.files import ImageInfo
@@ -37,7 +36,7 @@ class DividedStack:
     pages: Pages | None  # None for a picture
     images: tuple[Array, ...]  # the picture, or the pages, without alpha
     results: tuple[Segmentation, ...]  # of each page, or of each volume; their labels are parts of those below
-    labels: NDArray[np.int32]  # (P, H, W), of the pages
+    labels: Ints  # (P, H, W), of the pages
 
     def summary(self) -> Row:
         """Return what a table says of all results, by column."""

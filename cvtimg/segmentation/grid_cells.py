@@ -13,12 +13,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Floats32, ImageLike
+from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, halved
 from cvtimg.segmentation.frames import frame_of
@@ -89,7 +89,7 @@ def superpixels(
     return replace(result, labels=frame.back(result.labels, known.shape))
 
 
-def _settled(field: Floats32, cells: NDArray[np.int32], weight: float, whole: bool) -> EdgeWeighted:
+def _settled(field: Floats32, cells: Ints, weight: float, whole: bool) -> EdgeWeighted:
     """Lower the energy of cells, of a whole image at half the size first: borders move twice as far there."""
     (height, width), n_cells = (side // 2 for side in cells.shape), int(cells.max())
     halves = whole and min(height, width, (height * width / n_cells) ** 0.5) >= _LEAST_SIDE

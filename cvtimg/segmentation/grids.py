@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Bools
+from cvtimg._shared.types import Bools, Ints
 from cvtimg.labels.components import absorb_small, connected_pieces
 
 
-def grid_of_cells(inside: Bools, n_cells: int) -> NDArray[np.int32]:
+def grid_of_cells(inside: Bools, n_cells: int) -> Ints:
     """Divide what is inside (H, W) into about a number of connected cells of like size, numbered from 1."""
     height, width = inside.shape
     # The whole image gets proportionally more cells, so that the number requested lies inside the mask.

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation.touching import largest_by_label
 
@@ -44,7 +43,7 @@ _ROUNDS = 50
 _REACH = 2.0
 
 
-def join_at_ripples(parts: NDArray[np.int32], distance: Floats32, noise: float, fine: int = 1) -> NDArray[np.int32]:
+def join_at_ripples(parts: Ints, distance: Floats32, noise: float, fine: int = 1) -> Ints:
     """Join (H, W) parts at cuts that are more likely ripples than necks.
 
     `distance` is that to the background, in pixels. `noise` is how far noise moves outlines (standard deviation), in
@@ -79,7 +78,7 @@ def _odds_of_necks(depths: Floats, narrowings: Floats, radii: Floats, noise: flo
     return np.where(np.isfinite(depths), odds, 1.0)
 
 
-def _cuts(parts: NDArray[np.int32], distance: Floats32) -> tuple[NDArray[np.int32], Floats, Floats, Floats]:
+def _cuts(parts: Ints, distance: Floats32) -> tuple[Ints, Floats, Floats, Floats]:
     """Return which parts meet, and of each cut how deep, how much narrower, and the radius of the smaller part."""
     borders = find_borders(parts)
     pairs = borders.pairs + 1
@@ -108,9 +107,7 @@ def _cuts(parts: NDArray[np.int32], distance: Floats32) -> tuple[NDArray[np.int3
     return pairs, depths, smaller - saddles, radii
 
 
-def _depth(
-    parts: NDArray[np.int32], pair: NDArray[np.int32], places: NDArray[np.int64], ends: NDArray[np.int64], radius: float
-) -> float:
+def _depth(parts: Ints, pair: Ints, places: Ints64, ends: Ints64, radius: float) -> float:
     """Return how far the less deep end of a cut lies within the convex hull of both parts near it, in pixels.
 
     N. Kumar et al., Pattern Recognition 39 (2006), doi 10.1016/j.patcog.2005.11.014: concavity points.

@@ -7,11 +7,10 @@ from math import log
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_count, check_edge_weight, check_in_range, check_non_negative
 from cvtimg._shared.choices import EffortName
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Ints
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
@@ -119,9 +118,7 @@ class Prepared:
         blur = blur_at_start(self.values.variance, self.noise, n_segments)
         return averaged(self.field, blur, self.values.inside) if blur else None
 
-    def settle(
-        self, labels: NDArray[np.int32], n_segments: int, by_detail: bool = True
-    ) -> tuple[NDArray[np.int32], EdgeWeighted | None]:
+    def settle(self, labels: Ints, n_segments: int, by_detail: bool = True) -> tuple[Ints, EdgeWeighted | None]:
         """Lower the edge-weighted energy of segments, if edges cost."""
         how, detail = self.how, self.smallest_detail if by_detail else 0.0
         if not (self.edge_weight or detail):

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
 from cvtimg.segmentation import _segments
 
 #: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
@@ -25,7 +24,7 @@ _WORTHWHILE, _MAX_CYCLES = 1e-5, 10
 #: How often lost segments are given back, and two are joined to free one.
 _MAX_GIFTS, _MAX_TRADES = 4, 4
 
-_Labels = NDArray[np.int64]
+_Labels = Ints64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,10 +37,10 @@ class Parts:
     masses: Floats  # (N,): pixels
     sums: Floats  # (N, D): sums of their values
     squares: Floats  # (N,): sums of their squared values
-    first: NDArray[np.int32]  # (N + 1,): arcs of a part are those from first[i] to first[i + 1]
-    tails: NDArray[np.int32]  # (A,): part that each arc comes from
-    heads: NDArray[np.int32]  # (A,): part that it leads to
-    backs: NDArray[np.int32]  # (A,): the arc back
+    first: Ints  # (N + 1,): arcs of a part are those from first[i] to first[i + 1]
+    tails: Ints  # (A,): part that each arc comes from
+    heads: Ints  # (A,): part that it leads to
+    backs: Ints  # (A,): the arc back
     borders: Floats  # (A,): what it costs if the two are in different segments
     rates: Floats  # (K, 2): f and o
 
@@ -75,9 +74,7 @@ def _squared(rows: Floats) -> Floats:
     return squares
 
 
-def parts_of(
-    values: Floats32, numbers: NDArray[np.int32], margin: int, steps: NDArray[np.int32], border: float, rates: Floats
-) -> Parts:
+def parts_of(values: Floats32, numbers: Ints, margin: int, steps: Ints, border: float, rates: Floats) -> Parts:
     """Measure parts on (H, W, D) values; numbers, from 1 and 0 outside, are padded by the margin.
 
     A pair of near pixels in different segments costs `border`; `steps` lead to near pixels in the flat padded image.

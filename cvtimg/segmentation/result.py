@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly, equals, never_rises
 from cvtimg._shared.sums import take_rows
-from cvtimg._shared.types import Array, Floats, Floats32
+from cvtimg._shared.types import Array, Bytes, Floats, Floats32, Ints
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
@@ -139,7 +138,7 @@ class Segmentation(Segments):
         What `count_objects` measured, if that found them.
     """
 
-    labels: NDArray[np.int32]
+    labels: Ints
     curve: EnergyCurve | None = None
     hierarchy: RegionHierarchy | None = None
     counting: Counting | None = None
@@ -171,7 +170,7 @@ class Segmentation(Segments):
         """Write the labels to a .png, .tif or .npy file, as `write_labels` does."""
         write_labels(path, np.asarray(self.labels), overwrite=overwrite)
 
-    def draw(self) -> NDArray[np.uint8]:
+    def draw(self) -> Bytes:
         """Draw each segment in its mean color, stretched to 8 bits from the least to the greatest value.
 
         Returns
@@ -196,7 +195,7 @@ class Segmentation(Segments):
         )
 
 
-def measured(labels: NDArray[np.int32], image: Array, **more: Any) -> Segmentation:
+def measured(labels: Ints, image: Array, **more: Any) -> Segmentation:
     """Measure regions on their image, and keep their labels; `more` are attributes of the result."""
     rows = labels.reshape(-1, labels.shape[-1])  # planes below each other
     values, inside = image.reshape(*rows.shape, -1), (rows > 0)[..., None]
@@ -218,7 +217,7 @@ def measured(labels: NDArray[np.int32], image: Array, **more: Any) -> Segmentati
 def from_labels(
     values: PictureValues,
     field: Floats32,
-    labels: NDArray[np.int32],
+    labels: Ints,
     iteration: EdgeWeighted | Tessellation,
     edge_weight: float,
     curve: EnergyCurve | None = None,
@@ -238,7 +237,7 @@ def from_labels(
 
 def sorted_ends(
     values: PictureValues, means: Floats, masses: Floats, energy: float, energies: Sequence[float]
-) -> tuple[NDArray[np.int32], dict[str, Any]]:
+) -> tuple[Ints, dict[str, Any]]:
     """Return the new label of each segment, from dark to bright, and attributes of the result in units of the image."""
     generators = values.to_picture(means + values.center)
     new_label = dark_to_bright(generators, masses)

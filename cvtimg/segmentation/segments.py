@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Array, Bools, Floats32, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
@@ -221,7 +221,7 @@ def below_each_other(bands: Array, inside: Bools, spacing: float, radius: int) -
     return tall, np.pad(inside, around).reshape(tall.shape[:2]), planes
 
 
-def _in_pieces(labels: NDArray[np.int32], data: Floats32, size: int, price: float, apart: bool) -> NDArray[np.int32]:
+def _in_pieces(labels: Ints, data: Floats32, size: int, price: float, apart: bool) -> Ints:
     """Merge small pieces of segments into their neighbors; apart, pieces are segments of their own."""
     pieces = connected_pieces(labels)
     kept = absorb_small(pieces, data, size, price)

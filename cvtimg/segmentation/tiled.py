@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from cvtimg._shared.checks import check_choice, check_count
 from cvtimg._shared.choices import EffortName, SpaceName
-from cvtimg._shared.types import Array, Bools, Floats, Floats32
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 from cvtimg.colors.counting import Count
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import SPACES
@@ -226,7 +226,7 @@ class PixelsOnDisk:
         step = max(int(self.values.samples.density.sum()) // _ENOUGH_AVERAGES, 1)
         return np.concatenate([values[inside][::step] for values, inside in self.blurred(blur)])
 
-    def nearest(self, generators: Floats, blur: float) -> Iterator[NDArray[np.int32]]:
+    def nearest(self, generators: Floats, blur: float) -> Iterator[Ints]:
         """Yield strips of labels, those of the generators nearest to the averages."""
         origin = np.zeros(generators.shape[1])  # the same for all strips, so that ties are broken alike
         for values, inside in self.blurred(blur):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
-from cvtimg._shared.types import Array, Bools, Floats, Floats32
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 from cvtimg.segmentation.averaging import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
@@ -59,7 +59,7 @@ class Objects:
         if self.neck_depth != np.inf:
             check_non_negative("neck_depth", self.neck_depth)
 
-    def found(self, labels: NDArray[np.int32], values: Floats32) -> NDArray[np.int32]:
+    def found(self, labels: Ints, values: Floats32) -> Ints:
         """Return labels of the objects from 1 in segments of (H, W, D) values, and 0 for the background."""
         own = labels[labels > 0]
         masses = np.bincount(own)
@@ -80,9 +80,7 @@ class Objects:
         return objects
 
 
-def split_touching(
-    inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None
-) -> NDArray[np.int32]:
+def split_touching(inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None) -> Ints:
     """Label the objects of a mask, (H, W), splitting those that touch: at necks, and where their contrast differs."""
     # S. Beucher, C. Lantuejoul, Use of watersheds in contour detection, International Workshop on Image Processing,
     # Rennes, 1979.
@@ -98,7 +96,7 @@ def split_touching(
     return split_at_saddles(distance, inside, neck_depth)
 
 
-def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) -> NDArray[np.int32]:
+def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) -> Ints:
     """Label the parts of pixels, of two or three axes, that rise by more than the depth above their saddles."""
     from skimage.measure import label
     from skimage.morphology import local_maxima, reconstruction
@@ -116,7 +114,7 @@ def split_at_saddles(height: NDArray[np.floating], inside: Bools, depth: float) 
     return numbered(np.asarray(parts, np.int32))
 
 
-def with_own_borders(objects: NDArray[np.int32], values: Floats32, ground: Floats32) -> NDArray[np.int32]:
+def with_own_borders(objects: Ints, values: Floats32, ground: Floats32) -> Ints:
     """Take from each object what is nearer to the mean of the background than to the object's own."""
     from scipy.ndimage import binary_fill_holes
     from skimage.measure import label
@@ -156,11 +154,11 @@ def largest_by_label(values: Array, labels: Array) -> Floats:
     return largest
 
 
-def numbered(objects: Array) -> NDArray[np.int32]:
+def numbered(objects: Array) -> Ints:
     """Return objects numbered from 1 without gaps; 0 stays 0."""
     return numbers_of(np.bincount(objects.ravel()) > 0)[objects]
 
 
-def numbers_of(kept: Bools) -> NDArray[np.int32]:
+def numbers_of(kept: Bools) -> Ints:
     """Return the new number of each label, from 1 for those that are kept, and 0 for others and for 0."""
     return np.append(np.int32(0), np.cumsum(kept[1:], dtype=np.int32) * kept[1:])

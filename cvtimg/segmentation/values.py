@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
@@ -196,7 +196,7 @@ def in_whole_numbers(image: Array, inside: Bools) -> Array:
     return whole
 
 
-def dark_to_bright(generators: Floats, masses: Floats) -> NDArray[np.int32]:
+def dark_to_bright(generators: Floats, masses: Floats) -> Ints:
     """(K,) new labels from 1 by the sum of the bands; 0 for segments without pixels."""
     order = np.lexsort((*generators.T[::-1], generators.sum(axis=1)))
     order = order[masses[order] > 0]
@@ -205,6 +205,6 @@ def dark_to_bright(generators: Floats, masses: Floats) -> NDArray[np.int32]:
     return labels
 
 
-def in_order(new_label: NDArray[np.int32]) -> Indices:
+def in_order(new_label: Ints) -> Indices:
     """Segments with pixels, in the order of their new labels."""
     return np.argsort(new_label, kind="stable")[np.count_nonzero(new_label == 0) :]

@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_choice, check_picture_density
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices, Points
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices, Ints, Points
 from cvtimg.sphere.densities import (
     GlobePicture,
     Scaled,
@@ -61,7 +61,7 @@ class CoastalGrid(SphereGrid):
     on_coast: Bools
     on_land: Bools
 
-    def _flags(self) -> dict[str, NDArray[np.int32]]:
+    def _flags(self) -> dict[str, Ints]:
         return {"land": self.on_land.astype(np.int32), "coast": self.on_coast.astype(np.int32)}
 
 

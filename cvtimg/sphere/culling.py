@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
-from cvtimg._shared.types import Array, Bools, Floats, Points
+from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
 from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import from_degrees
 from cvtimg.sphere.formats import CulledContent, GridContent
@@ -42,7 +42,7 @@ class PartialGrid(SavedGrid):
 
     whole: SphereGrid
     kept: Bools
-    layers: NDArray[np.int32]
+    layers: Ints
 
     @property
     def points(self) -> Points:

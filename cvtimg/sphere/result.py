@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_positive
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly, equals
-from cvtimg._shared.types import Bools, Floats, Points
+from cvtimg._shared.types import Bools, Floats, Ints, Points
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere.formats import GridContent, write_grid
@@ -53,7 +52,7 @@ class GridMeasures:
     n_others: int
 
 
-def measure_grid(points: Points, triangles: NDArray[np.int32]) -> GridMeasures:
+def measure_grid(points: Points, triangles: Ints) -> GridMeasures:
     """Measure a grid.
 
     Parameters
@@ -163,7 +162,7 @@ class SphereGrid(SavedGrid):
     """
 
     points: Floats
-    triangles: NDArray[np.int32]
+    triangles: Ints
     areas: Floats
     density: Floats
     energy: float
@@ -203,7 +202,7 @@ class SphereGrid(SavedGrid):
     def _content(self, radius: float = 1.0, attributes: Mapping[str, str] | None = None) -> GridContent:
         return GridContent(self.points, self.triangles, self.density, radius, self._flags(), attributes or {})
 
-    def _flags(self) -> dict[str, NDArray[np.int32]]:
+    def _flags(self) -> dict[str, Ints]:
         """Return flags of cells that files have."""
         return {}
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Bools, Floats, Points, Triangles
+from cvtimg._shared.types import Bools, Floats, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
 from cvtimg.placement.descent import by_rows
@@ -37,7 +37,7 @@ class SphereTriangulation(HalfEdges):
 
     def __init__(self, points: Points, triangles: Triangles | None = None) -> None:
         self._arcs: Floats | None = None
-        self._firsts: NDArray[np.int32] | None = None
+        self._firsts: Ints | None = None
         if triangles is None:
             self.points = np.ascontiguousarray(points)
             self._build()
@@ -99,7 +99,7 @@ class SphereTriangulation(HalfEdges):
         offsets = np.concatenate([[0], np.cumsum(degrees)]).astype(np.int32)
         return SphereCells(self.circumcenters(), offsets, out[out >= 0] // 3)
 
-    def first_edges(self) -> NDArray[np.int32]:
+    def first_edges(self) -> Ints:
         """Return an edge (N,) from each vertex."""
         if self._firsts is None:
             self._firsts = np.empty(len(self.points), np.int32)
@@ -139,8 +139,8 @@ class SphereCells(ReadOnly):
     """
 
     vertices: Points
-    offsets: NDArray[np.int32]
-    corners: NDArray[np.int32]
+    offsets: Ints
+    corners: Ints
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -158,7 +158,7 @@ class SphereCells(ReadOnly):
         return f"SphereCells({len(self)} cells, {len(self.vertices)} corners)"
 
 
-def triangulate(points: ArrayLike) -> NDArray[np.int32]:
+def triangulate(points: ArrayLike) -> Ints:
     """Triangulate points on the sphere: the Delaunay triangulation, which is their convex hull.
 
     Parameters

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_places, check_that, check_triangles, refuse_type
 from cvtimg._shared.extras import optional
 from cvtimg._shared.messages import one_line
-from cvtimg._shared.types import Bools
+from cvtimg._shared.types import Bools, Ints
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, joined_points, measure_triangles, unique_edges
@@ -96,7 +96,7 @@ def mended(vertices: ArrayLike, faces: ArrayLike, weld: float | None = None) -> 
     return TriangulatedSurface(points, triangles, repairs)
 
 
-def _flipped(triangles: NDArray[np.int32]) -> Bools:
+def _flipped(triangles: Ints) -> Bools:
     """Tell which of (T, 3) triangles go around in another direction than most of those that they are connected to."""
     n, steps = len(triangles), edges_around(triangles)
     _, which, counts = unique_edges(steps)

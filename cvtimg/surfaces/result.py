@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_triangles
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, measure_triangles, unique_edges
 from cvtimg.meshes.files import MeshContent, write_mesh
@@ -109,7 +109,7 @@ class SurfacePoints(ReadOnly):
     """
 
     points: Floats
-    triangles: NDArray[np.int32]
+    triangles: Ints
     masses: Floats
     energy: float
     offset: float

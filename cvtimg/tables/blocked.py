@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.types import Array, Floats
+from cvtimg._shared.types import Array, Floats, Ints
 from cvtimg.blocks.passes import Block, blocks_of, over_blocks
 from cvtimg.blocks.rows import Blocks
 from cvtimg.blocks.spread import Scaling, Spread
@@ -62,7 +61,7 @@ def write_block_labels(path: StrPath, labels: Any, blocks: Blocks, *, overwrite:
     return n_rows
 
 
-def _parts(labels: object, kept: object) -> Iterator[NDArray[np.int32]]:
+def _parts(labels: object, kept: object) -> Iterator[Ints]:
     if kept is None:
         yield from (part for (part,) in blocks_of(labels))
         return

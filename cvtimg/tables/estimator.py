@@ -7,13 +7,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_count, check_needs, check_shape, check_that, warn_if_rounded
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Array, Floats, Indices
+from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods.macqueen import meet
@@ -244,7 +244,7 @@ class CVT(ClusterMixin, TransformerMixin, ClassNamePrefixFeaturesOutMixin, BaseE
         return tessellate(rows, n_generators, density=weights, rng=int(seed), **how)
 
 
-def _measure(centers: Array, rows: Array, weights: Floats | None) -> tuple[NDArray[np.int32], float]:
+def _measure(centers: Array, rows: Array, weights: Floats | None) -> tuple[Ints, float]:
     """Return the index of the nearest generator of each sample, and the energy."""
     density = np.ones(len(rows)) if weights is None else weights
     labels = _nearest(centers, rows)
@@ -252,7 +252,7 @@ def _measure(centers: Array, rows: Array, weights: Floats | None) -> tuple[NDArr
     return labels, float(moments.energies.sum())
 
 
-def _nearest(centers: Array, rows: Array) -> NDArray[np.int32]:
+def _nearest(centers: Array, rows: Array) -> Ints:
     # The middle depends only on the generators, so that a label does not depend on the other samples.
     middle: Floats = np.mean(centers, axis=0, dtype=np.float64)
     return assign_rows(rows, centers.astype(np.float64), pack(rows, np.ones(len(rows)), center=middle))

@@ -12,12 +12,11 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_choice, check_shape
 from cvtimg._shared.extras import optional
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.types import Array, Bools, Floats
+from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images, find_remote
 from cvtimg.files.remote import is_remote, local_copy, url_of
@@ -201,9 +200,7 @@ def _with_more(names: Sequence[str], *more: str) -> list[str]:
     return [*names, *(name if name not in names else f"cell_{name}" for name in more)]
 
 
-def write_label_parts(
-    path: StrPath, n_rows: int, parts: Iterable[NDArray[np.int32]], *, overwrite: bool = False
-) -> None:
+def write_label_parts(path: StrPath, n_rows: int, parts: Iterable[Ints], *, overwrite: bool = False) -> None:
     """Write labels as `write_row_labels` does, part after part; those of rows that were left out are -1."""
     suffix = check_choice(f"{path}: suffix", Path(path).suffix.lower(), LABEL_SUFFIXES)
     with whole_file(path, overwrite=overwrite) as file:
@@ -221,7 +218,7 @@ def write_label_parts(
                 file.write("\n".join(chain(lines, [""])).encode())
 
 
-def _write_parquet(file: object, parts: Iterable[NDArray[np.int32]]) -> None:
+def _write_parquet(file: object, parts: Iterable[Ints]) -> None:
     pyarrow = optional("pyarrow", "parquet", "labels in .parquet need")
     from pyarrow import parquet
 

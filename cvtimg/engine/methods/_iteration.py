@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, Watch
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine.points import Points, assign
 
 
@@ -53,9 +52,9 @@ class Iteration:
     generators: Floats  # (K, D) in the frame of the points
     energies: list[float]  # before each step and at the end, weighted by `Conditions.volume_power`
     converged: bool
-    labels: NDArray[np.int32] | None = None  # of all points, padding included; None for those of the nearest generators
+    labels: Ints | None = None  # of all points, padding included; None for those of the nearest generators
 
-    def labels_of(self, points: Points) -> NDArray[np.int32]:
+    def labels_of(self, points: Points) -> Ints:
         """Return the labels of the points, found if the iteration had none."""
         return assign(points, self.generators) if self.labels is None else self.labels
 

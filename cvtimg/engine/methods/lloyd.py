@@ -8,11 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
@@ -22,7 +21,7 @@ from cvtimg.engine.seeding import refill
 def lloyd(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Iterate until the energy converges. It never rises, except by the rounding of distances to float32."""
     n_locked = conditions.n_locked
-    labels: NDArray[np.int32]
+    labels: Ints
     masses: Floats
     sums: Floats
 
@@ -53,7 +52,7 @@ class Cells(NamedTuple):
 
     ends: Ends
     sums: Floats
-    labels: NDArray[np.int32]
+    labels: Ints
 
     @classmethod
     def after(cls, points: Points, sets: Floats, stopping: Stopping, n_locked: int = 0) -> Cells:

@@ -9,9 +9,8 @@ and less, and needs no memory beyond the generators. It returns the best generat
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints64
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.methods.probabilistic import follow_draws
@@ -21,15 +20,13 @@ from cvtimg.engine.points import Points
 def macqueen(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Iterate until the best energy converges; the generator z nearest to the point y becomes (j z + y) / (j + 1)."""
 
-    def move(moving: Floats, counts: Floats, drawn: NDArray[np.int64]) -> None:
+    def move(moving: Floats, counts: Floats, drawn: Ints64) -> None:
         meet(points, drawn, np.ones(len(drawn)), moving, counts, conditions.n_locked)
 
     return follow_draws(points, generators, conditions, 1, move)
 
 
-def meet(
-    points: Points, members: NDArray[np.int64], weights: Floats, moving: Floats, masses: Floats, n_locked: int = 0
-) -> None:
+def meet(points: Points, members: Ints64, weights: Floats, moving: Floats, masses: Floats, n_locked: int = 0) -> None:
     """Let generators meet points one by one: the generator z of mass j nearest to y of weight w moves, in place."""
     # It becomes (j z + w y) / (j + w), and its mass j + w.
     columns = np.ascontiguousarray(moving.T)

@@ -17,9 +17,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, cell_energies
@@ -44,7 +43,7 @@ def optimal1d(points: Points, generators: Floats, conditions: Conditions) -> Ite
 class _Cut(NamedTuple):
     """Bounds of k cells, (k + 1,): where each begins, then the number of levels. And their energy."""
 
-    bounds: NDArray[np.int32]
+    bounds: Ints
     energy: float
 
     @property
@@ -83,7 +82,7 @@ class _Levels(NamedTuple):
         masses, sums = (np.add.reduceat(terms, cut.bounds[:-1]) for terms in (self.density, self.density * self.values))
         return (sums / masses)[:, None]
 
-    def _cut_at(self, bounds: NDArray[np.int32]) -> _Cut:
+    def _cut_at(self, bounds: Ints) -> _Cut:
         cut = _Cut(bounds, 0.0)
         steps = self.values - self.means(cut)[:, 0].repeat(np.diff(bounds))
         return cut._replace(energy=float((self.density * steps * steps).sum()))
@@ -125,7 +124,7 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
             return levels._cut_at(_join(few.bounds, many.bounds, n_cells))
 
 
-def _join(few: NDArray[np.int32], many: NDArray[np.int32], n_cells: int) -> NDArray[np.int32]:
+def _join(few: Ints, many: Ints, n_cells: int) -> Ints:
     """Follow `many` up to a cell inside one of `few`, then `few`, for `n_cells` in total."""
     # Both cuts are cheapest, so the two other halves together cost no less: the joined cut is cheapest too.
     n_more = n_cells - (len(few) - 1)

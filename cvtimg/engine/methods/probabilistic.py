@@ -14,11 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.iteration import Stopping, iterate
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints, Ints64
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -30,7 +29,7 @@ _PATIENCE = 4
 _DRAWS_PER_GENERATOR = 32
 
 #: Moves generators (K, D) in place by the drawn points, and counts the moves of each (K,) in place.
-Move = Callable[[Floats, Floats, NDArray[np.int64]], None]
+Move = Callable[[Floats, Floats, Ints64], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,7 @@ class Probabilistic:
         """Iterate until the best energy converges."""
         draws = self.draws or _DRAWS_PER_GENERATOR * len(generators)
 
-        def move(moving: Floats, counts: Floats, drawn: NDArray[np.int64]) -> None:
+        def move(moving: Floats, counts: Floats, drawn: Ints64) -> None:
             for start in range(0, len(drawn), draws):
                 some = np.sort(drawn[start : start + draws])  # near points stay near, which makes `assign` faster
                 group = points.take(some, np.ones(len(some)))
@@ -91,7 +90,7 @@ def follow_draws(points: Points, generators: Floats, conditions: Conditions, dra
     n_drawn = -(-points.n_points // draws) * draws
     moving, counts = generators.copy(), np.ones(len(generators))
     best, lowest = generators, np.inf
-    labels: NDArray[np.int32]
+    labels: Ints
     masses: Floats
 
     def measure() -> float:
@@ -126,7 +125,7 @@ class _Patient(Stopping):
         return ends[0] > 1 and all(Stopping.converged(self, energies[:end]) for end in ends)
 
 
-def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> Ints64:
     """Draw points by density, with repetition, in random order."""
     cumulative = np.cumsum(points.density)
     # Sorted heights are found three times faster.

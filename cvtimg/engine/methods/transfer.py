@@ -10,10 +10,9 @@ Lloyd's method too. It is slower than Lloyd's method: each point in turn is comp
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.iteration import Stopping, iterate
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
 from cvtimg.engine.methods.lloyd import Cells
@@ -68,9 +67,7 @@ def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> En
     return Ends(means, _weighted(masses / masses[0].sum(), parts, power))
 
 
-def _sweep(
-    points: Points, labels: NDArray[np.int32], masses: Floats, means: Floats, parts: Floats, conditions: Conditions
-) -> int:
+def _sweep(points: Points, labels: Ints, masses: Floats, means: Floats, parts: Floats, conditions: Conditions) -> int:
     """Transfer points between the cells of n sets, in place; return how many moved last."""
     (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
     scratch = np.empty((n_cells, n_dims), points.tiles.dtype), np.empty((2, n_cells), points.tiles.dtype)

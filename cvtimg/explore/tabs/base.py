@@ -7,12 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.messages import reworded
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.explore.calls import Code, Line, call, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
@@ -138,7 +135,7 @@ class Tab:
         controls = active(self.controls, request.settings)
         return [control for control in controls if isinstance(control, Brushed) and request.settings[control.name]]
 
-    def maps(self, request: Request) -> dict[str, NDArray[np.uint8]]:
+    def maps(self, request: Request) -> dict[str, Bytes]:
         """Return the (H, W) images that are drawn by brush, by the names of their controls."""
         return {
             brush.name: brush.drawn(request.settings[brush.name], request.picture.size)

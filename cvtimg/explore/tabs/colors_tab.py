@@ -8,11 +8,10 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg import find_palette, read_palette
 from cvtimg._shared.choices import Json, Options
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
@@ -278,7 +277,7 @@ def _bits(settings: Settings) -> Json:
     return {} if settings["color_bits"] == "any" else {"color_bits": color_bits(settings["color_bits"])}
 
 
-def rgb(colors: Sequence[str]) -> NDArray[np.uint8]:
+def rgb(colors: Sequence[str]) -> Bytes:
     """(K, 3) colors that are written as #rrggbb."""
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 

@@ -7,10 +7,10 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg import find_palette
 from cvtimg._shared.choices import Json, Options, SpaceName
+from cvtimg._shared.types import Bytes
 from cvtimg.colors import to_depth
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import (
@@ -153,7 +153,7 @@ def _is_found(settings: Settings) -> bool:
     return settings["start"] in ("image", "main")
 
 
-def _given(request: Request) -> tuple[str, NDArray[np.uint8]]:
+def _given(request: Request) -> tuple[str, Bytes]:
     """Return name and colors of the palette that is chosen or made."""
     settings = request.settings
     if settings["start"] == "given":

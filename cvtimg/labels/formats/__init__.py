@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvtimg._shared.choices import Options
-from cvtimg._shared.types import Floats
 from cvtimg.files.whole import StrPath
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from cvtimg._shared.types import Bytes, Floats
     from cvtimg.labels.contours import Polygon
 
 #: The registry: modules by suffix. Modules are given by name, because ``cvtimg segment --help`` must not import NumPy.
@@ -60,7 +59,7 @@ class Drawing:
 
     polygons: tuple[Polygon, ...]
     size: tuple[int, int]
-    colors: NDArray[np.uint8]
+    colors: Bytes
     properties: Mapping[int, Options]
     transform: ArrayLike | None = None
     epsg: int | None = None

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.svg import drawing as svg_drawing
 from cvtimg._shared.svg import hexadecimal, numbers
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bytes, Floats
 from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats import PLACE_DIGITS, Drawing
@@ -34,7 +31,7 @@ def _lines(drawing: Drawing, chances: Floats) -> Iterator[str]:
     yield "</g>\n"
 
 
-def _body(polygons: Iterable[Polygon], colors: NDArray[np.uint8]) -> Iterator[str]:
+def _body(polygons: Iterable[Polygon], colors: Bytes) -> Iterator[str]:
     # Renderers let the background shine through where polygons share a border; a thin stroke covers it.
     yield '<g fill-rule="evenodd" stroke-width="0.3" stroke-linejoin="round">\n'
     for label, pieces in groupby(polygons, key=lambda polygon: polygon.label):

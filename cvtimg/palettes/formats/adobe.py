@@ -6,9 +6,8 @@ import struct
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bytes, Floats
 from cvtimg.palettes.swatches import Swatches, as_palette, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -25,7 +24,7 @@ _D50_TO_D65 = np.array(
 _N_VALUES = {b"RGB ": 3, b"CMYK": 4, b"LAB ": 3, b"Gray": 1}
 
 
-def read_act(content: bytes) -> NDArray[np.uint8]:
+def read_act(content: bytes) -> Bytes:
     """Read a color table: 256 RGB triples, then perhaps the number of colors in use and the transparent index."""
     if len(content) not in (768, 772):
         raise UnfitContentError(f"has {len(content)} bytes; a color table must have 768 or 772")
@@ -52,7 +51,7 @@ def write_act(swatches: Swatches) -> bytes:
     return _TABLE.pack(table, len(colors), clear[0] if len(clear) else _NONE_CLEAR)
 
 
-def read_ase(content: bytes) -> NDArray[np.uint8]:
+def read_ase(content: bytes) -> Bytes:
     """Read all swatches, including those in groups. CMYK is converted without a profile; Lab is CIELAB under D50."""
     magic, *_, n_blocks = _HEADER.unpack_from(content)
     if magic != _MAGIC:
@@ -86,7 +85,7 @@ def _color(block: bytes) -> tuple[tuple[int, ...], str]:
     return tuple(_to_srgb(model, values).tolist()), name
 
 
-def _to_srgb(model: bytes, values: Floats) -> NDArray[np.uint8]:
+def _to_srgb(model: bytes, values: Floats) -> Bytes:
     if model == b"LAB ":
         from skimage.color import lab2xyz, xyz2rgb
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from io import BytesIO
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors.samples import color_samples
 from cvtimg.colors.spaces import to_depth
 from cvtimg.palettes.swatches import Swatches
@@ -17,7 +16,7 @@ from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.opening import UnfitContentError, open_picture
 
 
-def read_picture(content: bytes) -> NDArray[np.uint8]:
+def read_picture(content: bytes) -> Bytes:
     """Read the palette of an indexed image, or the distinct colors of other images in order of first appearance."""
     file = BytesIO(content)
     try:
@@ -30,7 +29,7 @@ def read_picture(content: bytes) -> NDArray[np.uint8]:
     return _distinct(decode(file))
 
 
-def _entries(image: Image.Image) -> NDArray[np.uint8]:
+def _entries(image: Image.Image) -> Bytes:
     """Return the colors of the palette: all of them for PNG, and those in use for formats that pad the palette."""
     image.load()
     n_entries = len(image.getpalette("RGB") or b"") // 3
@@ -41,7 +40,7 @@ def _entries(image: Image.Image) -> NDArray[np.uint8]:
     return np.asarray(to_srgb(strip))[0]
 
 
-def _distinct(image: Array, most: int = 1 << 16) -> NDArray[np.uint8]:
+def _distinct(image: Array, most: int = 1 << 16) -> Bytes:
     """Return the colors of an image without a palette, as many as that may have."""
     if image.dtype.kind == "f" or (image.ndim == 3 and image.shape[2] not in (3, 4)):
         raise UnfitContentError("has floating point samples or bands that are not colors")

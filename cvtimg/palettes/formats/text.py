@@ -8,8 +8,8 @@ import struct
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Bytes
 from cvtimg.palettes.swatches import Swatches, as_palette, hex_color, lines_of, with_named_alpha
 from cvtimg.pictures.formats.opening import UnfitContentError
 
@@ -24,7 +24,7 @@ def _lines(*lines: str, end: str = "\n") -> bytes:
     return "".join(line + end for line in lines).encode("utf-8", "replace")
 
 
-def read_gpl(content: bytes) -> NDArray[np.uint8]:
+def read_gpl(content: bytes) -> Bytes:
     """Read a GIMP palette (.gpl), as Inkscape, Krita and Aseprite write them too; alpha may be in color names."""
     lines = lines_of(content)
     if not lines or lines[0].strip() != "GIMP Palette":
@@ -52,7 +52,7 @@ def write_gpl(swatches: Swatches) -> bytes:
     return _lines("GIMP Palette", f"Name: {swatches.name}", "Columns: 16", "#", *rows)
 
 
-def read_jasc(content: bytes) -> NDArray[np.uint8]:
+def read_jasc(content: bytes) -> Bytes:
     """Read a JASC palette (.pal): ``red green blue`` or ``red green blue alpha`` in each line; or a RIFF palette."""
     if content[:4] == b"RIFF" and content[8:16] == b"PAL data":
         *_, n_colors = struct.unpack_from("<4sI8sIHH", content)  # RIFF, size, PAL data, size, version
@@ -75,7 +75,7 @@ def write_jasc(swatches: Swatches) -> bytes:
     return _lines("JASC-PAL", "0100", str(len(swatches.colors)), *rows, end="\r\n")
 
 
-def read_paintnet(content: bytes) -> NDArray[np.uint8]:
+def read_paintnet(content: bytes) -> Bytes:
     """Read a palette of paint.net (.txt): ``aarrggbb`` in each line, and comments after a semicolon."""
     codes = [line.partition(";")[0].strip() for line in lines_of(content)]
     colors = [hex_color(code[2:] + code[:2] if len(code) == 8 else code) for code in codes if code]
@@ -89,7 +89,7 @@ def write_paintnet(swatches: Swatches) -> bytes:
     return _lines("; paint.net Palette File", f"; Palette Name: {swatches.name}", *rows, end="\r\n")
 
 
-def read_hex(content: bytes) -> NDArray[np.uint8]:
+def read_hex(content: bytes) -> Bytes:
     """Read ``rrggbb`` or ``rrggbbaa`` from each line, with or without a leading ``#``, as on Lospec."""
     return as_palette(hex_color(line) for line in lines_of(content))
 
@@ -99,7 +99,7 @@ def write_hex(swatches: Swatches) -> bytes:
     return _lines(*(code[1:] for code in swatches.hexes()))
 
 
-def read_styles(content: bytes, pattern: re.Pattern[str], distinct: bool = False) -> NDArray[np.uint8]:
+def read_styles(content: bytes, pattern: re.Pattern[str], distinct: bool = False) -> Bytes:
     """Read what a pattern finds and is a color, as ``#rrggbb`` or by name, not other keywords, such as ``auto``."""
     from PIL.ImageColor import colormap, getrgb
 
@@ -136,7 +136,7 @@ def write_svg(swatches: Swatches) -> bytes:
     return f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}">\n{squares}</svg>\n'.encode()
 
 
-def read_json(content: bytes) -> NDArray[np.uint8]:
+def read_json(content: bytes) -> Bytes:
     """Read JSON written by cvtimg, and lists of ``"#rrggbb"`` or ``[r, g, b]``."""
     value = json.loads(content)
     entries = value.get("colors") if isinstance(value, dict) else value

@@ -12,10 +12,9 @@ from fractions import Fraction
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image
 
-from cvtimg._shared.types import Array, Bools
+from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.pictures.formats.encoding import encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.opening import PNG_MAGIC
@@ -28,7 +27,7 @@ class Cel(NamedTuple):
     """One frame: (H, W) palette indices, or (H, W), (H, W, 3) or (H, W, 4) pixels without a palette."""
 
     pixels: Array
-    palette: NDArray[np.uint8] | None
+    palette: Bytes | None
 
     @property
     def image(self) -> Array:
@@ -82,7 +81,7 @@ def write_gif(file: BinaryIO, cels: Sequence[Cel], durations: Sequence[float], p
     file.write(b";")
 
 
-def _gif_table(palette: NDArray[np.uint8]) -> bytes:
+def _gif_table(palette: Bytes) -> bytes:
     """Return the color table, with a spare entry for unchanged pixels if there is room, padded to a power of two."""
     n_entries = min(len(palette) + 1, 256)
     return palette[:, :3].tobytes().ljust(3 << (n_entries - 1).bit_length(), b"\0")

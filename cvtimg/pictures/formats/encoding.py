@@ -8,12 +8,11 @@ from io import BytesIO
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import deep_png, indexed, optimized, small_png
@@ -32,7 +31,7 @@ class _Picture(NamedTuple):
     mode: str
     values: Array
     alpha: bool = False  # whether the last band is transparency
-    colors: NDArray[np.uint8] | None = None
+    colors: Bytes | None = None
 
 
 class _Format(NamedTuple):
@@ -86,7 +85,7 @@ def encode_image(
     suffix: str,
     image: Array,
     *,
-    palette: NDArray[np.uint8] | None = None,
+    palette: Bytes | None = None,
     alpha: bool | None = None,
     metadata: Metadata | None = None,
     optimize: bool = False,
@@ -108,7 +107,7 @@ def encode_image(
 def encoder(
     suffix: str,
     image: Array,
-    palette: NDArray[np.uint8] | None,
+    palette: Bytes | None,
     alpha: bool | None,
     metadata: Metadata | None,
     optimize: bool,
@@ -216,7 +215,7 @@ def _direct(image: Array, alpha: bool) -> _Picture:
     return _Picture(mode, values, alpha)
 
 
-def _indexed(indices: Array, palette: NDArray[np.uint8], form: _Format) -> _Picture:
+def _indexed(indices: Array, palette: Bytes, form: _Format) -> _Picture:
     """Check indices, and keep them if the format has palettes with such alpha; else return colors."""
     indices, palette = np.asarray(indices), np.asarray(palette)
     check_indexed(indices, palette)

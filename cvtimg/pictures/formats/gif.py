@@ -10,8 +10,9 @@ from io import BytesIO
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL.GifImagePlugin import GifImageFile
+
+from cvtimg._shared.types import Bytes
 
 _EXTENSION, _IMAGE, _CONTROL, _END = 0x21, 0x2C, 0xF9, 0x3B
 _CLEARED, _RESTORED = 2, 3  # ways to dispose of a frame before the next
@@ -26,7 +27,7 @@ class _Part(NamedTuple):
     disposal: int
 
 
-def composed(file: BinaryIO) -> Iterator[NDArray[np.uint8]]:
+def composed(file: BinaryIO) -> Iterator[Bytes]:
     """Yield the canvas (H, W, 4) of each frame of an open GIF."""
     file.seek(0)
     content = file.read()

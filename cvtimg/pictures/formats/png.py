@@ -14,7 +14,7 @@ from PIL import Image, ImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.formats.arrays import upright
 from cvtimg.pictures.formats.opening import PNG_MAGIC, orientation
 from cvtimg.pictures.formats.png_chunks import chunk, chunks_of, described
@@ -128,7 +128,7 @@ def deep_png(values: NDArray[np.uint16], **options: Any) -> bytes:
     return _Form(head, b"").png(bytes(deflate.zlib_compress(rows.tobytes(), _DEFLATE.level_of_deep)))
 
 
-def _sizes(differences: NDArray[np.uint8]) -> NDArray[np.int64]:
+def _sizes(differences: Bytes) -> Ints64:
     """Return the sum of the absolute differences of each row, which small files keep small."""
     return np.minimum(differences, -differences).sum(axis=1, dtype=np.int64)
 
@@ -151,7 +151,7 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
     return min(files, key=len)
 
 
-def indexed(indices: Array, palette: NDArray[np.uint8]) -> Image.Image:
+def indexed(indices: Array, palette: Bytes) -> Image.Image:
     """Return (H, W) indices into a (K, 3) or (K, 4) palette, of which Pillow stores the fewest bits."""
     alphas = palette[:, 3:].tobytes().rstrip(b"\xff")
     if alphas.endswith(b"\0\n"):  # Pillow takes an alpha of 10 at the end for the end of a line
@@ -165,7 +165,7 @@ def indexed(indices: Array, palette: NDArray[np.uint8]) -> Image.Image:
     return image
 
 
-def roughness(pixels: NDArray[np.uint8]) -> float:
+def roughness(pixels: Bytes) -> float:
     """Return the mean size of what filters leave of the (H, W, C) samples of an image, in levels."""
     rows = np.frombuffer(_Form.of(Image.fromarray(pixels.squeeze())).rows, np.uint8).reshape(len(pixels), -1)
     return float(_sizes(rows[:, 1:]).sum() / pixels.size)

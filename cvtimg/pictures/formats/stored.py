@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.choices import Options
 from cvtimg._shared.extras import optional
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Ints64
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.arrays import NPY_MAGIC, as_samples
 from cvtimg.pictures.formats.opening import Selection, UnfitContentError, check_size, selected
@@ -34,7 +33,7 @@ class Arrangement(NamedTuple):
     shape: tuple[int, ...]
     channels: tuple[str, ...] = ()
 
-    def chosen(self, by: Selection) -> tuple[Arrangement, NDArray[np.int64]]:
+    def chosen(self, by: Selection) -> tuple[Arrangement, Ints64]:
         """Return what remains of the stack, and the numbers of these pages, by the names and places that are given."""
         stack = self if by.axes is None else self._named(by.axes)
         numbers = np.arange(math.prod(stack.shape)).reshape(stack.shape)

@@ -11,13 +11,12 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from PIL.ExifTags import Base
 
 from cvtimg._shared.pixels import peak, with_mark
 from cvtimg._shared.threads import n_threads
-from cvtimg._shared.types import Array
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures.formats.arrays import as_samples, upright
 from cvtimg.pictures.formats.geotiff import GeoTag, Tags
 from cvtimg.pictures.formats.opening import UnfitContentError, check_size, selected
@@ -290,7 +289,7 @@ def write_tiff(
     *,
     alpha: bool,
     before: tuple[int, ...] = (),
-    palette: NDArray[np.uint8] | None = None,
+    palette: Bytes | None = None,
     **options: Any,
 ) -> None:
     """Write what tifffile takes for images (H, W) or (H, W, C), a stack of them if there are axes `before`.

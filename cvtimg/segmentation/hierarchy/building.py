@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Floats, ImageLike
+from cvtimg._shared.types import Floats, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
 from cvtimg.segmentation.hierarchy.channels import find_channels
 from cvtimg.segmentation.hierarchy.evidence import evidence_of
@@ -152,7 +152,7 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
     )
 
 
-def default_threshold(lengths: NDArray[np.int32], altitudes: Floats, explained: float) -> float:
+def default_threshold(lengths: Ints, altitudes: Floats, explained: float) -> float:
     """Choose where to cut a tree."""
     # Many small or faint objects, such as nuclei in a micrograph, differ by less than regions of photographs do.
     # Lengths and altitudes, (B,), are those of the borders between leaves; power is length times squared altitude.

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.threads import in_parts, of_each
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.types import Bools, Bytes, Floats, Floats32, Ints
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -31,7 +30,7 @@ from cvtimg.segmentation.values import PictureValues, from_nearest
 class Channels:
     """What pixels are like."""
 
-    bins: NDArray[np.uint8]  # (H, W, C): bins of color, `N_LEVELS` for each channel but the last, which has the textons
+    bins: Bytes  # (H, W, C): bins of color, `N_LEVELS` for each channel but the last, which has the textons
     #: (H, W, D): where distances of colors are measured, at full contrast and centered; 0 outside
     values: Floats32
     inside: Bools  # (H, W): pixels that count
@@ -89,7 +88,7 @@ def _full_contrast(rows: Floats32, noise: Floats) -> tuple[float, float]:
     return float(low), 255 / span if span > 0 else 1.0
 
 
-def textons(lightness: Floats32, inside: Bools) -> NDArray[np.int32]:
+def textons(lightness: Floats32, inside: Bools) -> Ints:
     """(H, W) number of the pattern around each pixel."""
     responses = _responses(lightness).reshape(lightness.size, -1)
     flat = inside.ravel()

@@ -7,10 +7,9 @@ but its grain.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.types import Array, Bools, Floats, Indices
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
 from cvtimg.segmentation.edge_weight import descend
@@ -73,7 +72,7 @@ def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves
     )
 
 
-def _at_edges(image: Array, labels: NDArray[np.int32], factor: int) -> NDArray[np.int32]:
+def _at_edges(image: Array, labels: Ints, factor: int) -> Ints:
     """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
     some = image[:: factor * 4, :: factor * 4]
     low, high = np.percentile(some, (0.1, 99.9))

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.progress import part
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.labels import _labels
 from cvtimg.labels.components import Borders, absorb_small, find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
@@ -30,7 +29,7 @@ _DIVIDED = 0.5
 class Leaves:
     """N leaves, numbered from 0, and B borders between them."""
 
-    labels: NDArray[np.int32]  # (H, W): the number of each leaf plus 1; 0 outside the mask
+    labels: Ints  # (H, W): the number of each leaf plus 1; 0 outside the mask
     sizes: Floats  # (N,): pixels
     #: (N, D + 1): sums over the pixels of each leaf: of their values about the center, and of the squares of these
     moments: Floats
@@ -40,7 +39,7 @@ class Leaves:
     #: (B,) each: altitudes in the tree of the image alone, and in that of the image at half its size, if there is one
     near_and_far: tuple[Floats, ...] = ()
 
-    def merged(self) -> tuple[NDArray[np.int32], Floats]:
+    def merged(self) -> tuple[Ints, Floats]:
         """Merge the leaves, those that differ least first; return (M, 2) the regions that merge, and (M,) altitudes."""
         # Merge m makes region N + m. Altitudes are the running maximum of what differs, so that they never fall.
         pairs, lengths, sizes = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64), self.sizes.copy()
@@ -72,7 +71,7 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
     )
 
 
-def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
+def _superpixels(channels: Channels, n_leaves: int) -> Ints:
     """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
     cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
     weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
@@ -81,7 +80,7 @@ def _superpixels(channels: Channels, n_leaves: int) -> NDArray[np.int32]:
     return numbered(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))
 
 
-def _histograms(own: NDArray[np.int32], n_leaves: int, channels: Channels) -> list[Floats]:
+def _histograms(own: Ints, n_leaves: int, channels: Channels) -> list[Floats]:
     """(N, bins) histogram of each channel, colors smoothed, for the leaves (n,) of the pixels inside."""
     n_colors = channels.bins.shape[2] - 1
     histograms = []

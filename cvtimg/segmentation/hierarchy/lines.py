@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Floats, ImageLike, Points
+from cvtimg._shared.types import Floats, ImageLike, Ints, Points
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import find_borders
 from cvtimg.labels.contours import find_contours, simplify
@@ -30,12 +30,7 @@ class Lines(NamedTuple):
 
 
 def find_lines(
-    leaves: NDArray[np.int32],
-    chances: NDArray[np.floating],
-    least: float,
-    most: int | None,
-    image: ImageLike | None,
-    off: float,
+    leaves: Ints, chances: NDArray[np.floating], least: float, most: int | None, image: ImageLike | None, off: float
 ) -> Lines:
     """Join borders between leaves, (B,) chances each, from the least on; keep the `most` that people draw most of."""
     contours = find_contours(leaves, image)

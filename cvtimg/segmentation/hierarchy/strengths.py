@@ -18,11 +18,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts, one_blas_thread
-from cvtimg._shared.types import Floats, Floats32
+from cvtimg._shared.types import Floats, Floats32, Ints, Ints64
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation import _segments
 from cvtimg.segmentation._segments import HIDDEN, N_LEVELS, REACH
@@ -43,7 +42,7 @@ def border_strengths(borders: Borders, channels: Channels) -> Floats:
     return np.add.reduceat(strengths, borders.starts[:-1]) / borders.lengths
 
 
-def _angles(borders: Borders) -> NDArray[np.int32]:
+def _angles(borders: Borders) -> Ints:
     """(P,) number of the direction in which the border runs at each crack; a crack alone runs along itself."""
     from scipy.spatial import cKDTree
 
@@ -70,7 +69,7 @@ def _angles(borders: Borders) -> NDArray[np.int32]:
     return angles
 
 
-def _half_disc_distances(channels: Channels, places: NDArray[np.int32], turns: NDArray[np.int32]) -> Floats32:
+def _half_disc_distances(channels: Channels, places: Ints, turns: Ints) -> Floats32:
     """(P, C, R) distances of the halves of discs around cracks."""
     margin = SETTINGS.radii[-1]
     shown = np.where(channels.inside[..., None], channels.bins, np.uint8(HIDDEN))
@@ -92,7 +91,7 @@ def _half_disc_distances(channels: Channels, places: NDArray[np.int32], turns: N
 
 
 @cache
-def _discs() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+def _discs() -> tuple[Ints64, Ints64, Ints]:
     """Rows and columns (T, 2, S), from the pixel before a crack, of the halves of discs, and (T, R) their sizes."""
     # Upright cracks come first, then flat ones, each in all directions. Pixels on the line between the halves belong to
     # neither; inner ones come first.
@@ -129,7 +128,7 @@ def smoothing_matrix() -> Floats:
     return shares / shares.sum(axis=1, keepdims=True)
 
 
-def global_strengths(pairs: NDArray[np.int32], strengths: Floats, lengths: NDArray[np.int32], sizes: Floats) -> Floats:
+def global_strengths(pairs: Ints, strengths: Floats, lengths: Ints, sizes: Floats) -> Floats:
     """(B,) steps of the eigenvectors across borders, summed: of the order of the strengths of these."""
     # Borders have pairs (B, 2), strengths and lengths; regions have sizes in pixels.
     if not len(pairs):
@@ -144,7 +143,7 @@ def global_strengths(pairs: NDArray[np.int32], strengths: Floats, lengths: NDArr
 
 
 @one_blas_thread  # for the bits must not depend on how many there are
-def _slow_vectors(pairs: NDArray[np.int32], weights: Floats, masses: Floats) -> tuple[Floats, Floats]:
+def _slow_vectors(pairs: Ints, weights: Floats, masses: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues, rising, and eigenvectors in columns; without those of 0, which only tell connected parts apart."""
     from scipy.sparse import coo_array, csc_array, diags_array
     from scipy.sparse.csgraph import connected_components

@@ -19,7 +19,7 @@ from cvtimg._shared.checks import (
     check_that,
 )
 from cvtimg._shared.records import Claims, ReadOnly, equals
-from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.files.arrays import load_arrays, save_arrays
 from cvtimg.files.whole import StrPath
 from cvtimg.labels.components import Borders, find_borders
@@ -69,8 +69,8 @@ class RegionHierarchy(ReadOnly):
         variance, as in micrographs of many small objects.
     """
 
-    leaves: NDArray[np.int32]
-    merges: NDArray[np.int32]
+    leaves: Ints
+    merges: Ints
     altitudes: Floats
     sizes: Floats
     colors: Floats
@@ -108,9 +108,7 @@ class RegionHierarchy(ReadOnly):
         """Count the regions of the cut at a threshold, by default `default_threshold`."""
         return self.n_leaves - int(np.searchsorted(self.altitudes, self._threshold(threshold), side="right"))
 
-    def cut(
-        self, n_regions: int | None = None, *, threshold: float | None = None, min_regions: int = 1
-    ) -> NDArray[np.int32]:
+    def cut(self, n_regions: int | None = None, *, threshold: float | None = None, min_regions: int = 1) -> Ints:
         """Cut the tree into regions.
 
         Parameters
@@ -307,7 +305,7 @@ class RegionHierarchy(ReadOnly):
     def _threshold(self, threshold: float | None) -> float:
         return self.default_threshold if threshold is None else check_non_negative("threshold", threshold)
 
-    def _cut(self, n_regions: int) -> tuple[Indices, NDArray[np.int32]]:
+    def _cut(self, n_regions: int) -> tuple[Indices, Ints]:
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
         n_merges = self.n_leaves - n_regions
         roots = parents_of(self.merges[:n_merges], self.n_leaves)
@@ -320,14 +318,14 @@ class RegionHierarchy(ReadOnly):
         return nodes, label_of[roots[: self.n_leaves]]
 
 
-def parents_of(merges: NDArray[np.int32], n_leaves: int) -> Indices:
+def parents_of(merges: Ints, n_leaves: int) -> Indices:
     """Return the node that each node becomes part of by these merges, or its own number."""
     parents = np.arange(n_leaves + len(merges))
     parents[merges.ravel()] = np.repeat(np.arange(n_leaves, len(parents)), 2)
     return parents
 
 
-def altitudes_between(pairs: NDArray[np.int32], merges: NDArray[np.int32], altitudes: Floats, n_leaves: int) -> Floats:
+def altitudes_between(pairs: Ints, merges: Ints, altitudes: Floats, n_leaves: int) -> Floats:
     """(B,) altitudes at which pairs of leaves come to be in one region."""
     parents = parents_of(merges, n_leaves)
     low, high = pairs.min(axis=1), pairs.max(axis=1)

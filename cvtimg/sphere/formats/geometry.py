@@ -11,14 +11,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cvtimg._shared.checks import check_that
-from cvtimg._shared.types import Array, Bools, Floats
+from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.halfedges import find_twins, half_edges_out
 from cvtimg.sphere.triangulation import circumcenters, unit
 
-Indices = NDArray[np.int32]
+Indices = Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
