@@ -16,6 +16,9 @@ from cvtimg.meshes.fields import Field, lengths_of
 from cvtimg.meshes.outlines import Outline, cross, divided, divided_steps, turns_of
 from cvtimg.meshes.triangulation import Borders
 
+#: An edge beside a corner cuts off a curve there if it makes the corner sharper by more, in radians.
+_CUT = 0.02
+
 
 @dataclass(frozen=True, slots=True)
 class Spacing:
@@ -36,7 +39,8 @@ class Spacing:
     parts: int = 256  # into which steps are divided at once, since sizes may be tiny at one end only
     least_passes: int = 3
     passes: int = 12  # at most, that divide steps
-    rounds: int = 12  # of making crowded edges shorter
+    rounds: int = 12  # of making crowded edges shorter,
+    few: float = 1e-3  # until no more than this part of them is left
     last_rounds: int = 5  # only where they cross
 
     @classmethod
@@ -74,10 +78,12 @@ def place_on_borders(
             return borders, field
         lengths = np.linalg.norm(np.subtract(*borders.points[borders.edges.T]), axis=1)
         crossed, near = _crowded(borders, lengths, chains, nearness)
+        if nearness == 1:
+            near |= _narrowing(borders, outline)
         if round_ >= spacing.rounds - spacing.last_rounds:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
-        if not halved.any() and round_ > 0:
+        if not crossed.any() and halved.sum() <= spacing.few * len(halved) and round_ > 0:
             return borders, field
         middles = borders.points[borders.edges].mean(axis=1)
         wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
@@ -208,6 +214,32 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
         fits |= _meet_sharply(borders, chains, lengths, point, edge, gaps)
     near[edge[~fits]] = True
     return crossed, near
+
+
+def _narrowing(borders: Borders, outline: Outline) -> Bools:
+    """Tell which edges (E,) cut off so much beside a corner of a polygon that it gets sharp, or sharper."""
+    narrowing = np.zeros(len(borders.edges), bool)
+    if outline.mask is not None:
+        return narrowing
+    assert borders.of_line is not None
+    numbers, lines = np.arange(len(outline.lines)), outline.lines
+    edge = np.append(*(np.searchsorted(borders.of_line, numbers, side) for side in ("left", "right")))
+    edge[len(numbers) :] -= 1
+    steps = np.array([line[1] - line[0] for line in lines] + [line[-2] - line[-1] for line in lines])
+    chords = np.subtract(*borders.points[borders.edges[edge].T[::-1]])
+    chords[len(numbers) :] *= -1
+    way, chord = (each @ [1, 1j] for each in (steps, chords))
+    inside, node = outline.sides.T.ravel() > 0, outline.ends.T.ravel()
+    # The ends of lines around each node, counterclockwise, and that after each.
+    order = np.lexsort((np.angle(way), node))
+    number, around = np.arange(len(order)), node[order]
+    is_last = np.searchsorted(around, around, "right") == number + 1
+    after = order[np.where(is_last, np.searchsorted(around, around), np.minimum(number + 1, number[-1]))]
+    angle, cut = (np.angle(each[after] / each[order]) for each in (way, chord))
+    is_sharp = inside[order] & (cut < angle) & (np.abs(cut) < np.arcsin(Spacing.of(outline).sharp))
+    both = np.append(order[is_sharp], after[is_sharp])
+    narrowing[edge[both]] = np.abs(np.angle(chord[both] / way[both])) > _CUT
+    return narrowing
 
 
 def _cross(a: Points, b: Points, c: Points, d: Points) -> Bools:

@@ -125,23 +125,25 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     ends = np.concatenate([alone, outline.nodes[outline.ends.T.ravel()]])
     _check_fits(outline, wanted, len(outline.nodes) + len(alone))
     start = wanted.field(outline, ends)
-    place = partial(_placed, outline, start, wanted.least, alone)
+    place = partial(_placed, outline, least=wanted.least, alone=alone)
     if wanted.n is None:
-        return place(1.0, wanted.grade, 2, np.inf)
+        return place(start, grade=wanted.grade, on_curves=2)
     factor, grade, on_curves, before = 1.0, wanted.grade, 2, np.inf
     coarser = partial(place, grade=max(grade, _SEARCH.steepest), on_curves=1)
     for _ in first_few(range(_SEARCH.rounds), 0.5):
-        plan = place(factor, grade, on_curves, wanted.n if on_curves == 2 else 2 * wanted.n)
+        most = wanted.n if on_curves == 2 else 2 * wanted.n
+        plan = place(start.scaled(factor), grade=grade, on_curves=on_curves, most=most)
         ratio = plan.number / wanted.n
         if abs(ratio - 1) < _SEARCH.near and plan.n_on_borders <= wanted.n:
             return plan
         if plan.n_on_borders > wanted.n and on_curves == 2:  # areas are given up before angles
-            closest = coarser(_SEARCH.coarsest, most=np.inf, nearness=_SEARCH.closest)
-            _check_fits(outline, wanted, closest.n_on_borders)
-            on_curves, coarsest = 1, coarser(_SEARCH.coarsest, most=wanted.n)
-            if coarsest.n_on_borders > wanted.n:  # whatever sizes
-                nearer = coarser(_SEARCH.coarsest, most=wanted.n, nearness=_SEARCH.nearer)
-                return nearer if nearer.n_on_borders <= wanted.n else closest
+            on_curves, coarsest = 1, coarser(start.scaled(_SEARCH.coarsest), nearness=_SEARCH.closest)
+            _check_fits(outline, wanted, coarsest.n_on_borders)
+            for nearness in (_SEARCH.nearer, 1.0):  # edges that crowd by less do so by more, too
+                plan = coarser(coarsest.field, most=wanted.n, nearness=nearness)
+                if plan.n_on_borders > wanted.n:
+                    return coarsest
+                coarsest = plan
             continue
         if ratio > max(before, 1) ** _SEARCH.stuck:
             grade = min(_SEARCH.steeper * grade, max(grade, _SEARCH.steepest))
@@ -152,7 +154,7 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     found = coarsest
     for _ in range(_SEARCH.halvings):
         middle = (low + high) / 2
-        plan = coarser(np.exp(middle), most=wanted.n)
+        plan = coarser(start.scaled(np.exp(middle)), most=wanted.n)
         is_fit = plan.n_on_borders <= wanted.n
         found, low, high = (plan, low, middle) if is_fit else (found, middle, high)
     return found
@@ -160,17 +162,17 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
 
 def _placed(
     outline: Outline,
-    start: Field,
+    field: Field,
+    *,
     least: float,
     alone: Points,
-    factor: float,
     grade: float,
     on_curves: int,
-    most: float,
+    most: float = np.inf,
     nearness: float = 1.0,
 ) -> Plan:
-    """Place vertices for sizes that are larger by a factor."""
-    field = start.scaled(factor).limited(grade, least)
+    """Place vertices for sizes."""
+    field = field.limited(grade, least)
     borders, field = place_on_borders(outline, field, grade, least, most, on_curves, nearness)
     if len(alone):
         borders, field = _with_alone(borders, field, alone, grade)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
 from cvtimg.halfedges import EdgeTable, connected_parts
@@ -195,22 +195,9 @@ def place_on_curves(mesh: SurfaceTriangulation, features: Bools, sizes: Floats, 
 
 def _chains(ends: Triangles) -> list[Indices]:
     """Join edges (E, 2) to chains of vertices between those with other than two; a closed one ends at its start."""
-    neighbors: dict[int, list[int]] = defaultdict(list)
-    for a, b in ends.tolist():
-        neighbors[a].append(b)
-        neighbors[b].append(a)
-    degree = {vertex: len(others) for vertex, others in neighbors.items()}
-    chains = []
-    # Those that end come first; what is left then goes around.
-    for start in sorted(neighbors, key=lambda vertex: degree[vertex] == 2):
-        while neighbors[start]:
-            chain = [start]
-            while len(chain) == 1 or (degree[chain[-1]] == 2 and chain[-1] != start):
-                following = neighbors[chain[-1]].pop()
-                neighbors[following].remove(chain[-1])
-                chain.append(following)
-            chains.append(np.array(chain))
-    return chains
+    steps = shapely.linestrings(np.stack([ends, ends], axis=-1).astype(np.float64))
+    lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(steps))) if len(ends) else []
+    return [shapely.get_coordinates(line)[:, 0].astype(np.intp) for line in lines]
 
 
 def _divided(points: Points, chain: Indices, sizes: Floats, angle: float) -> list[Indices]:

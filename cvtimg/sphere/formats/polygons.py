@@ -105,41 +105,20 @@ def _dense_ring(vertices: Floats, table: Floats, corners: list[int]) -> Ring:
 
 
 def _pieces(ring: Ring) -> list[Ring]:
-    """Cut a ring at the edge of the map."""
-    steps = [b[0] - a[0] for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
-    jumps = [k for k, step in enumerate(steps) if abs(step) > 180]
-    if not jumps:
-        return [ring]
-    if len(jumps) == 1:
-        return [_around_pole([*ring[jumps[0] + 1 :], *ring[: jumps[0] + 1]])]
-    return _cut(_unrolled(ring, steps))
-
-
-def _around_pole(ring: Ring) -> Ring:
-    """Close a ring, which begins and ends at the antimeridian, along the edge of the map."""
-    (west, south), (east, north) = sorted((ring[0], ring[-1]))
-    latitude = round(south + (north - south) * (180 + west) / (360 + west - east), _DECIMALS)
-    is_eastward = ring[0][0] < ring[-1][0]
-    start, pole = (-180.0, 90.0) if is_eastward else (180.0, -90.0)
-    ring = [[start, latitude], *ring, [-start, latitude], [-start, pole], [start, pole]]
-    return [place for k, place in enumerate(ring) if place != ring[k - 1]]
-
-
-def _unrolled(ring: Ring, steps: list[float]) -> Ring:
-    """Let longitudes go on where they jump by 360 degrees."""
-    longitude, path = ring[0][0], []
-    for (_, latitude), step in zip(ring, steps, strict=True):
-        path.append([longitude, latitude])
-        longitude += (step + 180) % 360 - 180
-    return path
-
-
-def _cut(path: Ring) -> list[Ring]:
-    """Cut a ring at the antimeridians that it crosses, and move its pieces to -180..180."""
+    """Cut a ring at the edge of the map, and move its pieces to -180..180."""
+    turned = ring[int(np.argmax(np.abs(np.diff(ring, axis=0, append=ring[:1])[:, 0]))) + 1 :]  # from there it goes on
+    path = np.array([*turned, *ring[: len(ring) - len(turned)]])
+    path[:, 0] = np.unwrap(path[:, 0], period=360)
+    step, turns = path[0, 0] - path[-1, 0], [-360.0, 0.0, 360.0]
+    if abs(step) > 180:  # around a pole, along the edge of the map
+        around, turns = [np.copysign(360, step), 0], [0.0]
+        path = np.concatenate([path[-1:] + around, path, path[:1] - around])
+        ends = [[longitude, -np.copysign(90, step)] for longitude in path[[-1, 0], 0]]
+        path = np.concatenate([path, ends])
     pieces = []
-    for around in (-360.0, 0.0, 360.0):
-        piece = clipped(clipped(np.array(path), 0, around - 180, 1), 0, around + 180, -1)
-        moved = (piece - [around, 0]).round(_DECIMALS)
+    for turn in turns:
+        piece = clipped(clipped(path, 0, turn - 180, 1), 0, turn + 180, -1)
+        moved = (piece - [turn, 0]).round(_DECIMALS)
         if len(moved) > 2 and np.ptp(moved[:, 0]) > 0:
             pieces.append(moved.tolist())
     return pieces
