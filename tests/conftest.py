@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from commands import Outcome, RowOf, Run
 from hypothesis import HealthCheck, settings
-from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array
 
 # Results prove themselves, also in the processes that tests start; read when cvtimg is imported, so before that.
 os.environ["CVTIMG_CHECK"] = "1"
@@ -41,7 +42,7 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session")
-def photograph() -> NDArray[Any]:
+def photograph() -> Array:
     """Return a photograph of 256 x 256 RGB pixels."""
     return read_image(SAMPLES / "astronaut.png")
 

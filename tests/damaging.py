@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cvtimg._shared.types import Array, Bytes, Floats, Indices
 
 SCRIPT = Path(__file__).parent.parent / "sample_images" / "damage.py"
 
@@ -27,11 +28,11 @@ def load() -> Any:
 damage = load()
 
 
-def as_bytes(image: NDArray[Any]) -> NDArray[np.uint8]:
+def as_bytes(image: Array) -> Bytes:
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def two_phases(side: int = 96) -> NDArray[np.float64]:
+def two_phases(side: int = 96) -> Floats:
     """(H, W, 1) a ring and a bar, 1, on a background, 0."""
     down, right = np.mgrid[:side, :side] / side
     far = np.hypot(down - 0.42, right - 0.4)
@@ -40,7 +41,7 @@ def two_phases(side: int = 96) -> NDArray[np.float64]:
     return (ring | bar).astype(np.float64)[:, :, None]
 
 
-def card(side: int = 96) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def card(side: int = 96) -> tuple[Floats, Indices]:
     """(H, W, 3) flat shapes in three colors on a fourth, and (H, W) which is where."""
     down, right = np.mgrid[:side, :side] / side
     which = np.zeros((side, side), np.intp)
@@ -51,6 +52,6 @@ def card(side: int = 96) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     return colors[which], which
 
 
-def psnr(one: NDArray[Any], other: NDArray[Any]) -> float:
+def psnr(one: Array, other: Array) -> float:
     """In dB, where white is 1."""
     return float(-10 * np.log10(np.mean((np.asarray(one, np.float64) - other) ** 2)))

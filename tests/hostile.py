@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 import tifffile
-from numpy.typing import NDArray
 from picture_files import chunk
 from PIL import Image, ImageCms
 
+from cvtimg._shared.types import Array
 from cvtimg.pictures import encode_image
 
 #: Seconds that a command may take for one file.
@@ -100,7 +100,7 @@ def measured() -> Iterator[File]:
                 yield f"sky-{name}-{image.ndim}.fits", file.getvalue()
 
 
-def tifffile_bytes(image: NDArray[Any], **options: Any) -> bytes:
+def tifffile_bytes(image: Array, **options: Any) -> bytes:
     """Encode an array as tifffile does."""
     file = io.BytesIO()
     tifffile.imwrite(file, image, **options)

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import tifffile
-from numpy.typing import NDArray
 from PIL import Image, ImageCms
+
+from cvtimg._shared.types import Array
 
 
 def chunk(name: bytes, data: bytes) -> bytes:
@@ -73,12 +74,12 @@ def cmyk_profile() -> bytes:
 SRGB = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
 
-def save(path: Path, image: Image.Image | NDArray[Any], **options: Any) -> Path:
+def save(path: Path, image: Image.Image | Array, **options: Any) -> Path:
     (image if isinstance(image, Image.Image) else Image.fromarray(image)).save(path, **options)
     return path
 
 
-def write_tiff(image: NDArray[Any], **layout: Any) -> None:
+def write_tiff(image: Array, **layout: Any) -> None:
     """Write a.tif."""
     rgb = image.ndim == 3 and image.shape[2] in (3, 4)
     if image.ndim == 3:

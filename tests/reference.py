@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from cvtimg._shared.threads import limit_threads, n_threads
+from cvtimg._shared.types import Array, Bools, Floats, Indices
 
 
-def squared_distances(samples: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
+def squared_distances(samples: Array, generators: Array) -> Floats:
     """(M, K) squared distance of each sample to each generator."""
     return ((samples[:, None].astype(float) - generators[None]) ** 2).sum(axis=2)
 
 
-def energy(samples: NDArray[Any], density: NDArray[Any], generators: NDArray[Any]) -> float:
+def energy(samples: Array, density: Array, generators: Array) -> float:
     """Sum of density times squared distance to the nearest generator."""
     return float(density @ squared_distances(samples, generators).min(axis=1))
 
 
-def lloyd_step(samples: NDArray[Any], density: NDArray[Any], generators: NDArray[Any]) -> NDArray[np.float64]:
+def lloyd_step(samples: Array, density: Array, generators: Array) -> Floats:
     """Move every generator to the mean of its Voronoi cell; those of empty cells stay."""
     labels = squared_distances(samples, generators).argmin(axis=1)
     moved = generators.astype(float).copy()
@@ -33,14 +33,14 @@ def lloyd_step(samples: NDArray[Any], density: NDArray[Any], generators: NDArray
     return moved
 
 
-def composite(image: NDArray[Any], background: float) -> NDArray[np.float64]:
+def composite(image: Array, background: float) -> Floats:
     """(H, W, C - 1) a picture with alpha over a plain grey, in 0..1."""
     peak = np.iinfo(image.dtype).max if image.dtype.kind == "u" else 1
     unit = image / peak
     return unit[..., :-1] * unit[..., -1:] + background * (1 - unit[..., -1:])
 
 
-def seen_energy(one: NDArray[Any], other: NDArray[Any]) -> float:
+def seen_energy(one: Array, other: Array) -> float:
     """Sum of squared differences; with alpha, the mean of what is seen over black and over white."""
     peak = float(np.iinfo(one.dtype).max) if one.dtype.kind == "u" else 1.0
     if one.ndim == 2 or one.shape[2] not in (2, 4):
@@ -48,7 +48,7 @@ def seen_energy(one: NDArray[Any], other: NDArray[Any]) -> float:
     return sum(float(((composite(one, b) - composite(other, b)) ** 2).sum()) for b in (0, 1)) / 2 * peak**2
 
 
-def same_partition(one: NDArray[Any], other: NDArray[Any]) -> float:
+def same_partition(one: Array, other: Array) -> float:
     """Share of the elements that two labelings put into the same part, when parts are matched one to one at best."""
     _, first = np.unique(one, return_inverse=True)
     _, second = np.unique(other, return_inverse=True)
@@ -62,30 +62,30 @@ def shape_of(polygon: Any) -> Any:
     return shapely.Polygon(polygon.rings[0], polygon.rings[1:])
 
 
-def covered(polygon: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def covered(polygon: Any, shape: tuple[int, int]) -> Bools:
     """Tell which centers of pixels are in a polygon."""
     return inside_rings(polygon.rings, shape)
 
 
-def inside_rings(rings: Any, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def inside_rings(rings: Any, shape: tuple[int, int]) -> Bools:
     """Tell which centers of pixels are inside of rings, by the rule of even and odd."""
     down, right = np.indices(shape) + 0.5
     inside = [shapely.contains_xy(shapely.Polygon(ring), right, down) for ring in rings]
     return np.logical_xor.reduce(inside)
 
 
-def signed_area(ring: NDArray[Any]) -> float:
+def signed_area(ring: Array) -> float:
     """Return the area in a closed ring of points (x, y), negative for one that runs the other way."""
     x, y = ring.T
     return float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) / 2)
 
 
 def edge_weighted_energy(
-    values: NDArray[Any],
-    labels: NDArray[Any],
+    values: Array,
+    labels: Array,
     edge_weight: float,
     radius: int = 3,
-    weights: NDArray[Any] | None = None,
+    weights: Array | None = None,
     volume_power: float = 0,
 ) -> float:
     """Sum of squared distances to the means of the segments, and of the pairs of near pixels that they part."""
@@ -120,24 +120,24 @@ def at_threads(make: Callable[[], Any]) -> list[Any]:
     return found
 
 
-def shoelace(corners: NDArray[Any]) -> float:
+def shoelace(corners: Array) -> float:
     """Signed area of a polygon (M, 2), by the formula of surveyors."""
     x, y = corners.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def ring(n: int, radius: float = 1.0) -> NDArray[np.float64]:
+def ring(n: int, radius: float = 1.0) -> Floats:
     """Return the corners (n, 2) of a regular polygon around the origin, counterclockwise."""
     turns = 2 * np.pi * np.arange(n) / n
     return radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
 
 
-def sets_of(triangles: NDArray[Any]) -> set[tuple[int, ...]]:
+def sets_of(triangles: Array) -> set[tuple[int, ...]]:
     """Return triangles as sets of corners, whichever comes first and however they turn."""
     return set(map(tuple, np.sort(triangles, axis=1).tolist()))
 
 
-def cube() -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def cube() -> tuple[Floats, Indices]:
     """Return the vertices of a cube, from -1 to 1, and its twelve triangles: what computer-aided design gives."""
     corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
     squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cvtimg
+from cvtimg._shared.types import Bytes
 from cvtimg.cli.app import main
 from cvtimg.colors import SPACES, ColorSpace
 from cvtimg.engine import METHODS, Conditions, Iteration, Method
@@ -21,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 @pytest.fixture
-def image() -> NDArray[np.uint8]:
+def image() -> Bytes:
     """Return four noisy fields of color."""
     fields = np.array([[[20, 20, 30], [200, 60, 40]], [[40, 160, 80], [230, 220, 190]]])
     noise = np.random.default_rng(0).integers(-8, 9, (24, 24, 3))
@@ -44,7 +45,7 @@ def dark(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 
 
 @pytest.mark.usefixtures("dark")
-def test_a_new_color_space_works_in_every_verb(image: NDArray[np.uint8]) -> None:
+def test_a_new_color_space_works_in_every_verb(image: Bytes) -> None:
     for given in (image, image[..., 0]):
         assert len(cvtimg.quantize(given, 4, space="dark", dither="floyd-steinberg").palette) == 4
     for options in ({}, {"edge_weight": "auto"}, {"averaging": 2}, {"components": True}):
@@ -55,7 +56,7 @@ def test_a_new_color_space_works_in_every_verb(image: NDArray[np.uint8]) -> None
     assert cvtimg.restore([image, image[::-1, ::-1][::-1, ::-1]], 4, space="dark").labels.max() == 4
 
 
-def test_a_new_method_works_by_its_name(image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_method_works_by_its_name(image: Bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
     def renamed(points: Any, generators: Floats, conditions: Conditions) -> Iteration:
@@ -72,9 +73,9 @@ def test_a_new_method_works_by_its_name(image: NDArray[np.uint8], monkeypatch: p
 
 
 def test_a_new_palette_format_is_read_and_written_by_its_suffix(
-    tmp_path: Path, image: NDArray[np.uint8], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, image: Bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def read(content: bytes) -> NDArray[np.uint8]:
+    def read(content: bytes) -> Bytes:
         return np.frombuffer(content, np.uint8).reshape(-1, 3)
 
     form = SimpleNamespace(read=read, write=lambda swatches: swatches.colors.tobytes())

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cvtimg import reduced_basis, write_image
+from cvtimg._shared.types import Array
 from cvtimg.bases import KINDS, Basis, as_snapshots, read_basis
 from cvtimg.pictures import Frames, write_frames
 
@@ -18,7 +18,7 @@ RIGHT = np.linalg.qr(RNG.normal(size=(300, 20)))[0]
 SNAPSHOTS = (LEFT * 100 * 0.7 ** np.arange(20)) @ RIGHT.T + 500
 
 
-def left_out(snapshots: NDArray[Any], basis: Basis) -> float:
+def left_out(snapshots: Array, basis: Basis) -> float:
     """Squared distance of snapshots to the nearest subspace, by least squares."""
     rows = snapshots.reshape(len(snapshots), -1).astype(float)
     apart = []
@@ -188,7 +188,7 @@ def test_weights_are_repetitions_and_uncentered_modes_are_those_about_0() -> Non
 IMAGES = np.random.default_rng(1).integers(0, 256, (5, 6, 8, 3), np.uint8)
 
 
-def rows_of(snapshots: Any) -> NDArray[Any]:
+def rows_of(snapshots: Any) -> Array:
     return np.concatenate([block for _, block in as_snapshots(snapshots).blocks()])
 
 

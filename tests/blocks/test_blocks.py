@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import squared_distances
 
 from cvtimg import tessellate
+from cvtimg._shared.types import Array, Floats
 from cvtimg.blocks import BlockError, Blocks, as_blocks, open_blocks, passes
 from cvtimg.blocks.rows import is_blocked
 from cvtimg.engine import Tessellation, block_descent, search
@@ -33,7 +33,7 @@ def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(block_descent, "_ROWS_PER_GENERATOR", 20)
 
 
-def blocks(rows: NDArray[Any] = ROWS, weights: NDArray[Any] | None = WEIGHTS, length: int = 170) -> Blocks:
+def blocks(rows: Array = ROWS, weights: Array | None = WEIGHTS, length: int = 170) -> Blocks:
     given = None if weights is None else da.from_array(weights, chunks=length)
     return as_blocks(da.from_array(rows, chunks=(length, 2)), given)
 
@@ -237,7 +237,7 @@ def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytes
 # What is wrong is said with the number of the block
 
 
-def _unreadable(start: int) -> NDArray[np.float64]:
+def _unreadable(start: int) -> Floats:
     if start == 8:
         raise OSError("disk on fire")
     return ROWS[start : start + 4]
@@ -248,7 +248,7 @@ def promised(read: Callable[[Any], Any], given: Sequence[Any]) -> Any:
     return da.concatenate([da.from_delayed(dask.delayed(read)(one), (4, 3), float) for one in given])
 
 
-def changed(values: NDArray[Any], place: Any, value: float) -> NDArray[Any]:
+def changed(values: Array, place: Any, value: float) -> Array:
     values = values.copy()
     values[place] = value
     return values

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cvtimg import tessellate
+from cvtimg._shared.types import Floats
 from cvtimg.blocks import Blocks, as_blocks
 
 distributed = pytest.importorskip("distributed")
@@ -29,7 +29,7 @@ pytestmark = [
 ]
 
 
-def read(start: int, folder: str, kill_at: int = -1) -> NDArray[np.float64]:
+def read(start: int, folder: str, kill_at: int = -1) -> Floats:
     """Read some rows, after a while; the first to come to some place kills its worker."""
     time.sleep(random.random() / 50)
     if start == kill_at:
@@ -64,7 +64,7 @@ def test_a_killed_worker_costs_time_and_no_bit(tmp_path: Path, monkeypatch: pyte
 reading, closing = threading.Event(), threading.Event()
 
 
-def _read_until_the_cluster_is_lost(start: int) -> NDArray[np.float64]:
+def _read_until_the_cluster_is_lost(start: int) -> Floats:
     reading.set()
     assert closing.wait(60)
     return ROWS[start : start + 100]

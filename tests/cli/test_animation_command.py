@@ -9,16 +9,16 @@ import numpy as np
 import picture_files
 import pytest
 from commands import RowOf
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize_frames, read_image, read_palette
+from cvtimg._shared.types import Bytes
 from cvtimg.cli.app import main
 from cvtimg.pictures import Frames, read_frames, read_metadata, write_frames
 
 
 @pytest.fixture
-def film(photograph: NDArray[np.uint8]) -> Frames:
+def film(photograph: Bytes) -> Frames:
     """Write film.gif and film.png, and work beside them."""
     images = tuple(photograph[number : number + 40, 60:120].copy() for number in range(3))
     frames = Frames(images, (40.0, 70.0, 1000.0), 0)
@@ -70,7 +70,7 @@ def test_a_palette_is_given_or_saved(film: Frames) -> None:
 
 
 @pytest.fixture
-def tagged(photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def tagged(photograph: Bytes) -> Bytes:
     """Write a.jpg with profile, pixels an inch and EXIF."""
     exif = Image.Exif()
     exif[0x8298] = "(c) somebody"
@@ -80,7 +80,7 @@ def tagged(photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif", "webp"])
-def test_metadata_is_kept_only_when_asked(tagged: NDArray[np.uint8], suffix: str) -> None:
+def test_metadata_is_kept_only_when_asked(tagged: Bytes, suffix: str) -> None:
     for words in ([], ["--keep-metadata"]):
         arguments = ["quantize", "a.jpg", "-k", "20", "-o", f"out.{suffix}", "--overwrite", "--quiet"]
         assert main([*arguments, *words]) == 0
@@ -91,7 +91,7 @@ def test_metadata_is_kept_only_when_asked(tagged: NDArray[np.uint8], suffix: str
         assert np.abs(pixels - tagged).mean() < 12, "the colors are those that the profile meant"
 
 
-def test_the_bytes_of_metadata_count(tagged: NDArray[np.uint8]) -> None:
+def test_the_bytes_of_metadata_count(tagged: Bytes) -> None:
     assert main(["quantize", "a.jpg", "--max-bytes", "1800", "-o", "a.png", "--keep-metadata", "--quiet"]) == 0
     assert Path("a.png").stat().st_size <= 1800
     assert read_metadata("a.png").exif

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 import reference
 from commands import Run
-from numpy.typing import NDArray
 
 import cvtimg
 from cvtimg import read_image, write_image
+from cvtimg._shared.types import Array
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.colors import SPACES
 from cvtimg.elbow.rules import RULES
@@ -96,7 +96,7 @@ def test_figures_agree_with_the_files(run: Run, here: Path, name: str, n_colors:
     assert row["channels"] == (before.shape[2] if before.ndim == 3 else 1)
 
 
-def n_distinct(image: NDArray[Any]) -> int:
+def n_distinct(image: Array) -> int:
     return len(np.unique(image.reshape(image.shape[0] * image.shape[1], -1), axis=0))
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import RowOf, Run
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.files.remote import local_copy
 
 pytest.importorskip("dask")
@@ -28,7 +28,7 @@ WEIGHTS = RNG.integers(1, 4, len(ROWS))
 FILES = ("a.parquet", "a.zarr", "a.npy", "a.csv")
 
 
-def write_tables(folder: Path, rows: NDArray[Any] = ROWS) -> None:
+def write_tables(folder: Path, rows: Array = ROWS) -> None:
     columns = np.column_stack([rows, WEIGHTS])
     missing = np.isnan(rows[:, 0])
     table = pa.table({"x": pa.array(rows[:, 0], mask=missing), "y": rows[:, 1], "n": WEIGHTS})

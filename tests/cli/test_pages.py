@@ -5,16 +5,15 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
 from commands import RowOf
 from images import discs
-from numpy.typing import NDArray
 
 from cvtimg import find_edges, quantize, read_image, restore, segment
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.cli.app import main
 from cvtimg.labels import mean_picture, track_labels
 from cvtimg.pictures import image_info, read_pages
@@ -32,7 +31,7 @@ def stacks() -> None:
     tifffile.imwrite("gray.tif", GRAY, imagej=True, resolution=(7.0, 7.0), metadata=metadata)
 
 
-def pages_of(path: str) -> NDArray[Any]:
+def pages_of(path: str) -> Array:
     return np.stack(read_pages(path).images)
 
 
@@ -70,7 +69,7 @@ def test_restore_takes_pages_for_versions(row_of: RowOf) -> None:
 
 
 @pytest.fixture
-def channels() -> NDArray[np.uint8]:
+def channels() -> Bytes:
     """Write channels.tif as ImageJ does: two channels in three planes."""
     stack = np.stack([GRAY, 255 - GRAY // 2], axis=1)
     metadata = {"axes": "ZCYX", "unit": "um", "spacing": 0.3, "Labels": ["DAPI", "GFP"] * 3}
@@ -78,7 +77,7 @@ def channels() -> NDArray[np.uint8]:
     return stack
 
 
-def test_all_outputs_of_a_stack_hold_all_pages(channels: NDArray[np.uint8], row_of: RowOf) -> None:
+def test_all_outputs_of_a_stack_hold_all_pages(channels: Bytes, row_of: RowOf) -> None:
     files = ["-o", "l.tif", "--overlay", "o.tif", "--edges", "e.tif", "--mean", "m.tif"]
     files += ["--table", "t.csv", "--contours", "c.geojson"]
     row = row_of("segment", "channels.tif", "-k", "3", "--edge-weight", "0", *files)
@@ -148,9 +147,7 @@ def test_deep_pages_are_as_bright_beside_each_other_as_they_are(row_of: RowOf) -
     assert np.median(bright[GRAY[0] > 100] / dim[GRAY[0] > 100]) == pytest.approx(3, rel=0.1)
 
 
-def test_channels_belong_to_the_pixel(
-    channels: NDArray[np.uint8], row_of: RowOf, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_channels_belong_to_the_pixel(channels: Bytes, row_of: RowOf, capsys: pytest.CaptureFixture[str]) -> None:
     joined = np.concatenate(np.moveaxis(channels, 1, -1))
     row = row_of("quantize", "channels.tif", "-k", "4", "-o", "q.tif")
     assert row["pages"] == 3
@@ -167,7 +164,7 @@ def test_channels_belong_to_the_pixel(
     assert "DAPI,GFP  0.142857 x 0.142857 x 0.3 um" in capsys.readouterr().out
 
 
-def test_planes_are_restored_one_by_one_and_versions_along_an_axis(channels: NDArray[np.uint8], row_of: RowOf) -> None:
+def test_planes_are_restored_one_by_one_and_versions_along_an_axis(channels: Bytes, row_of: RowOf) -> None:
     row = row_of("restore", "gray.tif", "-k", "3", "-o", "r.tif", "--labels", "l.tif")
     assert (row["pages"], row["versions"]) == (3, 1)
     each = [restore([page], 3) for page in GRAY]

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import RowOf
-from numpy.typing import NDArray
 
 from cvtimg import quantize, read_palette, write_image
+from cvtimg._shared.types import Bytes
 from cvtimg.cli.app import main
 
 FLAG = np.array([[0, 0, 255], [0, 0, 255], [255, 255, 0], [200, 16, 46]], np.uint8)[np.newaxis]
@@ -38,7 +38,7 @@ def test_the_colors_of_a_palette_file_are_told_and_saved_in_its_order(row_of: Ro
     assert len(palette_of(row_of, "a.hex", "-k", 2)) == 2
 
 
-def test_many_colors_are_reduced_as_quantize_does(row_of: RowOf, photograph: NDArray[np.uint8]) -> None:
+def test_many_colors_are_reduced_as_quantize_does(row_of: RowOf, photograph: Bytes) -> None:
     write_image("a.png", photograph)
     for options, n_colors in (((), 16), (("-k", 5), 5)):
         found = palette_of(row_of, "a.png", *map(str, options))
@@ -89,7 +89,7 @@ def test_colors_are_sorted_as_asked(row_of: RowOf) -> None:
 
 
 @pytest.mark.parametrize("main_colors", [False, True])
-def test_locked_colors_are_in_the_palette(main_colors: bool, row_of: RowOf, photograph: NDArray[np.uint8]) -> None:
+def test_locked_colors_are_in_the_palette(main_colors: bool, row_of: RowOf, photograph: Bytes) -> None:
     write_image("a.png", photograph)
     words = ["-k", "5", "--lock", "#ff00ff", *(["--main"] if main_colors else [])]
     found = {code for code, _ in palette_of(row_of, "a.png", *words)}

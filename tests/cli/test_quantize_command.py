@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import tifffile
 from commands import RowOf
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize, read_image, read_palette, write_image
+from cvtimg._shared.types import Array
 from cvtimg.cli import app as cli
 from cvtimg.options.common import color
 from cvtimg.pictures import image_info
@@ -25,7 +25,7 @@ def few(told: RowOf) -> RowOf:
 
 
 @pytest.fixture
-def picture(photograph: NDArray[Any], few: RowOf) -> NDArray[Any]:
+def picture(photograph: Array, few: RowOf) -> Array:
     """Write in.png."""
     small = np.ascontiguousarray(photograph[::4, ::4])
     write_image("in.png", small)
@@ -37,11 +37,11 @@ def colors_of(path: str) -> set[tuple[int, ...]]:
     return set(map(tuple, image.reshape(-1, image.shape[2]).tolist()))
 
 
-def test_a_size_that_leaves_one_color_is_warned_of(few: RowOf, picture: NDArray[Any]) -> None:
+def test_a_size_that_leaves_one_color_is_warned_of(few: RowOf, picture: Array) -> None:
     assert "--max-bytes 300 leaves one color of" in few("in.png", "--max-bytes", "300")["warning"]
 
 
-def test_a_palette_file_is_taken_as_it_is(few: RowOf, picture: NDArray[Any]) -> None:
+def test_a_palette_file_is_taken_as_it_is(few: RowOf, picture: Array) -> None:
     Path("p.hex").write_text("081820\n346856\n88c070\ne0f8d0\n")
     assert few("in.png", "--palette", "p.hex")["k"] == 4
     assert colors_of("out.png") <= {(8, 24, 32), (52, 104, 86), (136, 192, 112), (224, 248, 208)}
@@ -51,7 +51,7 @@ def test_a_palette_file_is_taken_as_it_is(few: RowOf, picture: NDArray[Any]) -> 
     assert (8 * 257, 24 * 257, 32 * 257) in colors_of("out.png")
 
 
-def test_a_weight_map_tells_what_counts(few: RowOf, picture: NDArray[Any]) -> None:
+def test_a_weight_map_tells_what_counts(few: RowOf, picture: Array) -> None:
     weights = np.zeros(picture.shape[:2], np.uint8)
     weights[20:30, 20:30] = 200
     write_image("w.png", weights)
@@ -59,7 +59,7 @@ def test_a_weight_map_tells_what_counts(few: RowOf, picture: NDArray[Any]) -> No
     np.testing.assert_array_equal(read_image("out.png"), quantize(picture, 8, weights=weights).image)
 
 
-def test_depth_stays_or_becomes_what_is_asked(few: RowOf, picture: NDArray[Any]) -> None:
+def test_depth_stays_or_becomes_what_is_asked(few: RowOf, picture: Array) -> None:
     deep = picture.astype(np.uint16) * 257 + np.arange(64, dtype=np.uint16)[:, None]
     write_image("deep.png", deep)
     few("deep.png", "-k", "7")
@@ -78,7 +78,7 @@ def test_depth_stays_or_becomes_what_is_asked(few: RowOf, picture: NDArray[Any])
     )
 
 
-def test_transparency_stays_in_the_file(few: RowOf, picture: NDArray[Any]) -> None:
+def test_transparency_stays_in_the_file(few: RowOf, picture: Array) -> None:
     y, x = np.mgrid[:64, :64]
     alpha = np.clip(4 * (30 - np.hypot(x - 32, y - 32)) / 30, 0, 1) * 255
     image = np.dstack([picture, np.rint(alpha)]).astype(np.uint8)
@@ -101,7 +101,7 @@ def test_colors_are_written_as_in_style_sheets(text: str, digits: str) -> None:
     assert color(text) == digits
 
 
-def test_lock_takes_a_palette_file_beside_free_colors(few: RowOf, picture: NDArray[Any]) -> None:
+def test_lock_takes_a_palette_file_beside_free_colors(few: RowOf, picture: Array) -> None:
     Path("house.pal").write_text("JASC-PAL\n0100\n2\n1 2 3\n250 0 250\n")
     few("in.png", "-k", 8, "--lock", "house.pal", "--lock", "white", "--save-palette", "out.hex")
     palette = read_palette("out.hex").tolist()
@@ -111,7 +111,7 @@ def test_lock_takes_a_palette_file_beside_free_colors(few: RowOf, picture: NDArr
 
 
 def test_without_an_aim_images_are_for_eyes_and_the_output_says_so(
-    few: RowOf, picture: NDArray[Any], capsys: pytest.CaptureFixture[str]
+    few: RowOf, picture: Array, capsys: pytest.CaptureFixture[str]
 ) -> None:
     row = few("in.png", "--effort", "fast")
     assert row["goal"] == "eyes"
@@ -136,7 +136,7 @@ def test_deep_images_of_few_colors_are_said_to_be_smaller_with_8_bits(few: RowOf
     assert flat["output_bytes"] < deep["output_bytes"]
 
 
-def test_a_file_that_grew_is_told_and_what_would_make_it_smaller(few: RowOf, picture: NDArray[Any]) -> None:
+def test_a_file_that_grew_is_told_and_what_would_make_it_smaller(few: RowOf, picture: Array) -> None:
     Image.fromarray(picture).save("small.jpg", quality=50)
     many, two = few("small.jpg", "-k", 999), few("small.jpg", "-k", 2)
     assert many["output_bytes"] > many["input_bytes"]
@@ -154,7 +154,7 @@ def test_a_file_that_grew_is_told_and_what_would_make_it_smaller(few: RowOf, pic
         (np.arange(60, dtype=np.uint16).reshape(6, 10) * 1000, "a-quantized.png"),
     ],
 )
-def test_samples_that_png_cannot_hold_stay_in_a_tiff(image: NDArray[Any], name: str, told: RowOf) -> None:
+def test_samples_that_png_cannot_hold_stay_in_a_tiff(image: Array, name: str, told: RowOf) -> None:
     write_image("a.tif", image)
     told("quantize", "a.tif", "-k", 4)
     assert Path(name).exists()

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from commands import Run
 from damaging import card, damage, psnr
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import quantize_frames, read_image, restore, write_image
+from cvtimg._shared.types import Array
 from cvtimg.cli import app as cli
 from cvtimg.labels import read_labels
 from cvtimg.pictures import Frames, Pages, read_frames, read_pages, write_frames, write_pages
@@ -88,7 +88,7 @@ def test_a_version_given_twice_is_told(run: Run) -> None:
     assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "-o", "b.png")[2]
 
 
-def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: NDArray[Any]) -> None:
+def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: Array) -> None:
     write_image("upright.png", photograph)
     write_image("upside_down.png", photograph[::-1])
     status, _, err = run("upright.png", "upside_down.png", "-k", "4", "-o", "a.png")
@@ -96,7 +96,7 @@ def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: N
     assert re.search(r"upside_down\.png cannot be laid over .*upright\.png and is left out", err)
 
 
-def test_photographs_are_recognized_and_both_options_force(run: Run, photograph: NDArray[Any]) -> None:
+def test_photographs_are_recognized_and_both_options_force(run: Run, photograph: Array) -> None:
     noise = np.random.default_rng(0).normal(0, 18, (96, 96, 3))
     write_image("photo.png", np.clip(photograph[40:136, 80:176] + noise, 0, 255).astype(np.uint8))
     status, _, said = run("photo.png", "-o", "chosen.png", "--effort", "fast")
@@ -111,7 +111,7 @@ def test_photographs_are_recognized_and_both_options_force(run: Run, photograph:
 
 
 @pytest.mark.slow
-def test_the_report_says_what_noise_is_like(run: Run, photograph: NDArray[Any]) -> None:
+def test_the_report_says_what_noise_is_like(run: Run, photograph: Array) -> None:
     noise = gaussian_filter(np.random.default_rng(0).normal(0, 50, (64, 64, 3)), (0.8, 0.8, 0))
     write_image("photo.png", np.clip(photograph[40:104, 80:144] + noise, 0, 255).astype(np.uint8))
 
@@ -142,7 +142,7 @@ def test_info_measures_the_noise_of_any_picture(run: Run, capsys: pytest.Capture
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["gif", "png", "tif"])
-def test_films_stay_films_with_their_durations(run: Run, photograph: NDArray[Any], suffix: str) -> None:
+def test_films_stay_films_with_their_durations(run: Run, photograph: Array, suffix: str) -> None:
     rng = np.random.default_rng(0)
     clean = [photograph[number : number + 48, 40:104] for number in range(3)]
     images = tuple(np.clip(one + rng.normal(0, 12, one.shape), 0, 255).astype(np.uint8) for one in clean)
@@ -168,7 +168,7 @@ def test_films_stay_films_with_their_durations(run: Run, photograph: NDArray[Any
     assert not Path("out.jpg").exists()
 
 
-def test_transparency_comes_back_and_names_have_a_default(run: Run, photograph: NDArray[Any]) -> None:
+def test_transparency_comes_back_and_names_have_a_default(run: Run, photograph: Array) -> None:
     alpha = np.where(np.indices((64, 64)).sum(axis=0) < 40, 0, 255).astype(np.uint8)
     alpha[40:50] = 90
     write_image("cut.png", np.dstack([photograph[40:104, 60:124], alpha]))

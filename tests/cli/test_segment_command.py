@@ -18,6 +18,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import find_contours, find_edges, read_image, segment, segment_hierarchy, write_image
+from cvtimg._shared.types import Array
 from cvtimg.cli import app as cli
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
@@ -279,7 +280,7 @@ def test_where_light_is_uneven_a_warning_names_shading(run: Run) -> None:
 
 
 @pytest.fixture
-def small(photograph: NDArray[Any]) -> NDArray[Any]:
+def small(photograph: Array) -> Array:
     image = np.asarray(Image.fromarray(photograph).resize((96, 80)))
     write_image("photo.png", image)
     return image
@@ -291,7 +292,7 @@ def tree(run: Run) -> RowOf:
     return lambda *arguments: run("photo.png", "--hierarchy", *arguments).rows[0]
 
 
-def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], tree: RowOf) -> None:
+def test_all_outputs_of_a_hierarchy_are_written(small: Array, tree: RowOf) -> None:
     row = tree("-k", "7", "--write", "labels.npy,table,tree,strengths,strengths.npy,overlay")
     hierarchy = segment_hierarchy(small)
     assert row["k"] == 7
@@ -303,7 +304,7 @@ def test_all_outputs_of_a_hierarchy_are_written(small: NDArray[Any], tree: RowOf
     assert Path("photo-table.csv").read_text().count("\n") == 8
 
 
-def test_a_space_that_is_named_is_taken(small: NDArray[Any], tree: RowOf) -> None:
+def test_a_space_that_is_named_is_taken(small: Array, tree: RowOf) -> None:
     cuts = {}
     for space in ("rgb", "lab"):
         tree("-k", "7", "--space", space, "-o", f"{space}.npy")
@@ -312,7 +313,7 @@ def test_a_space_that_is_named_is_taken(small: NDArray[Any], tree: RowOf) -> Non
     assert (cuts["rgb"] != cuts["lab"]).any()
 
 
-def test_auto_cuts_at_the_threshold(small: NDArray[Any], tree: RowOf) -> None:
+def test_auto_cuts_at_the_threshold(small: Array, tree: RowOf) -> None:
     hierarchy = segment_hierarchy(small)
     for number in (["-k", "auto"], []):
         assert tree(*number, "-o", "a.png", "--overwrite")["k"] == hierarchy.n_regions()
@@ -320,7 +321,7 @@ def test_auto_cuts_at_the_threshold(small: NDArray[Any], tree: RowOf) -> None:
         assert row["k"] == hierarchy.n_regions(0.6)
 
 
-def test_contours_by_chance_are_lines_that_tell_it(small: NDArray[Any], tree: RowOf) -> None:
+def test_contours_by_chance_are_lines_that_tell_it(small: Array, tree: RowOf) -> None:
     tree("--chance", "0.2", "--contours", "lines.geojson", "--write", "contours.svg")
     found = segment_hierarchy(small).find_lines(0.2)
     features = json.loads(Path("lines.geojson").read_text())["features"]

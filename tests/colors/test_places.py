@@ -10,10 +10,10 @@ import reference
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
 from cvtimg import quantize, tessellate
 from cvtimg._shared.pixels import AlphaArray
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import SPACES, color_samples
 from cvtimg.colors.places import from_places, to_places
 from cvtimg.quantization import DITHERS
@@ -21,7 +21,7 @@ from cvtimg.quantization import DITHERS
 HEIGHT, WIDTH = 60, 80
 
 
-def scene(dtype: Any = np.uint8) -> NDArray[Any]:
+def scene(dtype: Any = np.uint8) -> Array:
     """Draw a shaded opaque ball with soft edges and a soft shadow, on full transparency."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     ball = np.clip(20.5 - np.hypot(x - 30, y - 25), 0, 1)
@@ -41,7 +41,7 @@ SCENE = scene()
 CLEAR, OPAQUE = SCENE[..., 3] == 0, SCENE[..., 3] == 255
 
 
-def with_hidden_colors() -> NDArray[np.uint8]:
+def with_hidden_colors() -> Bytes:
     """Return the scene with noise under full transparency."""
     hidden = SCENE.copy()
     hidden[CLEAR, :3] = np.random.default_rng(0).integers(0, 256, (CLEAR.sum(), 3))
@@ -49,7 +49,7 @@ def with_hidden_colors() -> NDArray[np.uint8]:
 
 
 @given(hnp.arrays(np.uint8, (2, 4)), st.booleans())
-def test_distances_of_places_are_squared_errors_over_black_and_white(pair: NDArray[np.uint8], grey: bool) -> None:
+def test_distances_of_places_are_squared_errors_over_black_and_white(pair: Bytes, grey: bool) -> None:
     colors = pair[:, 2:] if grey else pair
     one, other = to_places(colors, "rgb", alpha=True)
     expected = reference.seen_energy(colors[None, :1], colors[None, 1:])
@@ -67,7 +67,7 @@ def test_colors_come_back_from_their_places(space: str, dtype: Any) -> None:
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, photograph: NDArray[Any]) -> None:
+def test_a_few_transparent_pixels_change_nothing_for_opaque_ones(space: str, photograph: Array) -> None:
     picture = photograph[::4, ::4]
     holed = np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)]).view(AlphaArray)
     holed[:5, :5, 3] = 0
@@ -99,7 +99,7 @@ def test_a_soft_shadow_is_nearer_than_by_plain_distances(background: Any) -> Non
     colors = np.rint(plain.generators[plain.labels])[samples.inverse].astype(np.uint8)
     before = reference.composite(hidden, background)
 
-    def error(image: NDArray[Any]) -> float:
+    def error(image: Array) -> float:
         return float(((reference.composite(image, background) - before) ** 2).sum())
 
     assert error(quantize(hidden, 16).image) < 0.5 * error(colors)

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg._shared.types import Array
 from cvtimg.colors import color_samples
 
 DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
 
 
-def images(dtype: Any) -> st.SearchStrategy[NDArray[Any]]:
+def images(dtype: Any) -> st.SearchStrategy[Array]:
     shapes = hnp.array_shapes(min_dims=2, max_dims=3, min_side=1, max_side=6)
     # Few values, so that colors repeat.
     values = st.sampled_from([0, 1, 2, 255] if np.dtype(dtype).kind == "u" else [-0.0, 0.0, 0.5, 1e-30, 3e5])
@@ -26,7 +26,7 @@ def images(dtype: Any) -> st.SearchStrategy[NDArray[Any]]:
 def test_samples_agree_with_numpy_unique(dtype: Any) -> None:
     @settings(max_examples=40)
     @given(images(dtype))
-    def check(image: NDArray[Any]) -> None:
+    def check(image: Array) -> None:
         samples = color_samples(image)
         rows = image.reshape(image.shape[0] * image.shape[1], -1)
         colors, counts = np.unique(rows, axis=0, return_counts=True)
@@ -47,14 +47,14 @@ def test_every_24_bit_color_is_counted() -> None:
     assert (samples.density == 1).all()
 
 
-def test_similar_colors_are_near_each_other(photograph: NDArray[Any]) -> None:
+def test_similar_colors_are_near_each_other(photograph: Array) -> None:
     colors = color_samples(photograph).colors.astype(float)
     step = np.linalg.norm(np.diff(colors, axis=0), axis=1).mean()
     shuffled = np.random.default_rng(0).permutation(colors)
     assert step < 0.1 * np.linalg.norm(np.diff(shuffled, axis=0), axis=1).mean()
 
 
-def test_a_pillow_image_and_a_strided_view_are_images_too(photograph: NDArray[Any]) -> None:
+def test_a_pillow_image_and_a_strided_view_are_images_too(photograph: Array) -> None:
     expected = color_samples(photograph[::2, ::-3].copy())
     for image in (photograph[::2, ::-3], Image.fromarray(photograph[::2, ::-3].copy())):
         samples = color_samples(image)
@@ -62,7 +62,7 @@ def test_a_pillow_image_and_a_strided_view_are_images_too(photograph: NDArray[An
         np.testing.assert_array_equal(samples.inverse, expected.inverse)
 
 
-def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: NDArray[Any]) -> None:
+def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: Array) -> None:
     before = photograph.copy()
     samples = color_samples(photograph)
     np.testing.assert_array_equal(photograph, before)
@@ -82,13 +82,13 @@ def test_the_image_stays_as_it_was_and_results_cannot_be_changed(photograph: NDA
         (np.full((2, 2), "a"), TypeError, "image of type <U1 must be"),
     ],
 )
-def test_what_is_not_an_image_is_refused(image: NDArray[Any], error: type[Exception], message: str) -> None:
+def test_what_is_not_an_image_is_refused(image: Array, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         color_samples(image)
 
 
 @pytest.mark.parametrize("mode", ["P", "PA", "CMYK", "HSV", "YCbCr"])
-def test_pillow_images_are_taken_by_their_colors(mode: str, photograph: NDArray[Any]) -> None:
+def test_pillow_images_are_taken_by_their_colors(mode: str, photograph: Array) -> None:
     image = Image.fromarray(photograph[::8, ::8]).convert("P" if mode == "PA" else mode).convert(mode)
     samples = color_samples(image)
     expected = np.asarray(image.convert("RGBA" if mode == "PA" else "RGB"))

@@ -1,18 +1,17 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 from scipy.stats.qmc import discrepancy
 
 from cvtimg import latinize, point_measures
+from cvtimg._shared.types import Array, Floats
 from cvtimg.designs import _designs, design, star_discrepancy
 from cvtimg.designs.cells import Cube, exact_cells, sobol_samples
 from cvtimg.designs.swaps import CRITERIA, even_out
@@ -20,7 +19,7 @@ from cvtimg.designs.swaps import CRITERIA, even_out
 RNG = np.random.default_rng(4)
 
 
-def discrepancy_by_all_boxes(points: NDArray[Any]) -> float:
+def discrepancy_by_all_boxes(points: Array) -> float:
     """Look at every box that coordinates of points, and 1, are corners of."""
     worst = 0.0
     for corner in itertools.product(*(np.append(axis, 1.0) for axis in points.T)):
@@ -129,14 +128,14 @@ def test_evened_points_stay_latin_and_apart() -> None:
     assert (even_out(points[:1], existing, False, 10_000_000, rng) == points[:1]).all()
 
 
-def squares(points: NDArray[np.float64], periodic: bool) -> NDArray[np.float64]:
+def squares(points: Floats, periodic: bool) -> Floats:
     """Return squared distances of pairs (P, d) along each axis."""
     first, second = np.triu_indices(len(points), 1)
     apart = points[first] - points[second]
     return np.asarray((apart - np.rint(apart) if periodic else apart) ** 2)
 
 
-def value(points: NDArray[np.float64], criterion: str, periodic: bool = False) -> float:
+def value(points: Floats, criterion: str, periodic: bool = False) -> float:
     """Compute a criterion by its definition."""
     if criterion == "discrepancy":
         return len(points) ** 2 * float(discrepancy(points, method="WD" if periodic else "CD"))

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from cvtimg import design
+from cvtimg._shared.types import Array
 from cvtimg.designs import Design, Factor, point_measures
 from cvtimg.designs.groups import split_evenly
 
 
-def slices_of(design: Design) -> NDArray[Any]:
+def slices_of(design: Design) -> Array:
     """(n, d) slice of each point along each axis, of as many as there are points, old and new."""
     n_slices = len(design.points) + len(design.existing)
     return np.floor(design.unit_points * n_slices).astype(int)
@@ -154,14 +154,14 @@ def test_small_feasible_regions_are_found() -> None:
 
 
 def test_points_of_a_region_are_latin_in_slices_of_equal_shares_as_far_as_they_can_be() -> None:
-    def half(points: NDArray[Any]) -> NDArray[Any]:
+    def half(points: Array) -> Array:
         return points[:, 0] < 0.5
 
     found = design(16, 2, feasible=half, effort="fast")
     assert found.latin
     assert (np.sort(np.floor(found.unit_points * [32, 16]), axis=0) == np.arange(16)[:, None]).all()
 
-    def ring(points: NDArray[Any]) -> NDArray[Any]:
+    def ring(points: Array) -> Array:
         return np.abs(np.hypot(*(points.T - 0.5)) - 0.42) < 0.03
 
     # Centers of mass are in the hole.
@@ -178,7 +178,7 @@ def test_categories_share_out_points_so_that_each_is_even() -> None:
     assert header == ["x", "y", "z", "batch"]
     assert sorted((row[3], row[2]) for row in rows) == sorted([(b, z) for b in ("1st", "2nd") for z in "ABC"] * 4)
 
-    def unevenness(labels: NDArray[Any], points: NDArray[Any]) -> float:
+    def unevenness(labels: Array, points: Array) -> float:
         return float(np.mean([qmc.discrepancy(points[labels == label]) for label in np.unique(labels)]))
 
     by_chance = np.mean([unevenness(np.random.default_rng(seed).permutation(24) % 3, alone) for seed in range(9)])
@@ -191,7 +191,7 @@ def test_groups_that_are_known_stay_and_no_exchange_of_two_points_is_left_that_g
     assert labels[:3].tolist() == [0, 0, 1]
     assert np.bincount(labels).tolist() == [7, 7]
 
-    def cost(labels: NDArray[Any]) -> float:
+    def cost(labels: Array) -> float:
         return sum(qmc.discrepancy(points[labels == label]) for label in (0, 1))
 
     for one in np.flatnonzero(labels[3:] == 0) + 3:

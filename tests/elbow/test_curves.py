@@ -1,18 +1,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
 
 import kmeans1d
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from reference import energy
 
 from cvtimg import energy_curve, segment, tessellate
 from cvtimg._shared.pixels import AlphaArray
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import color_samples
 from cvtimg.elbow import RULES, TargetMissedError
 from cvtimg.elbow.curves import EnergyCurve, auto_count
@@ -23,7 +22,7 @@ def curve_of(energies: list[float], peak: float | None = None) -> EnergyCurve:
     return EnergyCurve(np.array(energies), (), Scale(100.0, peak))
 
 
-def flat_picture(n_colors: int, sigma: float, seed: int) -> NDArray[np.uint8]:
+def flat_picture(n_colors: int, sigma: float, seed: int) -> Bytes:
     """Draw bands of unequal height, in colors on a lattice, with noise."""
     rng = np.random.default_rng(seed)
     lattice = np.stack(np.meshgrid(*[[30, 90, 160, 225]] * 3), axis=-1).reshape(-1, 3)
@@ -45,9 +44,7 @@ def test_the_curve_never_rises_and_is_the_energy_of_its_generators(seed: int, n_
         assert curve.energies[k - 1] == pytest.approx(energy(rows, density, generators), rel=1e-4, abs=1e-6)
 
 
-def test_energies_of_a_photograph_are_those_of_generators_and_about_those_of_tessellations(
-    photograph: NDArray[Any],
-) -> None:
+def test_energies_of_a_photograph_are_those_of_generators_and_about_those_of_tessellations(photograph: Array) -> None:
     samples = color_samples(photograph)
     curve = energy_curve(samples, 24)
     assert (np.diff(curve.energies) < 0).all()
@@ -57,7 +54,7 @@ def test_energies_of_a_photograph_are_those_of_generators_and_about_those_of_tes
         assert measured <= 1.03 * tessellate(samples, k).energy
 
 
-def test_with_effort_no_energy_is_above_that_of_a_single_tessellation(photograph: NDArray[Any]) -> None:
+def test_with_effort_no_energy_is_above_that_of_a_single_tessellation(photograph: Array) -> None:
     curve = energy_curve(photograph, 12, effort="balanced")
     samples = color_samples(photograph)
     alone = np.array([tessellate(samples, k).energy for k in range(1, 13)])
@@ -186,7 +183,7 @@ def test_a_longer_curve_does_not_move_the_elbow(rule: str) -> None:
     assert len(picks) == 1
 
 
-def blocks(sigma: float) -> NDArray[np.uint8]:
+def blocks(sigma: float) -> Bytes:
     """Draw four squares of 24 x 24 pixels with noise."""
     means = np.array([[30, 90], [150, 210]]).repeat(24, axis=0).repeat(24, axis=1)
     noise = sigma * np.random.default_rng(0).standard_normal(means.shape)

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import reference
-from numpy.typing import NDArray
 
 from cvtimg import tessellate
+from cvtimg._shared.types import Array
 
 #: E. Ruspini, Information and Control 15 (1969) 22-32, doi 10.1016/S0019-9958(69)90591-9.
 RUSPINI = [
@@ -28,14 +26,14 @@ OPTIMA = {
 
 
 @pytest.fixture(scope="module")
-def tables() -> dict[str, NDArray[Any]]:
+def tables() -> dict[str, Array]:
     from sklearn.datasets import load_iris
 
     return {"ruspini": np.array(RUSPINI).reshape(-1, 2), "iris": load_iris().data}
 
 
 @pytest.mark.parametrize(("name", "fewest"), OPTIMA)
-def test_the_best_effort_reaches_proven_optima(name: str, fewest: int, tables: dict[str, NDArray[Any]]) -> None:
+def test_the_best_effort_reaches_proven_optima(name: str, fewest: int, tables: dict[str, Array]) -> None:
     for n_generators, least in enumerate(OPTIMA[name, fewest], fewest):
         found = [tessellate(tables[name], n_generators, effort="best", rng=seed).energy for seed in range(5)]
         # Some searches end at a minimum next to the least.
@@ -55,7 +53,7 @@ def test_evolution_is_not_above_ten_starts(effort: str) -> None:
         assert tessellate(rows, n_generators, effort=effort).energy < 1.001 * ten
 
 
-def test_evolution_keeps_locked_generators_and_counts_weights(tables: dict[str, NDArray[Any]]) -> None:
+def test_evolution_keeps_locked_generators_and_counts_weights(tables: dict[str, Array]) -> None:
     rows = tables["iris"]
     locked, density = rows[[0, 100]] + 0.5, np.arange(len(rows)) % 3
     result = tessellate(rows, 6, locked=locked, density=density, effort="best")
@@ -65,7 +63,7 @@ def test_evolution_keeps_locked_generators_and_counts_weights(tables: dict[str, 
     assert result.energy <= alone.energy
 
 
-def test_evolution_lowers_the_energy_that_weights_cells_by_volume(tables: dict[str, NDArray[Any]]) -> None:
+def test_evolution_lowers_the_energy_that_weights_cells_by_volume(tables: dict[str, Array]) -> None:
     found = [
         tessellate(tables["iris"], 25, volume_power=2, effort=effort).weighted_energy for effort in ("fast", "best")
     ]
@@ -79,7 +77,7 @@ def test_equal_rows_may_be_fewer_than_asked_for() -> None:
         tessellate(rows, 4, effort="best")
 
 
-def test_the_callback_stops_evolution(tables: dict[str, NDArray[Any]]) -> None:
+def test_the_callback_stops_evolution(tables: dict[str, Array]) -> None:
     seen: list[float] = []
     tessellate(tables["iris"], 10, effort="best", callback=lambda _, energy: bool(seen.append(energy)) or len(seen) > 3)
     assert len(seen) == 4

@@ -9,9 +9,9 @@ import pytest
 import reference
 from hypothesis import example, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from cvtimg import tessellate
+from cvtimg._shared.types import Array, Floats, Ints64
 from cvtimg.colors import color_samples
 from cvtimg.engine import METHODS, SEEDINGS
 from cvtimg.engine.methods import Conditions, Iteration, Method, Probabilistic, Stopping, Watch
@@ -26,12 +26,12 @@ def conditions(*, tolerance: float = 1e-4, most: int = 1000, seed: int = 0, **ot
     return Conditions(Stopping(tolerance, most), np.random.default_rng(seed), **others)
 
 
-def energy(points: Points, generators: NDArray[np.float64]) -> float:
+def energy(points: Points, generators: Floats) -> float:
     return float(cell_energies(points, generators, assign(points, generators)).sum())
 
 
 @pytest.fixture(scope="module")
-def colors(photograph: NDArray[Any]) -> Points:
+def colors(photograph: Array) -> Points:
     samples = color_samples(photograph)
     return pack(samples.colors, samples.density, in_order=True)
 
@@ -48,9 +48,7 @@ def cloud() -> Points:
 # Methods that draw
 
 
-def family_by_hand(
-    points: Points, generators: NDArray[np.float64], drawn: NDArray[np.int64], draws: int, a: Any, b: Any
-) -> NDArray[np.float64]:
+def family_by_hand(points: Points, generators: Floats, drawn: Ints64, draws: int, a: Any, b: Any) -> Floats:
     """Move by move, generator by generator, as the paper writes it."""
     rows, z, j = points.rows(), generators.copy(), np.ones(len(generators))
     for start in range(0, len(drawn), draws):
@@ -63,7 +61,7 @@ def family_by_hand(
     return z
 
 
-def after_one_step(method: Method, points: Points, generators: NDArray[np.float64], **others: Any) -> Iteration:
+def after_one_step(method: Method, points: Points, generators: Floats, **others: Any) -> Iteration:
     return method(points, generators, conditions(tolerance=0, most=1, **others))
 
 
@@ -176,7 +174,7 @@ def test_wrong_parameters_of_the_family_are_named(parameters: dict[str, Any], me
 # The optimum in one dimension
 
 
-def optimum(values: Any, n_generators: int, density: Any = None) -> tuple[NDArray[np.float64], float]:
+def optimum(values: Any, n_generators: int, density: Any = None) -> tuple[Floats, float]:
     """Return the generators in the units of the values, and the energy."""
     rows = np.asarray(values).reshape(-1, 1)
     rows = rows if rows.dtype in (np.uint8, np.uint16) else rows.astype(float)
@@ -236,7 +234,7 @@ def test_optimal_generators_are_the_means_of_their_cells(n_levels: int, n_cells:
         (np.array([[1.0], [1.0], [2.0]]), 3, None, r"n_generators=3 must be in 1\.\.2, the number of distinct samples"),
     ],
 )
-def test_what_optimal1d_cannot_do_is_said(rows: NDArray[Any], n_generators: int, locked: Any, message: str) -> None:
+def test_what_optimal1d_cannot_do_is_said(rows: Array, n_generators: int, locked: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tessellate(rows, n_generators, locked=locked, method="optimal1d")
 

@@ -1,14 +1,13 @@
 from __future__ import annotations
 
 import tracemalloc
-from typing import Any
 
 import numpy as np
 import pytest
 import reference
-from numpy.typing import NDArray
 
 from cvtimg import tessellate
+from cvtimg._shared.types import Array, Floats
 from cvtimg.colors import color_samples
 from cvtimg.engine import SEEDINGS
 from cvtimg.engine.points import Points, pack
@@ -16,12 +15,12 @@ from cvtimg.engine.seeding import TooFewSamplesError
 
 
 @pytest.fixture
-def points(photograph: NDArray[Any]) -> Points:
+def points(photograph: Array) -> Points:
     samples = color_samples(photograph[::4, ::4])
     return pack(samples.colors, samples.density)
 
 
-def seeds(name: str, points: Points, n_generators: int, seed: int = 0) -> NDArray[np.float64]:
+def seeds(name: str, points: Points, n_generators: int, seed: int = 0) -> Floats:
     return SEEDINGS[name](points, n_generators, np.random.default_rng(seed))
 
 

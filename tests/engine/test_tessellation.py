@@ -13,9 +13,9 @@ import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
 from cvtimg import CVT, tessellate
+from cvtimg._shared.types import Array, Floats
 from cvtimg.colors import color_samples
 from cvtimg.engine import EFFORTS, SEEDINGS
 from cvtimg.engine.methods import Stopping
@@ -29,7 +29,7 @@ TO_THE_END = SearchEffort(2, (1 / 4, 0), Stopping(tolerance=0, max_iterations=10
 
 
 @pytest.fixture
-def blobs() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def blobs() -> tuple[Floats, Floats]:
     """Return 300 points of 5 dimensions around 6 centers, and their weights."""
     rng = np.random.default_rng(11)
     rows = rng.normal(size=(300, 5)) + 20 * rng.normal(size=(6, 5))[rng.integers(0, 6, 300)]
@@ -54,7 +54,7 @@ def test_one_move_agrees_with_the_oracle(n_dims: int, dtype: Any, monkeypatch: p
 
 @pytest.mark.parametrize("method", DESCENTS)
 def test_the_end_is_a_centroidal_voronoi_tessellation(
-    method: str, blobs: tuple[NDArray[Any], NDArray[Any]], monkeypatch: pytest.MonkeyPatch
+    method: str, blobs: tuple[Array, Array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(EFFORTS, "best", TO_THE_END)
     rows, density = blobs
@@ -82,7 +82,7 @@ def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
     np.testing.assert_allclose(np.sort(result.generators[:, 0]), [0.5, 100.5, 200, 204])
 
 
-def test_it_stops_when_the_energy_rests_and_says_so(photograph: NDArray[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_stops_when_the_energy_rests_and_says_so(photograph: Array, monkeypatch: pytest.MonkeyPatch) -> None:
     samples = color_samples(photograph)
     initial = samples.colors[::400][:32]
     for effort, tolerance in (("balanced", 1e-4), ("best", 1e-6)):
@@ -96,7 +96,7 @@ def test_it_stops_when_the_energy_rests_and_says_so(photograph: NDArray[Any], mo
     assert not tessellate(samples, 32, effort="fast", init=initial).converged
 
 
-def test_more_effort_finds_less_energy(photograph: NDArray[Any]) -> None:
+def test_more_effort_finds_less_energy(photograph: Array) -> None:
     samples = color_samples(photograph)
     for n_generators in (8, 32):
         fast, balanced, best = (tessellate(samples, n_generators, effort=effort).energy for effort in EFFORTS)
@@ -104,7 +104,7 @@ def test_more_effort_finds_less_energy(photograph: NDArray[Any]) -> None:
 
 
 @pytest.mark.parametrize("init", SEEDINGS)
-def test_the_same_seed_gives_the_same_bits(init: str, photograph: NDArray[Any]) -> None:
+def test_the_same_seed_gives_the_same_bits(init: str, photograph: Array) -> None:
     one, two = (tessellate(color_samples(photograph), 20, init=init, rng=4) for _ in range(2))
     assert one.generators.tobytes() == two.generators.tobytes()
     assert one.energies == two.energies
@@ -173,7 +173,7 @@ def test_wrong_values_in_the_environment_are_named(environment: dict[str, str], 
     assert message in error.value.stderr
 
 
-def test_inputs_stay_as_they_were(blobs: tuple[NDArray[Any], NDArray[Any]]) -> None:
+def test_inputs_stay_as_they_were(blobs: tuple[Array, Array]) -> None:
     rows, density = blobs
     initial = rows[:4].copy()
     copies = [array.copy() for array in (rows, density, initial)]
@@ -187,7 +187,7 @@ tables = hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2, max_sid
 
 @settings(max_examples=40)
 @given(tables, st.integers(1, 80), st.sampled_from(sorted(SEEDINGS)))
-def test_any_table_gives_a_tessellation_or_a_clear_error(rows: NDArray[Any], n_generators: int, init: str) -> None:
+def test_any_table_gives_a_tessellation_or_a_clear_error(rows: Array, n_generators: int, init: str) -> None:
     if n_generators > len(np.unique(rows, axis=0)):
         # Random generators may be equal samples, where no method refuses them.
         too_many = pytest.raises(ValueError, match="n_generators")
@@ -241,7 +241,7 @@ def test_color_samples_bring_their_own_density_and_bound() -> None:
 
 @pytest.mark.parametrize("init", ["split", "k-means++", "given"])
 @pytest.mark.parametrize("effort", EFFORTS)
-def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str, photograph: NDArray[Any]) -> None:
+def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str, photograph: Array) -> None:
     locked = np.array([[0, 255, 0], [120.5, 100, 100]])
     samples = color_samples(photograph)
     start: Any = samples.colors[::4000][:8] if init == "given" else init
@@ -260,13 +260,13 @@ def test_locked_generators_stay_in_place_and_others_move(init: str, effort: str,
         ([[1, 2, np.inf]], "locked must be finite"),
     ],
 )
-def test_wrong_locked_generators_are_named(locked: Any, message: str, photograph: NDArray[Any]) -> None:
+def test_wrong_locked_generators_are_named(locked: Any, message: str, photograph: Array) -> None:
     with pytest.raises(ValueError, match=message):
         tessellate(color_samples(photograph), 2, locked=locked)
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
-def test_a_callback_sees_every_step_and_can_stop(effort: str, photograph: NDArray[Any]) -> None:
+def test_a_callback_sees_every_step_and_can_stop(effort: str, photograph: Array) -> None:
     samples = color_samples(photograph)
     steps: list[tuple[int, float]] = []
     tessellate(samples, 20, effort=effort, callback=lambda *step: steps.append(step))

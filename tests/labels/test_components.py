@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from cvtimg._shared.types import Array, Floats32, Ints
 from cvtimg.labels import track_labels
 from cvtimg.labels.components import absorb_small, connected_pieces
 
 
-def drawn(seed: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def drawn(seed: int) -> tuple[Ints, Floats32]:
     """Pieces of random labels with a hole in the mask, and values."""
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(1, 16, 2))
@@ -25,7 +25,7 @@ def drawn(seed: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     return connected_pieces(labels), rng.normal(size=(*shape, 2)).astype(np.float32)
 
 
-def neighbors(regions: NDArray[Any]) -> set[tuple[int, int]]:
+def neighbors(regions: Array) -> set[tuple[int, int]]:
     found = set()
     for one, two in ((regions[1:], regions[:-1]), (regions[:, 1:], regions[:, :-1])):
         apart = (one != two) & (one > 0) & (two > 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +10,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 from reference import covered, shape_of, signed_area
 from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage import measure
 
 from cvtimg import find_contours, find_edges
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.labels import Contours
 from cvtimg.labels.contours import CLEARANCE
 from cvtimg.labels.edges import EDGE_MODES
@@ -26,12 +25,12 @@ LABELS = arrays(np.int32, st.tuples(st.integers(1, 8), st.integers(1, 8)), eleme
 RNG = np.random.default_rng(5)
 
 
-def smooth_fields(n_fields: int, side: int, sigma: float) -> NDArray[np.float64]:
+def smooth_fields(n_fields: int, side: int, sigma: float) -> Floats:
     noise = np.random.default_rng(n_fields).normal(size=(side, side, n_fields))
     return ndimage.gaussian_filter(noise, (sigma, sigma, 0))
 
 
-def pieces(labels: NDArray[Any]) -> list[tuple[int, NDArray[np.bool_]]]:
+def pieces(labels: Array) -> list[tuple[int, Bools]]:
     """List the connected pieces of every label but 0: pixels that share a side."""
     numbers = measure.label(labels, background=0, connectivity=1)
     return [(int(labels[numbers == n][0]), numbers == n) for n in range(1, numbers.max() + 1)]
@@ -51,7 +50,7 @@ def assert_neighbors_share_their_borders(contours: Contours) -> None:
 
 @given(LABELS)
 @settings(max_examples=100)
-def test_a_polygon_covers_the_pixels_of_one_piece_and_shares_its_border_with_neighbors(labels: NDArray[Any]) -> None:
+def test_a_polygon_covers_the_pixels_of_one_piece_and_shares_its_border_with_neighbors(labels: Array) -> None:
     contours = find_contours(labels)
     assert_rings_are_simple(contours)
     assert_neighbors_share_their_borders(contours)
@@ -80,7 +79,7 @@ def test_each_border_is_one_line_with_its_labels_to_the_right_and_left() -> None
             assert label == (labels[row, column] if inside else -1)
 
 
-def middles(lines: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+def middles(lines: Iterable[Floats]) -> Floats:
     """Give the middle of every step of lines."""
     return np.concatenate([(line[:-1] + line[1:]) / 2 for line in lines])
 
@@ -115,7 +114,7 @@ def test_a_soft_disc_is_outlined_far_better_than_by_pixels() -> None:
 
 @given(LABELS, st.integers(0, 2**32 - 1))
 @settings(max_examples=60)
-def test_borders_between_centers_fill_the_picture_and_keep_every_region(labels: NDArray[Any], seed: int) -> None:
+def test_borders_between_centers_fill_the_picture_and_keep_every_region(labels: Array, seed: int) -> None:
     image = np.random.default_rng(seed).normal(size=(*labels.shape, 2))
     contours = find_contours(labels, image)
     assert_rings_are_simple(contours)
@@ -187,7 +186,7 @@ def test_contours_and_polygons_are_shown_in_a_line() -> None:
     assert repr(contours.polygons[0]) == "Polygon(label=1, rings=2, 10 points, area=8)"
 
 
-def by_hand(labels: NDArray[Any], mode: str, ignore: int | None) -> NDArray[np.bool_]:
+def by_hand(labels: Array, mode: str, ignore: int | None) -> Bools:
     """Look at every pixel and each of its neighbours."""
     edges = np.zeros(labels.shape, bool)
     for (row, column), label in np.ndenumerate(labels):
@@ -200,7 +199,7 @@ def by_hand(labels: NDArray[Any], mode: str, ignore: int | None) -> NDArray[np.b
 
 @given(LABELS, st.sampled_from(list(EDGE_MODES)), st.sampled_from([None, 0, 2]))
 @settings(max_examples=60)
-def test_an_edge_point_has_a_neighbour_in_another_segment(labels: NDArray[Any], mode: str, ignore: int | None) -> None:
+def test_an_edge_point_has_a_neighbour_in_another_segment(labels: Array, mode: str, ignore: int | None) -> None:
     found = find_edges(labels, mode=mode, ignore=ignore)
     assert found.dtype == np.bool_
     np.testing.assert_array_equal(found, by_hand(labels, mode, ignore))

@@ -9,10 +9,10 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 import tifffile
-from numpy.typing import NDArray
 from PIL import Image
 from skimage.draw import polygon2mask
 
+from cvtimg._shared.types import Array
 from cvtimg.cli.app import main
 from cvtimg.pictures import read_pages
 
@@ -44,14 +44,14 @@ def stack(request: pytest.FixtureRequest, here: Path) -> str:
     return str(request.param)
 
 
-def labels() -> dict[tuple[int, int], NDArray[Any]]:
+def labels() -> dict[tuple[int, int], Array]:
     pages = read_pages("l.tif")
     return {(at["t"], at["z"]): page for at, page in zip(pages.places, pages.images, strict=True)}
 
 
 def test_fiji_gets_a_region_for_each_label_at_its_plane_and_frame(stack: str) -> None:
     roifile = pytest.importorskip("roifile")
-    found: dict[Any, NDArray[Any]] = {}
+    found: dict[Any, Array] = {}
     for region in roifile.roiread("r.zip"):
         ring = region.coordinates()
         own = polygon2mask((40, 60), ring[:, ::-1] - 0.5)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.labels import region_table
 from cvtimg.labels.figures import region_means
 
@@ -20,7 +18,7 @@ RNG = np.random.default_rng(8)
 
 @given(LABELS)
 @settings(max_examples=40)
-def test_the_table_has_the_figures_that_numpy_finds(labels: NDArray[Any]) -> None:
+def test_the_table_has_the_figures_that_numpy_finds(labels: Array) -> None:
     image = np.random.default_rng(labels.size).integers(0, 256, (*labels.shape, 3), dtype=np.uint8)
     table = region_table(labels, image)
     assert table["label"].tolist() == np.unique(labels[labels > 0]).tolist()

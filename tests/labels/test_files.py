@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import tifffile
-from numpy.typing import NDArray
 from PIL import Image
 from reference import inside_rings, signed_area
 from skimage.color import rgb2lab
 
 from cvtimg import find_contours
+from cvtimg._shared.types import Floats
 from cvtimg.labels import Drawing, read_labels, region_table, write_contours, write_labels, write_table
 from cvtimg.pictures import read_indices, write_image
 
@@ -137,7 +137,7 @@ def test_svg_paths_cover_the_segments_in_their_colors(tmp_path: Path, image: Any
         np.testing.assert_array_equal(inside_rings(rings, LABELS.shape), label == LABELS)
 
 
-def features(path: Path) -> dict[int, list[list[NDArray[np.float64]]]]:
+def features(path: Path) -> dict[int, list[list[Floats]]]:
     """Read the polygons of each label."""
     whole = json.loads(path.read_text())
     assert whole["type"] == "FeatureCollection"

@@ -6,9 +6,9 @@ import zlib
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import cvtimg
+from cvtimg._shared.types import Bytes, Floats32, Indices
 from cvtimg.colors.spaces import to_space
 from cvtimg.looks.rate import CoderName, Rate, map_by_rate, visibility
 from cvtimg.pictures.formats.encoding import encode_image
@@ -17,7 +17,7 @@ COFFEE = cvtimg.read_image("sample_images/coffee.png")[100:300, 200:420]
 PALETTE = np.asarray(cvtimg.quantize(COFFEE, 64, effort="fast").palette)
 
 
-def placed(colors: NDArray[np.uint8]) -> NDArray[np.float32]:
+def placed(colors: Bytes) -> Floats32:
     places = to_space(colors.reshape(-1, 3), "oklab").reshape(colors.shape) * [255, 90, 90]
     return places.astype(np.float32)
 
@@ -29,16 +29,16 @@ CODERS = pytest.mark.parametrize("coder", SHARES)
 
 def mapped(
     price: float,
-    image: NDArray[np.uint8] = COFFEE,
-    palette: NDArray[np.uint8] = PALETTE,
+    image: Bytes = COFFEE,
+    palette: Bytes = PALETTE,
     coder: CoderName = "deflate",
-    kept: NDArray[np.uint8] | None = None,
-) -> NDArray[np.uint8]:
+    kept: Bytes | None = None,
+) -> Bytes:
     rate, below = Rate(price, coder=coder), None if kept is None else placed(kept)
     return map_by_rate(placed(image), placed(palette), visibility(image.mean(axis=2)), rate, kept=below)
 
 
-def diffused(places: NDArray[np.float32], entries: NDArray[np.float32], coder: CoderName) -> NDArray[np.intp]:
+def diffused(places: Floats32, entries: Floats32, coder: CoderName) -> Indices:
     """Error diffusion row by row from the left, as `map_by_rate` shortens, weakens and shares errors."""
     right, aside, down = SHARES[coder]
     height, width, _ = places.shape

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cvtimg import mesh_region
+from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.meshes import HuangMetric, Mesh, RecoveredHessian
 from cvtimg.placement import Box
@@ -37,10 +37,10 @@ def test_edges_have_length_1_in_the_metric() -> None:
 
 @pytest.mark.slow
 def test_an_anisotropic_mesh_interpolates_a_layer_far_better() -> None:
-    def layer(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def layer(p: Floats) -> Floats:
         return np.exp(-40 * p[:, 0]) + 0.1 * p[:, 1] ** 2
 
-    def hessian(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def hessian(p: Floats) -> Floats:
         found = np.zeros((len(p), 2, 2))
         found[:, 0, 0], found[:, 1, 1] = 1600 * np.exp(-40 * p[:, 0]), 0.2
         return found

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import shapely
 from images import blobs
-from numpy.typing import NDArray
 
 from cvtimg import find_contours, mesh_labels, mesh_region
+from cvtimg._shared.types import Floats
 from cvtimg.labels.components import connected_pieces
 from cvtimg.meshes import Mesh, measure_triangles
 
 
-def areas_of(mesh: Mesh, n_tags: int) -> NDArray[np.float64]:
+def areas_of(mesh: Mesh, n_tags: int) -> Floats:
     return np.bincount(mesh.tags, measure_triangles(mesh.points, mesh.triangles).areas, n_tags)
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import shapely
 from images import blobs
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from reference import ring
 from scipy.spatial import Delaunay, cKDTree
 
 from cvtimg import mesh_labels, mesh_region
+from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.meshes import Mesh, MeshSize, measure_mesh, measure_triangles
 from cvtimg.meshes.borders import place_on_borders
@@ -24,16 +25,16 @@ L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 FRAME = [[[0, 0], [4, 0], [4, 4], [0, 4]], [[1, 1], [3, 1], [3, 3], [1, 3]]]
 
 
-def edges_of(mesh: Mesh) -> NDArray[np.float64]:
+def edges_of(mesh: Mesh) -> Floats:
     """The two ends (E, 2, 2) of each edge."""
     return mesh.points[unique_edges(edges_around(mesh.triangles))[0]]
 
 
-def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
+def edge_lengths(mesh: Mesh) -> Floats:
     return np.linalg.norm(np.subtract(*edges_of(mesh).transpose(1, 0, 2)), axis=1)
 
 
-def signed_areas(mesh: PlaneTriangulation | Mesh) -> NDArray[np.float64]:
+def signed_areas(mesh: PlaneTriangulation | Mesh) -> Floats:
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
 
@@ -138,7 +139,7 @@ def test_vertices_are_as_dense_as_a_function_asks() -> None:
 
 
 def test_with_n_only_ratios_of_sizes_count() -> None:
-    def size(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def size(p: Floats) -> Floats:
         return 1 + p[:, 0]
 
     few, many = (mesh_region(Box([0, 0], [1, 1]), n=300, size=lambda p, f=f: f * size(p)) for f in (1, 1000))
@@ -149,7 +150,7 @@ def test_with_n_only_ratios_of_sizes_count() -> None:
 
 
 def test_sizes_grow_no_faster_than_the_grade() -> None:
-    def spike(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def spike(p: Floats) -> Floats:
         return np.where(np.hypot(*(p - 0.5).T) < 0.02, 0.005, 0.2)
 
     mesh = mesh_region(Box([0, 0], [1, 1]), size=spike, grade=0.2)
@@ -207,7 +208,7 @@ def test_triangles_do_not_get_flat_where_edges_are_made_even() -> None:
     points = np.random.default_rng(3).random((30, 2))
     mesh = PlaneTriangulation(points, np.zeros(30, bool), delaunay(points), np.empty((0, 2), np.int32))
 
-    def shapes() -> NDArray[np.float64]:
+    def shapes() -> Floats:
         corners = mesh.points[mesh.triangles]
         squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
         return 2 * 3**0.5 * signed_areas(mesh) / squares  # 1 for an equilateral triangle

@@ -10,10 +10,10 @@ import pytest
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from reference import ring as regular
 
 from cvtimg import mesh_labels, mesh_region
+from cvtimg._shared.types import Floats
 
 #: What may be said of polygons, or of a number of vertices.
 ERRORS = (
@@ -31,14 +31,14 @@ ERRORS = (
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
 
 
-def hard_polygon(random: np.random.Generator) -> shapely.Geometry | NDArray[np.float64]:
+def hard_polygon(random: np.random.Generator) -> shapely.Geometry | Floats:
     """Make a hard region of 1 to 5,000 points.
 
     It is a noisy ring, a wedge, a box that is long or has a slit, rings in each other, perhaps with holes, and near or
     repeated points; or a few points anywhere.
     """
 
-    def ring(n: int, noise: float, size: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def ring(n: int, noise: float, size: float, at: Floats) -> Floats:
         return at + size * np.maximum(1 + noise * random.normal(size=n), 0.05)[:, None] * regular(n)
 
     kind = random.integers(6)

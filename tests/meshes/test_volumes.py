@@ -1,18 +1,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints64
 from cvtimg.meshes import VolumeMesh, mesh_volume
 from cvtimg.meshes.tetrahedra import dihedral_angles, pinched, stuff, widened
 
 
-def shapes(side: int = 32) -> dict[str, NDArray[np.bool_]]:
+def shapes(side: int = 32) -> dict[str, Bools]:
     z, y, x = ((np.mgrid[:side, :side, :side] + 0.5) / side * 2 - 1)[:]
     turns = 2 * np.pi / 1.6
     waves = (
@@ -36,7 +35,7 @@ def volume_of_surface(mesh: VolumeMesh) -> float:
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def labels(side: int = 24) -> dict[str, NDArray[np.int64]]:
+def labels(side: int = 24) -> dict[str, Ints64]:
     z, y, x = ((np.mgrid[:side, :side, :side] + 0.5) / side * 2 - 1)[:]
     squares = y * y + z * z
     balls = (x + 0.35) ** 2 + squares < 0.25, (x - 0.35) ** 2 + squares < 0.25
@@ -50,7 +49,7 @@ def labels(side: int = 24) -> dict[str, NDArray[np.int64]]:
     }
 
 
-VOXELS: dict[str, NDArray[Any]] = {**shapes(), **labels()}
+VOXELS: dict[str, Array] = {**shapes(), **labels()}
 
 
 @pytest.mark.parametrize(
@@ -75,11 +74,11 @@ def test_points_stay_where_surfaces_would_meet_themselves_and_narrow_tetrahedra_
     class Quadrants:
         """Two boxes that meet in a line."""
 
-        def distances(self, points: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
+        def distances(self, points: Floats, labels: Indices) -> Floats:
             level = np.maximum(-points[:, 0] * points[:, 1], np.abs(points).max(axis=1) - 2)
             return np.where(labels == 1, level, -level)
 
-        def nearest(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+        def nearest(self, points: Floats) -> Indices:
             return (self.distances(points, np.ones(len(points), np.intp)) < 0).astype(np.intp)
 
     found = stuff(Quadrants(), np.full(3, -3.0), np.full(3, 3.0), 0.7)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
+from cvtimg._shared.types import Array
 from cvtimg.palettes.files import PALETTE_FORMATS, read_palette, write_palette
 from cvtimg.pictures.files import write_image
 
@@ -266,7 +266,7 @@ def test_alpha_and_shares_are_written(tmp_path: Path) -> None:
     ],
     ids=["uint8", "uint8 column", "uint16", "float32"],
 )
-def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: NDArray[Any]) -> None:
+def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: Array) -> None:
     write_palette(tmp_path / "a.json", palette)
     np.testing.assert_array_equal(read_palette(tmp_path / "a.json"), [[0] * 3, [128] * 3, [255] * 3])
 
@@ -282,7 +282,7 @@ def test_grey_of_any_depth_is_written_with_8_bits(tmp_path: Path, palette: NDArr
     ],
 )
 def test_what_is_no_palette_is_refused_and_leaves_nothing(
-    tmp_path: Path, palette: NDArray[Any], error: type[Exception], message: str
+    tmp_path: Path, palette: Array, error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         write_palette(tmp_path / "a.gpl", palette)

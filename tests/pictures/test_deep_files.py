@@ -21,6 +21,7 @@ from images import DEEP_RGBA as RGBA
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg._shared.types import Array
 from cvtimg.cli.app import main
 from cvtimg.pictures.files import image_info, read_image, write_image
 
@@ -33,7 +34,7 @@ FLOATS = RNG.normal(size=(5, 7, 6)).astype(np.float32)
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
 @pytest.mark.parametrize("image", [GREY, RGB, RGBA], ids=["grey", "rgb", "rgba"])
-def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+def test_16_bits_come_back_in_every_band(tmp_path: Path, suffix: str, image: Array) -> None:
     path = tmp_path / f"a{suffix}"
     write_image(path, image, alpha=image is RGBA)
     np.testing.assert_array_equal(np.asarray(read_image(path)), image, strict=True)
@@ -116,7 +117,7 @@ def test_exif_orientation_is_applied_at_16_bits(tmp_path: Path, kind: str) -> No
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("image", [RGB, RGBA], ids=["rgb", "rgba"])
-def test_a_profile_is_converted_at_16_bits(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+def test_a_profile_is_converted_at_16_bits(tmp_path: Path, suffix: str, image: Array) -> None:
     path = tmp_path / f"a{suffix}"
     write_with_profile(path, image, picture_files.rgb_profile(value=1.0))
     linear = image[..., :3] / 65535
@@ -220,9 +221,7 @@ def test_a_tiff_says_of_its_last_band_whether_it_is_alpha(tmp_path: Path, n_band
         (np.asfortranarray(GREY), GREY),
     ],
 )
-def test_an_array_keeps_its_values_and_an_integer_type(
-    tmp_path: Path, stored: NDArray[Any], expected: NDArray[Any]
-) -> None:
+def test_an_array_keeps_its_values_and_an_integer_type(tmp_path: Path, stored: Array, expected: Array) -> None:
     np.save(tmp_path / "a.npy", stored)
     image = read_image(tmp_path / "a.npy")
     np.testing.assert_array_equal(image, expected, strict=True)
@@ -250,7 +249,7 @@ def test_a_graymap_of_12_bits_is_scaled_to_its_white(tmp_path: Path) -> None:
 # --- where on Earth
 
 
-def geotiff(path: Path, extra: list[tuple[Any, ...]], image: NDArray[Any] = FLOATS) -> Path:
+def geotiff(path: Path, extra: list[tuple[Any, ...]], image: Array = FLOATS) -> Path:
     tifffile.imwrite(path, image, photometric="minisblack", planarconfig="contig", extratags=extra)
     return path
 
@@ -342,9 +341,7 @@ def test_a_truncated_file_is_named_with_the_reason(
         (np.array([[{}]], object), r"is truncated or damaged \(Object arrays cannot be loaded"),
     ],
 )
-def test_an_array_that_is_no_picture_is_named_with_the_reason(
-    tmp_path: Path, stored: NDArray[Any], reason: str
-) -> None:
+def test_an_array_that_is_no_picture_is_named_with_the_reason(tmp_path: Path, stored: Array, reason: str) -> None:
     np.save(tmp_path / "a.npy", stored)
     with pytest.raises(OSError, match=rf"a\.npy: {reason}"):
         read_image(tmp_path / "a.npy")

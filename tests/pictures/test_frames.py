@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 from PIL import GifImagePlugin, Image, ImageSequence
 
 from cvtimg import quantize, quantize_frames, read_image
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures import Frames, read_frames, read_pages, write_frames
 from cvtimg.pictures.files import write_image
 from cvtimg.pictures.formats.opening import Selection, selecting
@@ -29,7 +29,7 @@ RNG = np.random.default_rng(21)
 PALETTE = RNG.integers(0, 256, (16, 3), np.uint8)
 
 
-def scene(n_frames: int = 5) -> NDArray[Any]:
+def scene(n_frames: int = 5) -> Array:
     """Return indices of a square that walks over a quiet ground, and stands still from the third frame on."""
     frames = np.tile(RNG.integers(0, 4, (12, 17)), (n_frames, 1, 1))
     for number in range(n_frames):
@@ -98,7 +98,7 @@ def test_any_small_animation_comes_back(
     tmp_path_factory: pytest.TempPathFactory,
     data: st.DataObject,
     suffix: str,
-    palette: NDArray[np.uint8],
+    palette: Bytes,
     shape: tuple[int, int, int],
 ) -> None:
     if palette.shape[1] == 4:
@@ -116,7 +116,7 @@ def test_any_small_animation_comes_back(
         np.testing.assert_array_equal(over_green(got), over_green(palette[image]))
 
 
-def over_green(image: NDArray[Any]) -> NDArray[Any]:
+def over_green(image: Array) -> Array:
     """Return what is seen of a picture whose pixels are opaque or clear."""
     if image.shape[2] == 3:
         return image
@@ -179,7 +179,7 @@ def test_disposal_of_a_gif_is_honoured(tmp_path: Path, disposal: int) -> None:
             np.testing.assert_array_equal(over_green(rgba(got)), over_green(rgba(wanted)))
 
 
-def rgba(image: NDArray[Any]) -> NDArray[Any]:
+def rgba(image: Array) -> Array:
     return image if image.shape[2] == 4 else np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
 
 
@@ -261,12 +261,12 @@ def test_what_a_format_cannot_hold_is_refused_and_leaves_nothing(
 # --- in few colors
 
 
-def film(photograph: NDArray[Any], n_frames: int = 4) -> Frames:
+def film(photograph: Array, n_frames: int = 4) -> Frames:
     images = tuple(photograph[8 * number : 8 * number + 48, 60:124].copy() for number in range(n_frames))
     return Frames(images, tuple(range(10, 10 * n_frames + 1, 10)), 0)
 
 
-def test_one_palette_is_that_of_the_frames_side_by_side(photograph: NDArray[Any]) -> None:
+def test_one_palette_is_that_of_the_frames_side_by_side(photograph: Array) -> None:
     frames = film(photograph)
     result = quantize_frames(frames, 12)
     beside = quantize(np.concatenate(frames.images), 12)
@@ -277,7 +277,7 @@ def test_one_palette_is_that_of_the_frames_side_by_side(photograph: NDArray[Any]
     assert (result.psnr, result.n_distinct) == (pytest.approx(beside.psnr), beside.n_distinct)
 
 
-def test_a_palette_for_each_frame_is_that_of_the_frame_and_has_less_error(photograph: NDArray[Any]) -> None:
+def test_a_palette_for_each_frame_is_that_of_the_frame_and_has_less_error(photograph: Array) -> None:
     frames = film(photograph)
     result = quantize_frames(frames, 12, per_frame=True)
     for one, image in zip(result.results, frames.images, strict=True):
@@ -285,7 +285,7 @@ def test_a_palette_for_each_frame_is_that_of_the_frame_and_has_less_error(photog
     assert result.energy < quantize_frames(frames, 12).energy
 
 
-def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photograph: NDArray[Any]) -> None:
+def test_more_than_256_colors_are_frames_without_palettes(tmp_path: Path, photograph: Array) -> None:
     result = quantize_frames(film(photograph), 300)
     shown, palettes = result.content
     assert palettes is None

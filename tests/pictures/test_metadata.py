@@ -10,10 +10,10 @@ import numpy as np
 import picture_files
 import pytest
 import tifffile
-from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from cvtimg import quantize, read_image, write_image
+from cvtimg._shared.types import Array
 from cvtimg.pictures import PixelSize, image_info, read_metadata
 from cvtimg.pictures.files import Metadata, encode_image
 
@@ -148,7 +148,7 @@ def test_damaged_exif_and_senseless_density_are_left_out(tmp_path: Path, suffix:
 
 @pytest.mark.parametrize("image", [RGB, DEEP, GREY, np.dstack([DEEP, DEEP]).astype(np.float32)])
 @pytest.mark.parametrize("target", ["pixels", "indices", "labels"])
-def test_a_geotiff_stays_in_its_place(tmp_path: Path, image: NDArray[Any], target: str) -> None:
+def test_a_geotiff_stays_in_its_place(tmp_path: Path, image: Array, target: str) -> None:
     path, out = tmp_path / "a.tif", tmp_path / "b.tif"
     color = image.ndim == 3 and image.shape[2] == 3
     planar = "contig" if image.ndim == 3 else None

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from images import DEEP_RGB as DEEP
 from images import RGB
-from numpy.typing import NDArray
 from picture_files import rgb_profile, save
 from PIL import Image
 
 from cvtimg import read_image, write_image
+from cvtimg._shared.types import Array
 from cvtimg.cli.app import main
 from cvtimg.pictures import encode_image, image_info, read_frames, read_indices, read_metadata, read_pages, write_pages
 
@@ -36,7 +36,7 @@ class Stream(BytesIO):
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".webp", ".npy"])
 @pytest.mark.parametrize("image", [RGB, DEEP], ids=["8 bits", "16 bits"])
-def test_bytes_and_streams_are_read_like_files(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+def test_bytes_and_streams_are_read_like_files(tmp_path: Path, suffix: str, image: Array) -> None:
     if suffix == ".webp" and image is DEEP:
         pytest.skip("holds 8 bits")
     content = encode_image(suffix, image)

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from reference import shoelace
 from scipy.spatial import cKDTree
 
+from cvtimg._shared.types import Array
 from cvtimg.engine.methods import Stopping
 from cvtimg.placement import DESCENTS, PixelMoments, Terms, pixel_labels
 from cvtimg.placement.cells import picture_cells
 
 
-def squared_distances(places: NDArray[Any], points: NDArray[Any]) -> NDArray[Any]:
+def squared_distances(places: Array, points: Array) -> Array:
     return ((places[:, None] - points) ** 2).sum(axis=2)
 
 
-def exact_row(density: NDArray[Any], points: NDArray[Any], y: float) -> NDArray[Any]:
+def exact_row(density: Array, points: Array, y: float) -> Array:
     """Sum mass, x and y over the cells of one row, cut at every bisector: the plain way."""
     lifted = (points[:, 0] ** 2) + (points[:, 1] - y) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -128,7 +127,7 @@ def moments() -> PixelMoments:
     return PixelMoments(np.exp(-((x - 30) ** 2 + (y - 20) ** 2) / 600) + 0.02)
 
 
-def start(n: int) -> NDArray[Any]:
+def start(n: int) -> Array:
     return np.random.default_rng(0).random((n, 2)) * [80, 60]
 
 
@@ -161,7 +160,7 @@ def test_fixed_generators_stay_and_the_others_do_not_mind(method: str, moments: 
 
 @pytest.mark.parametrize("method", DESCENTS)
 def test_a_projection_holds_after_every_move(method: str, moments: PixelMoments) -> None:
-    def onto_a_line(there: NDArray[Any], before: NDArray[Any]) -> NDArray[Any]:
+    def onto_a_line(there: Array, before: Array) -> Array:
         return np.where(np.arange(len(there))[:, None] < 10, there * [1, 0] + [0, 30], there)
 
     first = onto_a_line(start(40), start(40))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvtimg import place_generators
+from cvtimg._shared.types import Array
 from cvtimg.placement import PixelMoments
 from cvtimg.placement.pictures import draw_along_curve, enlarge
 
@@ -26,7 +24,7 @@ RING = (np.abs(np.hypot(X - 29.5, Y - 29.5) - 22) < 4)[:60, :60]
         *((np.ones(shape), 5) for shape in ((1, 1), (1, 50), (50, 1), (2, 3))),
     ],
 )
-def test_no_generator_is_where_nothing_is_and_no_cell_without_mass(density: NDArray[Any], n: int) -> None:
+def test_no_generator_is_where_nothing_is_and_no_cell_without_mass(density: Array, n: int) -> None:
     placement = place_generators(None, n, density=density, effort="fast")
     assert placement.points.shape == (n, 2)
     x, y = placement.points.astype(int).T

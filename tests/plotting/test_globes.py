@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import sphere_grid, surface_points
+from cvtimg._shared.types import Bytes
 from cvtimg.meshes import measure_triangles
 from cvtimg.plotting import draw_globe, draw_map, draw_surface
 from cvtimg.sphere import SphereGrid, cell_polygons
@@ -20,13 +20,13 @@ def grid() -> SphereGrid:
     return sphere_grid(162)
 
 
-def quarters() -> NDArray[np.uint8]:
+def quarters() -> Bytes:
     """Return a map whose quarters, from the upper left, are red, green, blue and white."""
     colors = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
     return colors.repeat(90, axis=0).repeat(180, axis=1)
 
 
-def pixels(content: bytes) -> NDArray[np.uint8]:
+def pixels(content: bytes) -> Bytes:
     return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, quick_and_wide
 from skimage.filters import gaussian
 
 from cvtimg import stipple
+from cvtimg._shared.types import Array
 
-Image = NDArray[Any]
+Image = Array
 
 
 def drawing(rng: np.random.Generator) -> tuple[Image, dict[str, Any]]:

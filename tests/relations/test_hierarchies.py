@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, quick_and_wide
 from skimage.filters import gaussian
 
 from cvtimg import segment_hierarchy
+from cvtimg._shared.types import Array, Bools, Floats32
 
-Image = NDArray[Any]
+Image = Array
 
 
 def picture(rng: np.random.Generator) -> Image:
@@ -21,11 +21,11 @@ def picture(rng: np.random.Generator) -> Image:
     return np.rint(2 + 253 * ((patches - patches.min(axis=(0, 1))) / span).round(1)).astype(np.uint8)
 
 
-def chances(image: Any, mask: Any = None) -> NDArray[np.float32]:
+def chances(image: Any, mask: Any = None) -> Floats32:
     return segment_hierarchy(image, n_leaves=150, mask=mask).find_edges(strength=True)
 
 
-def in_a_frame(image: Image) -> tuple[Image, NDArray[np.bool_]]:
+def in_a_frame(image: Image) -> tuple[Image, Bools]:
     """Put a picture into a larger one of white, which is masked."""
     frame = [(12, 30), (40, 20)]
     return np.pad(image, [*frame, (0, 0)], constant_values=255), np.pad(np.ones(image.shape[:2], bool), frame)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, quick_and_wide
 from scipy import ndimage
 from scipy.optimize import linear_sum_assignment
 from skimage.filters import threshold_otsu
 from skimage.measure import label
 
+from cvtimg._shared.types import Array, Ints
 from cvtimg.segmentation import count_objects
 
-Image = NDArray[Any]
+Image = Array
 SIDE = 220
 DOWN, RIGHT = np.mgrid[:SIDE, :SIDE]
 
 
-def truth(rng: np.random.Generator) -> NDArray[np.int32]:
+def truth(rng: np.random.Generator) -> Ints:
     """Label discs and rods of up to four times their width, apart from each other, in cells of 55 pixels."""
     labels = np.zeros((SIDE, SIDE), np.int32)
     for index, (y, x) in enumerate(np.mgrid[27:SIDE:55, 27:SIDE:55].reshape(2, -1).T):
@@ -58,13 +56,13 @@ def enlarged(image: Image) -> Image:
     return ndimage.zoom(image.astype(float), 1.5, order=1, grid_mode=True, mode="nearest")
 
 
-def with_truth(rng: np.random.Generator) -> tuple[Image, NDArray[np.int32]]:
+def with_truth(rng: np.random.Generator) -> tuple[Image, Ints]:
     """Return a picture and its labels."""
     seed = int(rng.integers(1 << 30))
     return picture(np.random.default_rng(seed)), truth(np.random.default_rng(seed))
 
 
-def matched(labels: NDArray[Any], right: NDArray[np.int32]) -> int:
+def matched(labels: Array, right: Ints) -> int:
     """Return how many objects have a label that shares half of the union with them."""
     shared = np.histogram2d(right.ravel(), labels.ravel(), [np.arange(n + 2) for n in (right.max(), labels.max())])[0]
     union = shared.sum(axis=1)[:, None] + shared.sum(axis=0) - shared
@@ -72,7 +70,7 @@ def matched(labels: NDArray[Any], right: NDArray[np.int32]) -> int:
     return int(overlap[linear_sum_assignment(overlap, maximize=True)].sum())
 
 
-def by_otsu(pair: tuple[Image, NDArray[np.int32]]) -> int:
+def by_otsu(pair: tuple[Image, Ints]) -> int:
     """Match labels of what Otsu's threshold finds in an image that is blurred a little."""
     smooth = ndimage.gaussian_filter(pair[0].astype(float), 1)
     return matched(label(smooth > threshold_otsu(smooth)), pair[1])

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 from reference import ring
 from relations.relation import Relation, close, quick_and_wide
 
 from cvtimg import mesh_region
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.meshes import measure_triangles
 
-Points = NDArray[np.float64]
+Points = Floats
 
 
 def smooth(random: np.random.Generator) -> Points:
@@ -104,7 +104,7 @@ def test_simpler_outlines_keep_their_areas_and_straight_sides() -> None:
 @pytest.mark.parametrize(
     "form", [lambda m: m * np.uint8(255), lambda m: m * 1, lambda m: m * 0.5, lambda m: np.dstack([m * 9] * 3)]
 )
-def test_a_mask_is_one_in_any_numbers(form: Callable[[NDArray[np.bool_]], NDArray[Any]]) -> None:
+def test_a_mask_is_one_in_any_numbers(form: Callable[[Bools], Array]) -> None:
     disk = np.hypot(*(np.mgrid[:30, :40] - 14.6)) < 12
     assert (mesh_region(form(disk), n=80).points == mesh_region(disk, n=80).points).all()
 

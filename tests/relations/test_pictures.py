@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import PIL.Image
-from numpy.typing import NDArray
 from reference import same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
 from skimage.filters import gaussian
 
 import cvtimg
+from cvtimg._shared.types import Array
 
-Image = NDArray[Any]
+Image = Array
 
 
 def gray_picture(rng: np.random.Generator, shape: tuple[int, int] = (32, 44)) -> Image:

@@ -8,33 +8,33 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import trimesh
-from numpy.typing import NDArray
 from relations.relation import Relation, not_above, quick_and_wide
 from relations.test_pictures import color_picture
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 import cvtimg
+from cvtimg._shared.types import Array, Floats, Indices
 
-Points = NDArray[np.float64]
+Points = Floats
 
 
-def squared_error(image: NDArray[Any], other: NDArray[Any]) -> float:
+def squared_error(image: Array, other: Array) -> float:
     return float(np.square(image.astype(float) - other).mean())
 
 
-def of_pillow(method: PIL.Image.Quantize) -> Callable[[NDArray[Any]], float]:
-    def error(image: NDArray[Any]) -> float:
+def of_pillow(method: PIL.Image.Quantize) -> Callable[[Array], float]:
+    def error(image: Array) -> float:
         few = PIL.Image.fromarray(image).quantize(8, method=method, dither=PIL.Image.Dither.NONE)
         return squared_error(image, np.asarray(few.convert("RGB")))
 
     return error
 
 
-def of_parts(labels: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[NDArray[Any]], float]:
+def of_parts(labels: Callable[[Array], Array]) -> Callable[[Array], float]:
     """Return the error of a picture whose parts have their mean colors."""
 
-    def error(image: NDArray[Any]) -> float:
+    def error(image: Array) -> float:
         parts, colors = labels(image).ravel(), image.reshape(-1, 3)
         sums = np.stack([np.bincount(parts, band) for band in colors.T], axis=1)
         return squared_error(colors, (sums / np.maximum(np.bincount(parts), 1)[:, None])[parts])
@@ -42,7 +42,7 @@ def of_parts(labels: Callable[[NDArray[Any]], NDArray[Any]]) -> Callable[[NDArra
     return error
 
 
-def blocks(image: NDArray[Any]) -> NDArray[np.intp]:
+def blocks(image: Array) -> Indices:
     """Return 88 squares of 4 x 4 pixels, of a picture of 32 x 44."""
     rows, columns = np.indices(image.shape[:2]) // 4
     return np.asarray(11 * rows + columns)

@@ -13,13 +13,12 @@ from relations.relation import Relation, equal, quick_and_wide
 from relations.test_pictures import color_picture, gray_picture
 
 import cvtimg
+from cvtimg._shared.types import Array, Bytes, Floats32, Ints
 
 
-def again(
-    write: Callable[[Path, Any], None], read: Callable[[Path], Any], name: str
-) -> Callable[[NDArray[Any]], NDArray[Any]]:
+def again(write: Callable[[Path, Any], None], read: Callable[[Path], Any], name: str) -> Callable[[Array], Array]:
 
-    def result(content: NDArray[Any]) -> NDArray[Any]:
+    def result(content: Array) -> Array:
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder) / name, content)
             return np.asarray(read(Path(folder) / name))
@@ -31,27 +30,27 @@ def deep(rng: np.random.Generator) -> NDArray[np.uint16]:
     return color_picture(rng).astype(np.uint16) * np.uint16(211) + np.uint16(7)
 
 
-def measured(rng: np.random.Generator) -> NDArray[np.float32]:
+def measured(rng: np.random.Generator) -> Floats32:
     """Return seven bands of floating point, some below 0; one row could be bands to a .npy file, and is refused."""
     sides = rng.integers(2, 40, 2)
     return rng.normal(0, 1e3, (*sides, 7)).astype(np.float32)
 
 
-def see_through(rng: np.random.Generator) -> NDArray[np.uint8]:
+def see_through(rng: np.random.Generator) -> Bytes:
     """Return a picture of which a part is transparent."""
     return np.dstack([color_picture(rng), gray_picture(rng)])
 
 
-def labels(rng: np.random.Generator) -> NDArray[np.int32]:
+def labels(rng: np.random.Generator) -> Ints:
     """Return labels, some above 255."""
     return (gray_picture(rng).astype(np.int32) // 40) * int(rng.integers(1, 60))
 
 
-def colors(rng: np.random.Generator) -> NDArray[np.uint8]:
+def colors(rng: np.random.Generator) -> Bytes:
     return cvtimg.find_palette(color_picture(rng), int(rng.integers(1, 30))).colors
 
 
-def quantized(rng: np.random.Generator) -> NDArray[np.uint8]:
+def quantized(rng: np.random.Generator) -> Bytes:
     return cvtimg.quantize(color_picture(rng), 8).image
 
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 from dask import array as da
-from numpy.typing import NDArray
 from reference import at_threads
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
 from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
 
 from cvtimg import CVT, energy_curve, tessellate
+from cvtimg._shared.types import Floats
 
-Rows = NDArray[np.float64]
+Rows = Floats
 #: How often each of 200 rows stands in a table.
 TIMES = 1 + np.arange(200) % 3
 TAKEN_AS_OFTEN = partial(np.repeat, repeats=TIMES, axis=0)

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from reference import same_partition
 from relations.relation import Relation, quick_and_wide
 from relations.test_pictures import color_picture, gray_picture
 
 from cvtimg import segment, superpixels
+from cvtimg._shared.types import Array
 
-Image = NDArray[Any]
+Image = Array
 #: The frame that is put around images.
 _AROUND = ((5, 70), (40, 3))
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import PIL.Image
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
 from relations.test_pictures import gray_picture
 
 import cvtimg
+from cvtimg._shared.types import Array
 from cvtimg.quantization import QuantizeOptions, quantize_file
 
-Pixels = NDArray[Any]
+Pixels = Array
 
 
 def logo(rng: np.random.Generator) -> Pixels:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import cube
 from relations.relation import Relation, equal, quick_and_wide
 
 from cvtimg import surface_points
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.surfaces import ImplicitSurface, measure_surface
 from cvtimg.surfaces.files import as_surface
 
-Surface = tuple[NDArray[np.float64], NDArray[np.int32]]
+Surface = tuple[Floats, Ints]
 
 
 def solid(random: np.random.Generator) -> Surface:

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, quick_and_wide
 
 import cvtimg
+from cvtimg._shared.types import Array
 from cvtimg.designs.factors import Factor, read_factors, read_runs
 from cvtimg.tables import Dialect, read_table
 
-Rows = NDArray[Any]
+Rows = Array
 NAMES = ["height", "girth", "größe"]
 
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from relations.relation import Relation, close, quick_and_wide
 from shapely import affinity
 from shapely.geometry import Polygon
 
 import cvtimg
+from cvtimg._shared.types import Floats
 
 
 def star(rng: np.random.Generator) -> Polygon:
@@ -29,12 +29,12 @@ def area(region: Polygon) -> float:
     return cvtimg.mesh_region(region, n=120).area / region.area
 
 
-def snapshots(rng: np.random.Generator) -> NDArray[np.float64]:
+def snapshots(rng: np.random.Generator) -> Floats:
     """Return 30 snapshots of four shapes, with noise."""
     return rng.normal(size=(30, 4)) @ rng.normal(size=(4, 200)) + 0.01 * rng.normal(size=(30, 200))
 
 
-def unexplained(rows: NDArray[np.float64]) -> float:
+def unexplained(rows: Floats) -> float:
     """Return what four modes leave, as a share of all."""
     return cvtimg.reduced_basis(rows, 4).energies[-1] / float(np.square(rows - rows.mean(axis=0)).sum())
 
@@ -45,7 +45,7 @@ _UNITS: dict[str, Callable[[Polygon], Polygon]] = {
     "turned by 33 degrees": lambda region: affinity.rotate(region, 33, origin=(0, 0)),
     "mirrored": lambda region: affinity.scale(region, -1, 1, origin=(0, 0)),
 }
-_ROWS: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+_ROWS: dict[str, Callable[[Floats], Floats]] = {
     "another order of snapshots": lambda rows: rows[::-1],
     "another order of places": lambda rows: rows[:, ::-1],
     "another unit": lambda rows: rows * 1000,

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 from conftest import SAMPLES
-from numpy.typing import NDArray
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
 from relations.test_pictures import gray_picture
 
 from cvtimg import denoise, read_image, restore
+from cvtimg._shared.types import Array, Bytes
 
-Case = tuple[NDArray[np.uint8], list[NDArray[np.uint8]]]
+Case = tuple[Bytes, list[Bytes]]
 SIDE = 72
 
 
@@ -36,7 +36,7 @@ def spoiled(n_versions: int, gray: bool = False) -> Any:
     return inputs
 
 
-def restored(case: Case) -> NDArray[Any]:
+def restored(case: Case) -> Array:
     """(H, W, ...) image of the versions."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # frames of one color are told
@@ -48,7 +48,7 @@ def error(case: Case) -> float:
     return error_of(restored(case), case)
 
 
-def error_of(image: NDArray[Any], case: Case) -> float:
+def error_of(image: Array, case: Case) -> float:
     """Mean squared error of an image, in squared levels."""
     return float(np.mean(np.square(image.astype(float) - case[0])))
 
@@ -85,7 +85,7 @@ def error_of_median(case: Case) -> float:
     return error_of(np.median(case[1], axis=0), case)
 
 
-def first_band(case: Case) -> NDArray[Any]:
+def first_band(case: Case) -> Array:
     """(H, W) first band of what is restored; the only one of a gray picture."""
     return restored(case).reshape(SIDE, SIDE, -1)[:, :, 0]
 
@@ -94,7 +94,7 @@ def with_flat(case: Case) -> Case:
     return case[0], [*case[1], np.full_like(case[1][0], 37)]
 
 
-def as_shorts(case: Case) -> NDArray[Any]:
+def as_shorts(case: Case) -> Array:
     """(H, W, C) what is restored of values of 16 bits, in levels of 8 bits."""
     return restored((case[0], [version * np.uint16(257) for version in case[1]])) / 257
 
@@ -112,7 +112,7 @@ def error_in_flat_colors(case: Case) -> float:
     return error_of(restore(case[1], 5).image, case)
 
 
-def in_flat_colors(case: Case) -> NDArray[Any]:
+def in_flat_colors(case: Case) -> Array:
     """(H, W, C) what is restored in flat colors."""
     return restore(case[1], 5).image
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from conftest import SAMPLES
 from damaging import card, damage, psnr, two_phases
-from numpy.typing import NDArray
 from skimage.draw import disk, ellipse, line
 
 from cvtimg import denoise, read_image, restore
+from cvtimg._shared.types import Array, Floats
 from cvtimg.restoration import agreement
 from cvtimg.restoration.agreement import without_background, without_motion, without_outliers
 from cvtimg.restoration.versions import stack_versions
@@ -21,7 +21,7 @@ from cvtimg.restoration.versions import stack_versions
 Damage = damage.Damage
 
 
-def exposures(clean: NDArray[np.float64], sigma: float, seed: int = 0) -> list[NDArray[np.float64]]:
+def exposures(clean: Floats, sigma: float, seed: int = 0) -> list[Floats]:
     """Four noisy exposures: cosmic rays in the first, dust in the second, hot pixels in the third, then a passer-by."""
     rng = np.random.default_rng(seed)
     height, width = shape = clean.shape[:2]
@@ -77,9 +77,7 @@ def test_spikes_are_left_out_of_flat_segments_where_holes_leave_no_majority() ->
 
 @pytest.mark.parametrize("sigma", [0, 0.1])
 @pytest.mark.parametrize("space", ["rgb", "lab"])
-def test_nothing_is_left_out_where_versions_differ_by_noise_alone(
-    photograph: NDArray[Any], sigma: float, space: str
-) -> None:
+def test_nothing_is_left_out_where_versions_differ_by_noise_alone(photograph: Array, sigma: float, space: str) -> None:
     rng = np.random.default_rng(0)
     part = photograph[:96, :96]
     levels = [np.clip(part + 255 * sigma * rng.standard_normal(part.shape), 0, 255) for _ in range(4)]
@@ -88,7 +86,7 @@ def test_nothing_is_left_out_where_versions_differ_by_noise_alone(
     assert (~kept.known).mean() < (5e-4 if space == "rgb" else 5e-3)  # noise in Lab is larger where it is dark
 
 
-def test_versions_of_other_exposure_or_place_are_not_left_out_as_a_whole(photograph: NDArray[Any]) -> None:
+def test_versions_of_other_exposure_or_place_are_not_left_out_as_a_whole(photograph: Array) -> None:
     rng = np.random.default_rng(0)
     images = [photograph * gain + rng.normal(0, 2, photograph.shape) for gain in (1, 0.9, 1.1)]
     kept = without_outliers(stack_versions(images), np.full(3, 2.0))

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 from damaging import damage, psnr
-from numpy.typing import NDArray
 from scipy.ndimage import shift as moved_by
 from skimage.transform import ProjectiveTransform, warp
 
 from cvtimg import denoise, restore
+from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.restoration.alignment import MODELS, align, moved
 from cvtimg.restoration.fitting import exposures
 from cvtimg.restoration.versions import stack_versions
@@ -17,7 +17,7 @@ from cvtimg.restoration.versions import stack_versions
 Damage = damage.Damage
 
 
-def scene(photograph: NDArray[np.uint8], shift: tuple[float, float]) -> NDArray[np.float64]:
+def scene(photograph: Bytes, shift: tuple[float, float]) -> Floats:
     """Look at (80, 90, 3) pixels of a photograph that has moved."""
     moved = moved_by(photograph[:112, 60:182] / 255, (*shift, 0), order=3, mode="nearest")
     return np.clip(moved[16:-16, 16:-16], 0, 1)
@@ -28,9 +28,7 @@ def scene(photograph: NDArray[np.uint8], shift: tuple[float, float]) -> NDArray[
     ("suffered", "most"),
     [(Damage(), 0.05), (Damage(noise=0.1), 0.1), (Damage(noise=0.1, holes=0.3, blocks=1, occlusions=1), 0.25)],
 )
-def test_a_known_shift_is_found(
-    shift: tuple[float, float], suffered: object, most: float, photograph: NDArray[np.uint8]
-) -> None:
+def test_a_known_shift_is_found(shift: tuple[float, float], suffered: object, most: float, photograph: Bytes) -> None:
     fixed, moving = scene(photograph, (0, 0)), scene(photograph, shift)
     versions, known = zip(
         *(damage.damaged_versions(one, 1, suffered, seed) for seed, one in enumerate((fixed, moving))), strict=True
@@ -41,7 +39,7 @@ def test_a_known_shift_is_found(
     np.testing.assert_allclose(shifts[1], np.negative(shift), atol=most)
 
 
-def test_what_a_shift_uncovers_is_not_known_and_the_rest_is_in_place(photograph: NDArray[np.uint8]) -> None:
+def test_what_a_shift_uncovers_is_not_known_and_the_rest_is_in_place(photograph: Bytes) -> None:
     fixed, moving = scene(photograph, (0, 0)), scene(photograph, (4, -3))
     aligned, _ = align(stack_versions([fixed, moving]))
     known = aligned.known[:, :, 1]
@@ -59,7 +57,7 @@ def test_flat_versions_are_left_where_they_are() -> None:
     np.testing.assert_array_equal(found.transforms, np.tile(np.eye(3), (2, 1, 1)))
 
 
-def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: NDArray[np.uint8]) -> None:
+def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: Bytes) -> None:
     rng = np.random.default_rng(0)
     shifts = [(0, 0), (2.5, -3.5), (-1.5, 4.5), (0.5, 0.5)]
     versions = [scene(photograph, shift) + 0.08 * rng.standard_normal((80, 90, 3)) for shift in shifts]
@@ -77,7 +75,7 @@ MOTIONS = {
 }
 
 
-def two_frames(photograph: NDArray[np.uint8], model: str, sigma: float) -> list[NDArray[np.uint8]]:
+def two_frames(photograph: Bytes, model: str, sigma: float) -> list[Bytes]:
     """Look at a photograph twice, at (144, 216, 3) pixels; the second has 0.8 of the exposure and another white."""
     inner = np.array([[1, 0, 20], [0, 1, 20], [0, 0, 1.0]])
     to_first = inner @ np.linalg.inv(MOTIONS[model]) @ np.linalg.inv(inner)
@@ -89,7 +87,7 @@ def two_frames(photograph: NDArray[np.uint8], model: str, sigma: float) -> list[
     ]
 
 
-def error(found: NDArray[np.float64], true: Any, shape: tuple[int, ...]) -> float:
+def error(found: Floats, true: Any, shape: tuple[int, ...]) -> float:
     """Root mean square distance of places that two transforms lead to."""
     corners = np.stack(np.meshgrid(np.linspace(0, shape[1] - 1, 9), np.linspace(0, shape[0] - 1, 9)), -1).reshape(-1, 2)
     apart = ProjectiveTransform(found)(corners) - ProjectiveTransform(np.array(true))(corners)
@@ -98,9 +96,7 @@ def error(found: NDArray[np.float64], true: Any, shape: tuple[int, ...]) -> floa
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
-def test_the_simplest_motion_that_fits_is_found_under_noise_and_other_exposure(
-    model: str, photograph: NDArray[np.uint8]
-) -> None:
+def test_the_simplest_motion_that_fits_is_found_under_noise_and_other_exposure(model: str, photograph: Bytes) -> None:
     frames = two_frames(photograph, model, 5)
     _, found = align(stack_versions(frames))
     assert found.models == ("translation", model)
@@ -111,7 +107,7 @@ def test_the_simplest_motion_that_fits_is_found_under_noise_and_other_exposure(
     ("model", "holes", "most"), [("euclidean", 0, 0.03), ("euclidean", 0.3, 0.05), ("homography", 0, 0.1)]
 )
 def test_motions_are_found_to_parts_of_a_pixel_under_strong_noise_and_holes(
-    model: str, holes: float, most: float, photograph: NDArray[np.uint8]
+    model: str, holes: float, most: float, photograph: Bytes
 ) -> None:
     frames = two_frames(photograph, model, 18)
     known = [np.random.default_rng(seed).random(frames[0].shape[:2]) >= holes for seed in (1, 2)]
@@ -119,7 +115,7 @@ def test_motions_are_found_to_parts_of_a_pixel_under_strong_noise_and_holes(
     assert error(found.transforms[1], MOTIONS[model], frames[0].shape) < most
 
 
-def test_a_model_that_is_named_is_the_one_found(photograph: NDArray[np.uint8]) -> None:
+def test_a_model_that_is_named_is_the_one_found(photograph: Bytes) -> None:
     frames = two_frames(photograph, "translation", 5)
     result = restore(frames, 4, align="affine", hidden="none", effort="fast")
     assert result.models == ("translation", "affine")
@@ -145,12 +141,10 @@ def test_own_pixels_keep_their_noise_and_lie_at_the_place_of_the_first_version()
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sigma", [4, 18])
-def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(
-    sigma: float, photograph: NDArray[Any]
-) -> None:
+def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(sigma: float, photograph: Array) -> None:
     rng = np.random.default_rng(0)
 
-    def frame(down: int, right: int) -> NDArray[np.float64]:
+    def frame(down: int, right: int) -> Floats:
         fine = photograph[down : down + 192, right : right + 224].astype(np.float64)
         return np.asarray(fine.reshape(96, 2, 112, 2, 3).mean(axis=(1, 3)))
 
@@ -164,7 +158,7 @@ def test_a_series_is_no_worse_than_one_frame_where_detail_is_finer_than_pixels(
     assert scores[1] > scores[0] + (-0.3 if sigma < 10 else 0.8)
 
 
-def test_aligned_versions_may_have_different_sizes(photograph: NDArray[Any]) -> None:
+def test_aligned_versions_may_have_different_sizes(photograph: Array) -> None:
     first, smaller, larger = photograph[20:84, 20:100], photograph[24:80, 18:90], photograph[17:90, 21:120]
     masks = [None, np.ones(smaller.shape[:2], np.bool_), None]
     found = restore([first, smaller, larger], 4, masks=masks, align=True, effort="fast")
@@ -172,7 +166,7 @@ def test_aligned_versions_may_have_different_sizes(photograph: NDArray[Any]) -> 
     np.testing.assert_allclose(found.shifts, [[0, 0], [4, -2], [-3, 1]], atol=0.1)
 
 
-def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(photograph: NDArray[Any]) -> None:
+def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(photograph: Array) -> None:
     image = photograph[20:84, 20:100]
     masks = np.zeros((2, *image.shape[:2]), np.bool_)
     masks[0, :30], masks[1, 34:] = True, True
@@ -182,14 +176,14 @@ def test_versions_that_know_no_pixels_in_common_stay_in_place_with_a_warning(pho
 
 
 @pytest.mark.slow
-def test_clean_frames_after_a_noisy_one_count_in_full(photograph: NDArray[Any]) -> None:
+def test_clean_frames_after_a_noisy_one_count_in_full(photograph: Array) -> None:
     clean = photograph[20:116, 20:132]
     noisy = np.clip(clean + np.random.default_rng(0).normal(0, 12, clean.shape), 0, 255).astype(np.uint8)
     image = denoise([noisy, clean, clean // 2 * 2], align=True, effort="fast").image
     assert psnr(image / 255, clean / 255) > 37
 
 
-def test_exposure_and_white_balance_are_found_beside_what_is_painted_over(photograph: NDArray[Any]) -> None:
+def test_exposure_and_white_balance_are_found_beside_what_is_painted_over(photograph: Array) -> None:
     gains, noise = np.array([0.7, 0.8, 0.6]), np.random.default_rng(0).normal(0, 9, (3, *photograph.shape))
     other = photograph * gains + 4 + noise[1]
     other[:60, :90] = 200
@@ -201,7 +195,7 @@ def test_exposure_and_white_balance_are_found_beside_what_is_painted_over(photog
 
 
 @pytest.mark.slow
-def test_frames_of_other_exposure_are_as_good_as_others(photograph: NDArray[Any]) -> None:
+def test_frames_of_other_exposure_are_as_good_as_others(photograph: Array) -> None:
     looks = [photograph[down : down + 160, right : right + 192] for down, right in ((8, 8), (2, 13), (15, 1))]
     noise = np.random.default_rng(0).normal(0, 12, (3, 160, 192, 3))
     scores = []

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
-from numpy.typing import NDArray
 
 import cvtimg
+from cvtimg._shared.types import Array
 from cvtimg.cli import app as cli
 
 IMAGE = np.kron(np.random.default_rng(1).integers(0, 255, (6, 8, 3), np.uint8), np.ones((8, 8, 1), np.uint8))
@@ -20,7 +20,7 @@ IMAGE = np.kron(np.random.default_rng(1).integers(0, 255, (6, 8, 3), np.uint8), 
 class Tensor:
     """An array that is reached by the DLPack protocol only."""
 
-    def __init__(self, array: NDArray[Any]) -> None:
+    def __init__(self, array: Array) -> None:
         self._array = array.copy()
 
     def __dlpack__(self, **options: Any) -> Any:

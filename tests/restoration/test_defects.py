@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from conftest import SAMPLES
 from damaging import as_bytes, card, psnr
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import median_filter
 
 from cvtimg import denoise, read_image
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.restoration.defects import Defects, without_defects
 from cvtimg.restoration.versions import stack_versions
 
 
-def part(side: int = 128) -> NDArray[np.uint8]:
+def part(side: int = 128) -> Bytes:
     """The middle of a photograph."""
     return np.ascontiguousarray(read_image(SAMPLES / "coffee.png")[60 : 60 + side, 80 : 80 + side])
 
 
-def peppered(image: NDArray[np.uint8], share: float, ends: tuple[int, ...] = (0, 255)) -> NDArray[np.uint8]:
+def peppered(image: Bytes, share: float, ends: tuple[int, ...] = (0, 255)) -> Bytes:
     """An image with impulses in all bands of a share of its pixels."""
     rng, spoiled = np.random.default_rng(0), image.copy()
     hit = rng.random(image.shape[:2]) < share
@@ -30,7 +28,7 @@ def peppered(image: NDArray[np.uint8], share: float, ends: tuple[int, ...] = (0,
     return spoiled
 
 
-def defects_of(image: NDArray[Any]) -> Defects:
+def defects_of(image: Array) -> Defects:
     return without_defects(stack_versions([image]))[1]
 
 
@@ -51,7 +49,7 @@ def test_dead_and_hot_pixels_alone_are_found(ends: tuple[int, ...], dtype: type)
     assert defects_of(spoiled).impulses[0] == pytest.approx(0.01, rel=0.15)
 
 
-def pages() -> dict[str, NDArray[Any]]:
+def pages() -> dict[str, Array]:
     """Pictures that have no defects: text, dithering, lights, a chart, a drawing and photographs with noise."""
     rng, text = np.random.default_rng(0), Image.new("L", (160, 130), 240)
     for line in range(0, 130, 17):

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from damaging import damage, psnr
-from numpy.typing import NDArray
 
 from cvtimg import denoise
 from cvtimg._shared.progress import watched
+from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.restoration import detail
 from cvtimg.restoration.detail import clipped_ends
 from cvtimg.restoration.versions import Clipped, fuse, stack_versions
@@ -19,26 +19,26 @@ Damage = damage.Damage
 
 
 @pytest.fixture(scope="module")
-def clean(photograph: NDArray[Any]) -> NDArray[np.float64]:
+def clean(photograph: Array) -> Floats:
     return np.asarray(photograph[40:136, 64:192] / 255)
 
 
-def noisy(clean: NDArray[np.float64], sigma: float | NDArray[np.float64], seed: int = 0) -> NDArray[np.float64]:
+def noisy(clean: Floats, sigma: float | Floats, seed: int = 0) -> Floats:
     return clean + sigma * np.random.default_rng(seed).standard_normal(clean.shape)
 
 
-def as_bytes(image: NDArray[np.float64]) -> NDArray[np.uint8]:
+def as_bytes(image: Floats) -> Bytes:
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
-def restored(images: list[Any], **options: Any) -> NDArray[np.float64]:
+def restored(images: list[Any], **options: Any) -> Floats:
     image = denoise(images, **{"effort": "fast"} | options).image
     return image / (255 if image.dtype == np.uint8 else 1)
 
 
 @pytest.mark.parametrize("n_bands", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_denoised(
-    clean: NDArray[np.float64], n_bands: int
+    clean: Floats, n_bands: int
 ) -> None:
     bands = np.concatenate([clean, clean[:, :, ::-1] ** 2], axis=2)[:, :, :n_bands]
     versions, known = damage.damaged_versions(bands, 3, Damage(noise=0.1, holes=0.3), seed=0)
@@ -49,7 +49,7 @@ def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_deno
     assert psnr(restored(versions, masks=known), bands) > alone + 1
 
 
-def test_bands_of_unequal_noise_are_each_denoised(clean: NDArray[np.float64]) -> None:
+def test_bands_of_unequal_noise_are_each_denoised(clean: Floats) -> None:
     image = noisy(clean, np.array([0.02, 0.05, 0.15]))
     found = restored([image])
     for band in range(3):
@@ -57,7 +57,7 @@ def test_bands_of_unequal_noise_are_each_denoised(clean: NDArray[np.float64]) ->
 
 
 @pytest.mark.slow
-def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clean: NDArray[np.float64]) -> None:
+def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clean: Floats) -> None:
     image = noisy(clean, 0.1)
     assert image.min() < 0
     found = restored([image])
@@ -69,7 +69,7 @@ def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clea
 
 
 @pytest.mark.slow
-def test_clipping_is_undone_in_versions_that_are_aligned(photograph: NDArray[Any]) -> None:
+def test_clipping_is_undone_in_versions_that_are_aligned(photograph: Array) -> None:
     from scipy.ndimage import shift as moved_by
 
     shifts = [(0.0, 0.0), (2.4, -3.3), (-1.6, 1.5)]
@@ -108,9 +108,7 @@ def test_only_ends_at_which_values_pile_up_are_taken_to_clip() -> None:
 
 
 @pytest.mark.slow
-def test_the_automatic_effort_is_less_for_larger_images(
-    clean: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_automatic_effort_is_less_for_larger_images(clean: Floats, monkeypatch: pytest.MonkeyPatch) -> None:
     image = noisy(clean[:48, :64], 0.1)
     n_pixels = image[:, :, 0].size
     for best, balanced, effort in ((0, 1, "best"), (-1, 0, "balanced"), (-2, -1, "fast")):
@@ -120,14 +118,14 @@ def test_the_automatic_effort_is_less_for_larger_images(
 
 
 @pytest.mark.slow
-def test_blocks_and_scratches_are_filled(clean: NDArray[np.float64]) -> None:
+def test_blocks_and_scratches_are_filled(clean: Floats) -> None:
     versions, known = damage.damaged_versions(clean, 3, Damage(noise=0.05, blocks=1, scratches=2), seed=0)
     found = restored(versions, masks=known)
     best = restored([noisy(clean, 0.05, seed) for seed in range(3)])
     assert psnr(found, clean) > psnr(best, clean) - 2
 
 
-def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clean: NDArray[np.float64]) -> None:
+def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clean: Floats) -> None:
     shares: list[float] = []
 
     def told(share: float) -> None:
@@ -143,7 +141,7 @@ def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clea
 
 
 @pytest.mark.parametrize("sigma", [0, 3 / 255])
-def test_holes_are_filled_and_what_is_known_does_not_suffer(clean: NDArray[np.float64], sigma: float) -> None:
+def test_holes_are_filled_and_what_is_known_does_not_suffer(clean: Floats, sigma: float) -> None:
     known = np.random.default_rng(1).random(clean.shape[:2]) >= 0.1
     image = as_bytes(noisy(clean, sigma))
     found, complete = restored([image], masks=[known]), restored([image])

@@ -13,11 +13,11 @@ from conftest import SAMPLES
 from damaging import as_bytes, card, psnr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import denoise, read_image, restore
+from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.restoration.fitting import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import Noise, SharedNoise, lines_of, shared_noise
 from cvtimg.restoration.patches import covariance_of
@@ -25,16 +25,16 @@ from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
 from cvtimg.segmentation import estimate_noise
 
 
-def noisy(clean: NDArray[Any], sigma: float, seed: int = 0) -> NDArray[np.uint8]:
+def noisy(clean: Array, sigma: float, seed: int = 0) -> Bytes:
     return as_bytes(clean + sigma * np.random.default_rng(seed).standard_normal(clean.shape))
 
 
-def level_of(*images: Any, **known: Any) -> NDArray[np.float64]:
+def level_of(*images: Any, **known: Any) -> Floats:
     return Noise.of(stack_versions(images, **known)).levels
 
 
 @pytest.fixture(scope="module")
-def part(photograph: NDArray[Any]) -> NDArray[Any]:
+def part(photograph: Array) -> Array:
     """A part of the photograph: of few pixels, for speed."""
     return np.ascontiguousarray(photograph[40:168, 64:192])
 
@@ -44,16 +44,14 @@ def part(photograph: NDArray[Any]) -> NDArray[Any]:
 
 @pytest.mark.parametrize("sigmas", [(6,), (3, 3), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
-def test_versions_with_holes_tell_noise_from_texture(
-    part: NDArray[Any], sigmas: tuple[float, ...], holes: float
-) -> None:
+def test_versions_with_holes_tell_noise_from_texture(part: Array, sigmas: tuple[float, ...], holes: float) -> None:
     versions = [noisy(part, sigma, seed) for seed, sigma in enumerate(sigmas)]
     known = [np.random.default_rng(seed + 9).random(part.shape[:2]) >= holes for seed in range(len(sigmas))]
     np.testing.assert_allclose(level_of(*versions, masks=known), sigmas, rtol=0.4 if sigmas == (2, 6) else 0.15)
 
 
 @pytest.mark.parametrize("sigma", [0, 1, 3, 12])
-def test_one_version_tells_noise_from_texture(photograph: NDArray[Any], sigma: float) -> None:
+def test_one_version_tells_noise_from_texture(photograph: Array, sigma: float) -> None:
     version = noisy(photograph[:192, :192], sigma)
     found = level_of(version)[0]
     assert abs(found - sigma) < (0.15 * sigma if sigma > 1 else 0.7)
@@ -77,12 +75,12 @@ def test_noise_is_that_before_clipping() -> None:
 
 
 @pytest.mark.slow
-def test_copies_and_versions_out_of_place_have_the_noise_that_each_has_alone(part: NDArray[Any]) -> None:
+def test_copies_and_versions_out_of_place_have_the_noise_that_each_has_alone(part: Array) -> None:
     versions = [noisy(part, 10), noisy(np.roll(part, (3, 5), (0, 1)), 10, 1), noisy(part * 0.7, 10, 2), noisy(part, 10)]
     np.testing.assert_allclose(level_of(*versions), [level_of(one)[0] for one in versions])
 
 
-def test_noise_that_is_given_is_taken(part: NDArray[Any]) -> None:
+def test_noise_that_is_given_is_taken(part: Array) -> None:
     image = part[:64, :64] * np.uint16(257)
     assert restore([image, image], 4, noise=3).noise.tolist() == [3 * 257, 3 * 257]
     with pytest.raises(ValueError, match="noise_like"):
@@ -92,14 +90,14 @@ def test_noise_that_is_given_is_taken(part: NDArray[Any]) -> None:
 # --- noise that follows the level
 
 
-def grainy(clean: NDArray[Any], constant: float, slope: float, seed: int = 0) -> NDArray[np.uint8]:
+def grainy(clean: Array, constant: float, slope: float, seed: int = 0) -> Bytes:
     """Poisson and Gaussian noise, as a camera of 8 bits has."""
     rng = np.random.default_rng(seed)
     light = slope * rng.poisson(clean / slope) if slope else clean
     return as_bytes(light + np.sqrt(constant) * rng.standard_normal(clean.shape))
 
 
-def ratio(dark: float, bright: float, *images: NDArray[Any]) -> NDArray[Any]:
+def ratio(dark: float, bright: float, *images: Array) -> Array:
     """(C,) how much the variance of noise grows from a level to another."""
     found = lines_of(stack_versions(images), in_place=True)
     assert found is not None
@@ -113,19 +111,19 @@ def test_constant_and_slope_are_found_in_quiet_parts() -> None:
         np.testing.assert_allclose(ratio(60, 120, grainy(clean, 16, 1.5)[seen]), 196 / 106, rtol=0.3)
 
 
-def test_versions_in_place_tell_how_noise_follows_the_level_from_texture(photograph: NDArray[Any]) -> None:
+def test_versions_in_place_tell_how_noise_follows_the_level_from_texture(photograph: Array) -> None:
     rough = photograph[:160, :160] * np.where(np.indices((160, 160)).sum(axis=0) % 3, 1, 0.7)[..., None]
     versions = [grainy(rough, 4, 0.5, seed) for seed in range(2)]
     np.testing.assert_allclose(ratio(50, 200, *versions), 104 / 29, rtol=0.25)
 
 
 @pytest.mark.parametrize("sigma", [0, 5, 40])
-def test_even_noise_in_a_photograph_is_even(photograph: NDArray[Any], sigma: float) -> None:
+def test_even_noise_in_a_photograph_is_even(photograph: Array, sigma: float) -> None:
     assert lines_of(stack_versions([grainy(photograph[:192, :192], sigma**2, 0)]), in_place=True) is None
 
 
 @pytest.mark.slow
-def test_noise_of_light_is_removed_and_told(photograph: NDArray[Any]) -> None:
+def test_noise_of_light_is_removed_and_told(photograph: Array) -> None:
     clean = photograph[:192]
     light = grainy(clean, 16, 2)
     found, white = (denoise([light], effort="fast", noise_like=kind) for kind in ("auto", "white"))
@@ -142,12 +140,12 @@ def test_noise_of_light_is_removed_and_told(photograph: NDArray[Any]) -> None:
 # --- noise that pixels share
 
 
-def blurred_noise(shape: tuple[int, ...], sigma: float, blur: float, seed: int = 0) -> NDArray[np.float64]:
+def blurred_noise(shape: tuple[int, ...], sigma: float, blur: float, seed: int = 0) -> Floats:
     found = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), (blur, blur, *[0] * (len(shape) - 2)))
     return np.asarray(sigma * found / found.std())
 
 
-def found_in(*images: NDArray[Any]) -> SharedNoise | None:
+def found_in(*images: Array) -> SharedNoise | None:
     return shared_noise(stack_versions(images), in_place=True)
 
 
@@ -172,7 +170,7 @@ def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
     assert found_in(128 + gray + np.zeros(3)) is None  # all in common: it may be texture
 
 
-def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: NDArray[Any]) -> None:
+def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: Array) -> None:
     versions = stack_versions([part + blurred_noise(part.shape, 25, 0.8, seed) for seed in range(2)])
     found = shared_noise(versions, in_place=True)
     assert found is not None
@@ -182,7 +180,7 @@ def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: NDArray[
 
 
 @pytest.mark.parametrize("sigma", [5, 40])
-def test_white_noise_in_a_photograph_is_white(photograph: NDArray[Any], sigma: float) -> None:
+def test_white_noise_in_a_photograph_is_white(photograph: Array, sigma: float) -> None:
     # Texture on all of it, too: as gray as texture is.
     rough = gaussian_filter(np.random.default_rng(1).standard_normal((200, 200, 1)), (0.8, 0.8, 0))
     assert found_in(noisy(photograph[:200, :200] + 12 * rough, sigma)) is None
@@ -193,7 +191,7 @@ def test_images_without_noise_and_small_ones_have_no_shared_noise() -> None:
     assert found_in(blurred_noise((12, 40), 5, 1)) is None
 
 
-def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: NDArray[Any], monkeypatch: Any) -> None:
+def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: Array, monkeypatch: Any) -> None:
     np.testing.assert_allclose(covariance_of(SharedNoise.white(9 * np.eye(2))), np.eye(50), atol=1e-12)
     image = part[:40, :40] / 255 + np.random.default_rng(0).normal(0, 0.1, (40, 40, 3))
     white = denoise([image], effort="fast", noise=25.5)
@@ -205,7 +203,7 @@ def test_noise_that_pixels_do_not_share_is_filtered_as_white(part: NDArray[Any],
 
 
 @pytest.mark.slow
-def test_shared_noise_is_removed_and_told(part: NDArray[Any]) -> None:
+def test_shared_noise_is_removed_and_told(part: Array) -> None:
     image = as_bytes(part + blurred_noise(part.shape, 15, 0.8))
     found, white = (denoise([image], noise_like=like, effort="fast") for like in ("auto", "white"))
     assert found.noise_shared is not None
@@ -217,7 +215,7 @@ def test_shared_noise_is_removed_and_told(part: NDArray[Any]) -> None:
 # --- what JPEG has rounded away
 
 
-def as_jpeg(pixels: NDArray[np.uint8], quality: int = 60, subsampling: int = 2) -> Image.Image:
+def as_jpeg(pixels: Bytes, quality: int = 60, subsampling: int = 2) -> Image.Image:
     file = io.BytesIO()
     about: dict[str, Any] = {} if pixels.ndim == 2 else {"subsampling": subsampling}
     Image.fromarray(pixels).save(file, "JPEG", quality=quality, **about)
@@ -226,7 +224,7 @@ def as_jpeg(pixels: NDArray[np.uint8], quality: int = 60, subsampling: int = 2) 
 
 @pytest.mark.parametrize("quality", [60, 90])
 @pytest.mark.parametrize("subsampling", [0, 2, None])
-def test_what_was_rounded_away_is_as_much_and_as_shared(part: NDArray[Any], quality: int, subsampling: Any) -> None:
+def test_what_was_rounded_away_is_as_much_and_as_shared(part: Array, quality: int, subsampling: Any) -> None:
     # Of chroma, that which is rounded away once its size is halved: at quality 100 the rest is lost.
     pixels = part if subsampling is not None else part[:, :, 0]
     coarse, fine = (np.asarray(as_jpeg(pixels, one, subsampling), np.float64) for one in (quality, 100))
@@ -241,7 +239,7 @@ def test_what_was_rounded_away_is_as_much_and_as_shared(part: NDArray[Any], qual
         assert shares[0] == pytest.approx(shares[1], abs=0.25)
 
 
-def test_arrays_with_tables_count_and_others_do_not(part: NDArray[Any], tmp_path: Path) -> None:
+def test_arrays_with_tables_count_and_others_do_not(part: Array, tmp_path: Path) -> None:
     gray = as_jpeg(part[:, :, 0])
     rounding = Rounding.of(gray)
     assert rounding is not None
@@ -255,7 +253,7 @@ def test_arrays_with_tables_count_and_others_do_not(part: NDArray[Any], tmp_path
 
 
 @pytest.mark.parametrize("quality", [pytest.param(50, marks=pytest.mark.slow), 90])
-def test_detail_brings_back_what_was_rounded_away_where_the_tables_are_known(part: NDArray[Any], quality: int) -> None:
+def test_detail_brings_back_what_was_rounded_away_where_the_tables_are_known(part: Array, quality: int) -> None:
     image = as_jpeg(part, quality)
     blind, found = (psnr(denoise([one], effort="fast").image / 255, part / 255) for one in (np.asarray(image), image))
     before = psnr(np.asarray(image) / 255, part / 255)
@@ -269,7 +267,7 @@ SHAPES = [(1, 1), (1, 40), (40, 1), (2, 3), (9, 9, 3), (24, 40), (40, 33, 3), (3
 CONTENTS = ["white", "black", "half white", "ramp", "white noise", "clipped noise", "stripes"]
 
 
-def picture(shape: tuple[int, ...], content: str, dtype: type, seed: int) -> NDArray[Any]:
+def picture(shape: tuple[int, ...], content: str, dtype: type, seed: int) -> Array:
     """A picture with values in 0..1, in a type."""
     noise = np.random.default_rng(seed).standard_normal(shape)
     ramp = np.broadcast_to(np.linspace(0.2, 0.8, shape[1]).reshape(1, -1, *[1] * (len(shape) - 2)), shape)
@@ -299,7 +297,7 @@ def picture(shape: tuple[int, ...], content: str, dtype: type, seed: int) -> NDA
     st.integers(1, 3),
     st.sampled_from([0.0, 0.3, 0.95]),
 )
-def test_nothing_fails(image: NDArray[Any], n_versions: int, holes: float) -> None:
+def test_nothing_fails(image: Array, n_versions: int, holes: float) -> None:
     rng = np.random.default_rng(0)
     masks = [rng.random(image.shape[:2]) >= holes for _ in range(n_versions)]
     masks[0].flat[0] = True
@@ -324,14 +322,14 @@ def test_what_is_known_of_a_photograph_without_noise_comes_back_as_it_is(equal: 
 
 
 @pytest.mark.parametrize(("sigma", "gain"), [(1, 0.5), (3, 2.5)])
-def test_little_noise_is_taken_away(part: NDArray[Any], sigma: float, gain: float) -> None:
+def test_little_noise_is_taken_away(part: Array, sigma: float, gain: float) -> None:
     image = noisy(part, sigma)
     done = denoise([image], effort="fast").image
     assert psnr(done / 255, part / 255) > psnr(image / 255, part / 255) + gain
 
 
 @pytest.mark.slow
-def test_noise_of_lightness_and_of_colors_is_taken_away_in_parts(part: NDArray[Any]) -> None:
+def test_noise_of_lightness_and_of_colors_is_taken_away_in_parts(part: Array) -> None:
     image, fast = noisy(part / 2 + 60, 12), {"effort": "fast"}  # far from the ends
     whole, none, half = (
         denoise([image], luma=luma, chroma=chroma, **fast).image.astype(float)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import at_threads
 
+from cvtimg._shared.types import Floats
 from cvtimg.restoration.patches import Groups, Noisy, PatchBlock, filtered, group_patches, windows, with_border
 
 
@@ -19,7 +19,7 @@ def noisy_image(shape: tuple[int, int, int] = (11, 13, 3), *, precisions: tuple[
     return Noisy(with_border(values), with_border(estimate), with_border(precision[:, :, None])[:, :, 0])
 
 
-def as_written(noisy: Noisy, groups: Groups, rounds: int = 2) -> NDArray[np.float64]:
+def as_written(noisy: Noisy, groups: Groups, rounds: int = 2) -> Floats:
     """Filter each group by the formulas, patch by patch."""
     height, width = (side - 4 for side in noisy.precision.shape)
     values, estimate, precision = (

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from damaging import card, damage, psnr, two_phases
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import denoise, read_image, restore
+from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.restoration import RENORMALIZATIONS, Restoration
 
 Damage = damage.Damage
@@ -30,7 +30,7 @@ def damaged_card(side: int, n: int = 3, seed: int = 0, **suffered: Any) -> tuple
     return clean, *damage.damaged_versions(clean, n, Damage(**suffered), seed)
 
 
-def in_bytes(versions: list[NDArray[np.float64]]) -> list[NDArray[np.uint8]]:
+def in_bytes(versions: list[Floats]) -> list[Bytes]:
     return [np.clip(np.rint(255 * version), 0, 255).astype(np.uint8) for version in versions]
 
 
@@ -160,7 +160,7 @@ def test_a_space_is_where_distances_are_measured(space: Any) -> None:
     assert np.nanmax(result.generators) > 100  # in the units of the versions
 
 
-def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: NDArray[Any]) -> None:
+def test_the_same_seed_gives_the_same_bits_and_inputs_stay(photograph: Array) -> None:
     versions = [photograph[:40, :40].copy(), photograph[:40, :40] // 2 * 2]
     for call in (partial(restore, versions, 8, effort="fast"), partial(denoise, versions, rng=3, effort="fast")):
         one, other = call(), call()

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from damaging import card
-from numpy.typing import NDArray
 
 from cvtimg import restore
+from cvtimg._shared.types import Array
 from cvtimg.restoration.merging import Levels, mean_colors, median_colors, range_colors
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.versions import fill, fuse, stack_versions, trust_in, usual_noise
@@ -111,5 +111,5 @@ def test_range_keeps_the_mean_of_a_segment_that_no_version_tells() -> None:
 
 @pytest.mark.parametrize(("seen", "median"), [([1, 2, 9], 2), ([1, 9], 5)])
 def test_median_is_that_of_all_values_of_a_segment(seen: list[float], median: float) -> None:
-    colors: NDArray[Any] = median_colors(levels([], seen))
+    colors: Array = median_colors(levels([], seen))
     np.testing.assert_array_equal(colors.ravel(), [median, 10])

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from images import discs
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.segmentation import count_objects
 
 RIGHT = np.mgrid[:120, :160][1].astype(np.float64)
@@ -26,13 +26,13 @@ DISCS = [
 ]
 
 
-def drawn(scale: float = 1.0, levels: Any = 1.0) -> NDArray[np.float64]:
+def drawn(scale: float = 1.0, levels: Any = 1.0) -> Floats:
     """Draw discs."""
     labels = discs([(y * scale, x * scale, radius * scale) for y, x, radius in DISCS], RIGHT.shape)
     return np.append(0.0, np.broadcast_to(levels, len(DISCS)))[labels]
 
 
-def noisy(image: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+def noisy(image: Floats, sigma: float) -> Floats:
     return image + np.random.default_rng(0).normal(0, sigma, image.shape)
 
 
@@ -52,7 +52,7 @@ LIGHT = 0.6 + 0.8 * RIGHT / 160
     ],
     ids=["clean", "noisy", "uneven light", "dark on uneven light", "small", "dim and bright", "8 bits"],
 )
-def test_all_objects_are_found_and_no_other(image: NDArray[Any]) -> None:
+def test_all_objects_are_found_and_no_other(image: Array) -> None:
     found = count_objects(image)
     scale = 0.5 if found.counting is not None and found.counting.radius < 9 else 1.0
     centers = [(round(y * scale), round(x * scale)) for y, x, _ in DISCS]
@@ -135,7 +135,7 @@ def test_wrong_arguments_are_named() -> None:
             count_objects(drawn(), **{name: value})
 
 
-def lit(kind: str, seed: int) -> tuple[NDArray[np.uint8], int]:
+def lit(kind: str, seed: int) -> tuple[Bytes, int]:
     """Draw discs apart from each other: rings with dim middles, or faces in relief."""
     rng = np.random.default_rng(seed)
     down, right = np.mgrid[:200, :200]

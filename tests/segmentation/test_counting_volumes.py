@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
-from numpy.typing import NDArray
 from reference import same_partition
 
 from cvtimg import segment
+from cvtimg._shared.types import Array, Bytes, Ints
 from cvtimg.labels import region_table
 from cvtimg.pictures import PixelSize, open_stack
 from cvtimg.segmentation import count_objects, counting
@@ -23,7 +23,7 @@ RNG = np.random.default_rng(8)
 BALLS = [(18, 20, 18, 10), (24, 20, 35, 10), (20, 44, 50, 8)]
 
 
-def balls(spacing: float, *, noise: float = 15) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+def balls(spacing: float, *, noise: float = 15) -> tuple[Bytes, Ints]:
     """Draw balls in planes this far apart; return the volume and their labels."""
     down = np.arange(0, 44, spacing)[:, None, None]
     y, x = np.mgrid[:60, :70]
@@ -33,7 +33,7 @@ def balls(spacing: float, *, noise: float = 15) -> tuple[NDArray[np.uint8], NDAr
     return values.clip(0, 255).astype(np.uint8), truth
 
 
-def agreement(found: NDArray[np.int32], truth: NDArray[np.int32]) -> float:
+def agreement(found: Ints, truth: Ints) -> float:
     """Return the share of right labels, of the pixels that are in objects of either."""
     either = (found > 0) | (truth > 0)
     return same_partition(found[either], truth[either])
@@ -80,7 +80,7 @@ def test_masked_voxels_belong_to_no_object() -> None:
         (np.zeros((4, 4, 0)), (1, 1, 1), "image"),
     ],
 )
-def test_what_is_no_volume_is_refused(image: NDArray[Any], spacing: Any, message: str) -> None:
+def test_what_is_no_volume_is_refused(image: Array, spacing: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         count_objects(image, spacing=spacing)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from reference import at_threads, edge_weighted_energy
 
 from cvtimg import segment
+from cvtimg._shared.types import Array
 from cvtimg.segmentation.edge_weight import descend
 
 
-def drawn(seed: int, n_segments: int, weighted: bool) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None]:
+def drawn(seed: int, n_segments: int, weighted: bool) -> tuple[Array, Array, Array | None]:
     """Values, labels with a masked part, and weights with unknown pixels."""
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(1, 14, 2))

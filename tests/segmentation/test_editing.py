@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from cvtimg import segment_hierarchy
+from cvtimg._shared.types import Ints
 from cvtimg.segmentation import RegionHierarchy, brush, edit_labels
 
 POINTS = st.lists(st.tuples(st.integers(-6, 36), st.integers(-6, 26)), min_size=1, max_size=4)
@@ -25,7 +25,7 @@ def tree() -> RegionHierarchy:
     return segment_hierarchy(np.clip(picture, 0, 255).astype(np.uint8), n_leaves=60)
 
 
-def same_parts(one: NDArray[np.int32], other: NDArray[np.int32]) -> bool:
+def same_parts(one: Ints, other: Ints) -> bool:
     """Whether two label images divide the picture in the same way."""
     pairs = np.unique(np.stack([one.ravel(), other.ravel()]), axis=1)
     return pairs.shape[1] == len(np.unique(one)) == len(np.unique(other))

@@ -1,17 +1,15 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg import superpixels
+from cvtimg._shared.types import Array
 
 
 @pytest.mark.parametrize("n", [1, 50, 400])
-def test_superpixels_are_connected_and_about_as_many_as_asked(photograph: NDArray[Any], n: int) -> None:
+def test_superpixels_are_connected_and_about_as_many_as_asked(photograph: Array, n: int) -> None:
     result = superpixels(photograph[:255, 3:], n)  # odd sides, which have no halves
     assert abs(result.n_segments - n) <= max(0.1 * n, 0)
     assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
@@ -26,7 +24,7 @@ def test_superpixels_follow_an_edge() -> None:
     assert not set(inside) & set(outside)
 
 
-def test_compact_superpixels_have_shorter_borders(photograph: NDArray[Any]) -> None:
+def test_compact_superpixels_have_shorter_borders(photograph: Array) -> None:
     lengths = []
     for compactness in (1, 100):
         labels = superpixels(photograph, 100, compactness=compactness).labels
@@ -34,7 +32,7 @@ def test_compact_superpixels_have_shorter_borders(photograph: NDArray[Any]) -> N
     assert lengths[1] < 0.7 * lengths[0]
 
 
-def test_superpixels_cover_the_mask_and_nothing_else(photograph: NDArray[Any]) -> None:
+def test_superpixels_cover_the_mask_and_nothing_else(photograph: Array) -> None:
     rows, columns = np.mgrid[:256, :256]
     mask = (rows - 128) ** 2 + (columns - 128) ** 2 < 100**2
     result = superpixels(photograph, 100, mask=mask)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.segmentation import estimate_noise
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.values import to_levels
 
 
 @pytest.mark.parametrize("sigma", [10, 25, 50])
-def test_noise_added_to_a_photograph_is_found(photograph: NDArray[Any], sigma: float) -> None:
+def test_noise_added_to_a_photograph_is_found(photograph: Array, sigma: float) -> None:
     noisy = photograph + np.random.default_rng(0).normal(0, sigma, photograph.shape)
     np.testing.assert_allclose(estimate_noise(noisy), sigma, rtol=0.08)
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from images import discs
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import data
 from skimage.measure import label
 
 from cvtimg import energy_curve, read_image, segment, tessellate
+from cvtimg._shared.types import Array, Bools, Floats32, Indices, Ints
 from cvtimg.colors import color_samples
 from cvtimg.labels import read_labels
 from cvtimg.segmentation import segment_curve
@@ -30,7 +30,7 @@ WAYS: list[dict[str, Any]] = [
 ]
 
 
-def noisy_shapes(sigma: float, seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def noisy_shapes(sigma: float, seed: int) -> tuple[Array, Bools]:
     """Three shapes of contrast 1 under noise, and where they are."""
     rows, columns = np.mgrid[:200, :200]
     truth = (rows - 60) ** 2 + (columns - 60) ** 2 < 35**2
@@ -39,7 +39,7 @@ def noisy_shapes(sigma: float, seed: int) -> tuple[NDArray[Any], NDArray[np.bool
     return truth + np.random.default_rng(seed).normal(0, sigma, truth.shape), truth
 
 
-def test_segments_are_those_of_the_tessellation_from_dark_to_bright(photograph: NDArray[Any]) -> None:
+def test_segments_are_those_of_the_tessellation_from_dark_to_bright(photograph: Array) -> None:
     samples = color_samples(photograph)
     end = tessellate(samples, 5)
     result = segment(photograph, 5, edge_weight=0)
@@ -51,7 +51,7 @@ def test_segments_are_those_of_the_tessellation_from_dark_to_bright(photograph: 
 
 
 @pytest.mark.parametrize("way", WAYS, ids=str)
-def test_results_are_measured_on_the_picture(photograph: NDArray[Any], way: dict[str, Any]) -> None:
+def test_results_are_measured_on_the_picture(photograph: Array, way: dict[str, Any]) -> None:
     result = segment(photograph[::2, ::2], 4, **way)
     picture = photograph[::2, ::2].astype(float)
     np.testing.assert_array_equal(np.unique(result.labels), np.arange(1, result.n_segments + 1))
@@ -84,12 +84,12 @@ def test_auto_finds_shapes_under_noise(sigma: float, least: float) -> None:
     assert ((segment(image, 2, edge_weight=0).labels == 2) == truth).mean() < least
 
 
-def test_without_a_smallest_detail_a_clean_picture_has_next_to_no_edge_weight(photograph: NDArray[Any]) -> None:
+def test_without_a_smallest_detail_a_clean_picture_has_next_to_no_edge_weight(photograph: Array) -> None:
     assert segment(np.kron(np.eye(9), np.ones((9, 9))), 2, smallest_detail=0).edge_weight == 0
     assert segment(photograph, 2, smallest_detail=0).edge_weight < 10
 
 
-def drawn(radius: float, contrast: float, noise: float = 0.0) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def drawn(radius: float, contrast: float, noise: float = 0.0) -> tuple[Floats32, Bools]:
     """Draw discs here and there on a dark ground, and a bright border to the right."""
     rng = np.random.default_rng(0)
     centers = np.mgrid[20:120:40, 20:150:40].reshape(2, -1).T
@@ -143,12 +143,12 @@ def test_in_volumes_near_pixels_are_those_in_a_ball(depth: float) -> None:
     assert result.energies[-1] == pytest.approx(result.energy + 20 * pairs, rel=1e-6)
 
 
-def pieces_of(labels: NDArray[Any]) -> NDArray[np.intp]:
+def pieces_of(labels: Array) -> Indices:
     """Sizes of the connected pieces of all labels."""
     return np.bincount(label(labels, background=0, connectivity=1).ravel())[1:]
 
 
-def specks(labels: NDArray[np.int32]) -> float:
+def specks(labels: Ints) -> float:
     """Count the pieces of less than 20 pixels in 10,000 pixels."""
     return 1e4 * float((pieces_of(labels) < 20).sum()) / labels.size
 
@@ -164,7 +164,7 @@ def specks(labels: NDArray[np.int32]) -> float:
     ids=["rgb", "gray", "16 bits", "5 bands"],
 )
 @pytest.mark.parametrize("way", [{}, {"volume_power": 1}, {"space": "rgb", "mask": np.tri(256) > 0}], ids=str)
-def test_a_photograph_has_few_specks(photograph: NDArray[Any], kind: Any, way: dict[str, Any]) -> None:
+def test_a_photograph_has_few_specks(photograph: Array, kind: Any, way: dict[str, Any]) -> None:
     image = np.ascontiguousarray(kind(photograph))
     few, many = segment(image, 4, **way), segment(image, 4, edge_weight=0, **way)
     assert specks(few.labels) < 4 < 20 < specks(many.labels)
@@ -172,7 +172,7 @@ def test_a_photograph_has_few_specks(photograph: NDArray[Any], kind: Any, way: d
 
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_what_is_outside_of_the_mask_or_not_finite_has_label_0_and_no_influence(
-    photograph: NDArray[Any], way: dict[str, Any]
+    photograph: Array, way: dict[str, Any]
 ) -> None:
     picture = photograph[:90, :90] / 255
     mask = np.add.outer(np.arange(90), np.arange(90)) < 130
@@ -205,19 +205,19 @@ def test_there_are_no_more_segments_than_colors() -> None:
 
 @pytest.mark.parametrize("components", [False, True])
 @pytest.mark.parametrize("min_size", [2, 40, 3000, 10**6])
-def test_no_piece_below_the_least_size_remains(photograph: NDArray[Any], components: bool, min_size: int) -> None:
+def test_no_piece_below_the_least_size_remains(photograph: Array, components: bool, min_size: int) -> None:
     result = segment(photograph, 6, components=components, min_size=min_size)
     assert min(pieces_of(result.labels)) >= min(min_size, result.labels.size)
 
 
-def test_components_are_the_connected_pieces_of_segments(photograph: NDArray[Any]) -> None:
+def test_components_are_the_connected_pieces_of_segments(photograph: Array) -> None:
     whole, pieces = segment(photograph, 3), segment(photograph, 3, components=True)
     assert sorted(pieces_of(whole.labels)) == sorted(pieces.masses)
     assert len(pieces_of(pieces.labels)) == pieces.n_segments
     assert len(np.unique(np.stack([whole.labels, pieces.labels]).reshape(2, -1), axis=1).T) == pieces.n_segments
 
 
-def test_a_result_tells_its_regions_and_the_length_of_their_edges(photograph: NDArray[Any]) -> None:
+def test_a_result_tells_its_regions_and_the_length_of_their_edges(photograph: Array) -> None:
     result = segment(photograph, 3)
     assert result.n_regions == segment(photograph, 3, components=True).n_segments
     square = segment(np.pad(np.full((6, 6), 200, np.uint8), 4), 2)
@@ -261,7 +261,7 @@ def test_wrong_arguments_are_refused(options: dict[str, Any], message: str) -> N
 
 
 @pytest.mark.parametrize("bands", [1, 2, 3, 5])
-def test_a_result_shows_and_saves_itself(photograph: NDArray[Any], bands: int, tmp_path: Path) -> None:
+def test_a_result_shows_and_saves_itself(photograph: Array, bands: int, tmp_path: Path) -> None:
     image = np.concatenate([photograph, photograph], axis=2)[:60, :80, :bands]
     result = segment(image, 7, edge_weight=0)
     assert len(repr(result)) < 200

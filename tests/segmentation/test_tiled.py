@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import tifffile
 from commands import Run
-from numpy.typing import NDArray
 from picture_files import write_tiff
 
 from cvtimg import segment, write_image
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.colors import counting
 from cvtimg.labels import region_means
 from cvtimg.pictures import image_info, tiles
@@ -34,7 +34,7 @@ def small_strips(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 write = partial(write_tiff, tile=(64, 64))
 
 
-def noisy(shape: tuple[int, int] = (310, 200), sigma: float = 25) -> NDArray[np.uint8]:
+def noisy(shape: tuple[int, int] = (310, 200), sigma: float = 25) -> Bytes:
     """Return discs of three colors under noise, so that strips cut through many."""
     down, right = np.mgrid[: shape[0], : shape[1]]
     rings = (np.hypot(down - 150, right - 90) // 23).astype(int) % 3
@@ -54,7 +54,7 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("way", [{"edge_weight": 0}, {"edge_weight": 12}, {}], ids=str)
-def test_by_strips_is_as_in_one_piece(photograph: NDArray[Any], kind: str, way: dict[str, Any]) -> None:
+def test_by_strips_is_as_in_one_piece(photograph: Array, kind: str, way: dict[str, Any]) -> None:
     image = np.ascontiguousarray(KINDS[kind](photograph)[:200, 20:180])
     write(image)
     result, whole = segment_file("a.tif", "b.tif", 4, **way), segment(image, 4, **way)
@@ -84,7 +84,7 @@ def test_noise_leaves_no_seams(radius: int, monkeypatch: pytest.MonkeyPatch) -> 
     assert differs[near].mean() <= differs[~near].mean() + 1e-3
 
 
-def test_what_is_not_known_has_label_0(photograph: NDArray[Any]) -> None:
+def test_what_is_not_known_has_label_0(photograph: Array) -> None:
     image = photograph.copy()
     image[40:90, 30:200] = 7
     write(image)
@@ -132,7 +132,7 @@ def test_wrong_arguments_are_named(options: dict[str, Any], error: type[Exceptio
 # The command
 
 
-def test_large_tiffs_go_by_tiles_by_themselves(photograph: NDArray[Any], monkeypatch: Any, run: Run) -> None:
+def test_large_tiffs_go_by_tiles_by_themselves(photograph: Array, monkeypatch: Any, run: Run) -> None:
     scale, points = (30.0, 30.0, 0.0), (0.0, 0.0, 0.0, 500.0, 900.0, 0.0)
     write(photograph, extratags=[(42113, 2, 2, "7", True), (33550, 12, 3, scale, True), (33922, 12, 6, points, True)])
     monkeypatch.setattr(tiles, "_LARGE", 1000)
@@ -153,7 +153,7 @@ def test_large_tiffs_go_by_tiles_by_themselves(photograph: NDArray[Any], monkeyp
     assert run(*how, "--overwrite").status == 0
 
 
-def test_zarr_goes_by_tiles(photograph: NDArray[Any], run: Run) -> None:
+def test_zarr_goes_by_tiles(photograph: Array, run: Run) -> None:
     source = zarr.create_array("a.zarr", shape=photograph.shape, chunks=(128, 128, 3), dtype=np.uint8)
     source[:] = photograph
     assert run("segment", "a.zarr", "-k", 3, "-o", "b.zarr").status == 0
@@ -169,7 +169,7 @@ def test_zarr_goes_by_tiles(photograph: NDArray[Any], run: Run) -> None:
     assert {path.name for path in Path().iterdir()} == {"a.zarr", "b.zarr", "many.zarr", "a.png"}
 
 
-def test_what_needs_the_whole_picture_is_refused(photograph: NDArray[Any], monkeypatch: Any, run: Run) -> None:
+def test_what_needs_the_whole_picture_is_refused(photograph: Array, monkeypatch: Any, run: Run) -> None:
     write(photograph[:96, :96])
     monkeypatch.setattr(tiles, "_LARGE", 1000)
     for options in (["--components"], ["--averaging", "2"], ["--superpixels"], ["-k", "auto"]):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from images import discs
-from numpy.typing import NDArray
 from reference import same_partition
 from scipy import ndimage
 from scipy.ndimage import gaussian_filter
 
 from cvtimg import segment
+from cvtimg._shared.types import Floats32, Ints
 from cvtimg.segmentation import Objects
 from cvtimg.segmentation.touching import BORDERS, split_touching
 
@@ -80,7 +80,7 @@ def test_the_background_is_chosen_by_size_or_brightness(background: str, n_objec
     assert result.n_segments == n_objects
 
 
-def bright_and_dim() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def bright_and_dim() -> tuple[Floats32, Ints]:
     """Draw a bright and a dim disc that touch, blurred as optics do, and where each is halfway to the background."""
     truth = discs([(30, 35, 12), (30, 58, 12)], (60, 100))
     image = gaussian_filter(np.choose(truth, (0.0, 1.0, 0.2)), 1.5)

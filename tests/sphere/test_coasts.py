@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cvtimg import sphere_grid
+from cvtimg._shared.types import Floats
 from cvtimg.sphere import CoastalGrid, coastal_grid
 from cvtimg.sphere.coasts import Coast
 from cvtimg.sphere.densities import from_degrees
 from cvtimg.sphere.triangulation import unit
 
 
-def continents() -> NDArray[np.float64]:
+def continents() -> Floats:
     """Two continents with bays, a cape, an island that is too small, and land around the south pole."""
     lat, lon = np.mgrid[90:-90:181j, -180:180:361j][:, :-1, :-1] + [[[-0.5]], [[0.5]]]
     land = np.hypot((lon + 60) * np.cos(np.radians(lat)), lat - 10) < 35 + 6 * np.cos(np.radians(4 * lon))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from cvtimg import sphere_grid
+from cvtimg._shared.types import Array, Bools, Floats
 from cvtimg.sphere import Box, Cap, PartialGrid, cull_land, earth_coasts, earth_land, limit_area
 from cvtimg.sphere.densities import from_degrees
 
@@ -19,12 +19,12 @@ GRID = sphere_grid(642)
 LAND = Cap(20, 10, 50)
 
 
-def read(path: Path) -> dict[str, NDArray[Any]]:
+def read(path: Path) -> dict[str, Array]:
     with netcdf_file(path, mmap=False) as file:
         return {name: np.array(variable[:]) for name, variable in file.variables.items()}
 
 
-def wall(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def wall(points: Floats) -> Bools:
     """Tell where a wall of land around the globe is."""
     return np.asarray(np.abs(np.degrees(np.arcsin(points[:, 2])) - 20) < 12)
 
@@ -34,14 +34,12 @@ def neighbors(cell: int) -> set[int]:
     return set(around.tolist()) - {cell}
 
 
-def row(table: NDArray[Any], i: int) -> set[int]:
+def row(table: Array, i: int) -> set[int]:
     return set(table[i].tolist()) - {0}
 
 
 @pytest.fixture(scope="module")
-def files(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[PartialGrid, dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[PartialGrid, dict[str, Array], dict[str, Array]]:
     folder = tmp_path_factory.mktemp("culled")
     part = cull_land(GRID, LAND, largest=False, fill_bays=False)
     GRID.save(folder / "whole.nc", radius=2.0)

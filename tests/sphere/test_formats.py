@@ -2,15 +2,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 from scipy.io import netcdf_file
 from scipy.spatial import SphericalVoronoi
 
+from cvtimg._shared.types import Array, Floats
 from cvtimg.sphere import SphereGrid, triangulate
 from cvtimg.sphere.formats import GRID_FORMATS, GridContent, write_grid
 from cvtimg.sphere.triangulation import unit
@@ -19,14 +18,14 @@ N = 600
 EARTH = 6371229.0
 
 
-def spiral(n: int, seed: int = 0, noise: float = 0.02) -> NDArray[np.float64]:
+def spiral(n: int, seed: int = 0, noise: float = 0.02) -> Floats:
     height, turn = 1 - (2 * np.arange(n) + 1) / n, np.arange(n) * np.pi * (3 - 5**0.5)
     radius = np.sqrt(1 - height**2)
     points = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
     return unit(points + noise * np.random.default_rng(seed).normal(size=points.shape))
 
 
-def grid_of(points: NDArray[np.float64]) -> SphereGrid:
+def grid_of(points: Floats) -> SphereGrid:
     density = np.linspace(1, 2, len(points))
     return SphereGrid(
         points,
@@ -39,7 +38,7 @@ def grid_of(points: NDArray[np.float64]) -> SphereGrid:
     )
 
 
-def content(points: NDArray[np.float64], radius: float = 1.0) -> GridContent:
+def content(points: Floats, radius: float = 1.0) -> GridContent:
     return GridContent(points, triangulate(points), np.linspace(1, 2, len(points)), radius)
 
 
@@ -54,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def mpas(folder: Path) -> dict[str, NDArray[Any]]:
+def mpas(folder: Path) -> dict[str, Array]:
     """Return the variables on the unit sphere, with indices from 0."""
     with netcdf_file(folder / "unit.nc", mmap=False) as file:
         found = {
@@ -101,7 +100,7 @@ def test_mpas_has_the_dimensions_and_attributes_of_its_specification(folder: Pat
         assert len(file.file_id) == 10
 
 
-def test_lengths_and_areas_are_in_units_of_the_radius(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+def test_lengths_and_areas_are_in_units_of_the_radius(folder: Path, mpas: dict[str, Array]) -> None:
     with netcdf_file(folder / "grid.nc", mmap=False) as file:
         for name, power in (("xCell", 1), ("dcEdge", 1), ("dvEdge", 1), ("areaCell", 2), ("kiteAreasOnVertex", 2)):
             assert np.allclose(file.variables[name][:], mpas[name] * EARTH**power, rtol=1e-12)
@@ -124,7 +123,7 @@ def test_numbers_have_the_types_that_other_programs_read(folder: Path, tmp_path:
                 assert file.sphere_radius == 6371220.123
 
 
-def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, mpas: dict[str, Array]) -> None:
     with netcdf_file(folder / "grid.scrip.nc", mmap=False) as file:
         lon, lat = (file.variables[f"grid_corner_{name}"][:] for name in ("lon", "lat"))
     same = (np.diff(lon, axis=1) == 0) & (np.diff(lat, axis=1) == 0)
@@ -133,7 +132,7 @@ def test_cells_of_scrip_repeat_their_last_corner_and_nothing_else(folder: Path, 
     assert (same == (np.arange(1, lon.shape[1]) >= n_corners[:, None])).all()
 
 
-def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> None:
+def test_orders_go_around_counterclockwise(mpas: dict[str, Array]) -> None:
     for cell in range(N):
         degree = mpas["nEdgesOnCell"][cell]
         cells, edges, vertices = (mpas[f"{name}OnCell"][cell, :degree] for name in ("cells", "edges", "vertices"))
@@ -157,7 +156,7 @@ def test_orders_go_around_counterclockwise(mpas: dict[str, NDArray[Any]]) -> Non
     assert (np.einsum("ij,ij->i", np.cross(mpas["Edge"], second - first), left - right) > 0).all()
 
 
-def lhuilier(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+def lhuilier(a: Floats, b: Floats, c: Floats) -> float:
     """Area of a spherical triangle with its sign."""
     x, y, z = (np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q) for p, q in ((b, c), (c, a), (a, b)))
     s = (x + y + z) / 2
@@ -165,7 +164,7 @@ def lhuilier(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float
     return float(np.sign(np.linalg.det([a, b, c])) * 4 * np.arctan(np.sqrt(max(tangents, 0))))
 
 
-def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str, NDArray[Any]]) -> None:
+def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str, Array]) -> None:
     areas, kites = SphericalVoronoi(spiral(N)).calculate_areas(), mpas["kiteAreasOnVertex"]
     assert np.allclose(mpas["areaCell"], areas, rtol=1e-7)
     assert np.allclose(np.bincount(mpas["cellsOnVertex"].ravel(), kites.ravel()), mpas["areaCell"], rtol=1e-12)
@@ -180,7 +179,7 @@ def test_areas_and_kites_agree_with_formulas_for_single_triangles(mpas: dict[str
             assert mpas["kiteAreasOnVertex"][vertex, k] == pytest.approx(kite, rel=1e-7, abs=1e-12)
 
 
-def test_weights_agree_with_their_definition(mpas: dict[str, NDArray[Any]]) -> None:
+def test_weights_agree_with_their_definition(mpas: dict[str, Array]) -> None:
     for edge in range(3 * N - 6):
         expected: dict[int, float] = {}
         for side, cell in enumerate(mpas["cellsOnEdge"][edge]):
@@ -203,7 +202,7 @@ def test_weights_agree_with_their_definition(mpas: dict[str, NDArray[Any]]) -> N
         assert (mpas["weightsOnEdge"][edge, n:] == 0).all()
 
 
-def test_angles_of_edges_are_those_with_the_east(mpas: dict[str, NDArray[Any]]) -> None:
+def test_angles_of_edges_are_those_with_the_east(mpas: dict[str, Array]) -> None:
     step = 1e-6
     latitude, longitude, angle = mpas["latEdge"], mpas["lonEdge"], mpas["angleEdge"]
     latitude, longitude = latitude + step * np.sin(angle), longitude + step * np.cos(angle) / np.cos(latitude)
@@ -212,7 +211,7 @@ def test_angles_of_edges_are_those_with_the_east(mpas: dict[str, NDArray[Any]]) 
     assert np.allclose((ahead - mpas["Edge"]) / step, unit(second - first), atol=1e-4)
 
 
-def poles_and_meridian() -> NDArray[np.float64]:
+def poles_and_meridian() -> Floats:
     """Cells with corners at the poles and on the antimeridian."""
     angles = np.radians(np.arange(45.0, 360, 90))
     rings = [
@@ -225,7 +224,7 @@ def poles_and_meridian() -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     "points", [spiral(N), spiral(N)[:, [2, 0, 1]], poles_and_meridian()], ids=["a", "b", "corners"]
 )
-def test_cells_in_geojson_tile_the_map(tmp_path: Path, points: NDArray[np.float64]) -> None:
+def test_cells_in_geojson_tile_the_map(tmp_path: Path, points: Floats) -> None:
     path = tmp_path / "a.geojson"
     write_grid(path, content(points))
     features = json.loads(path.read_text())["features"]
@@ -251,7 +250,7 @@ def test_tables_hold_the_generators(folder: Path) -> None:
     assert table["neighbors"].sum() == 6 * N - 12
 
 
-def test_graphs_list_the_neighbors_of_each_cell(folder: Path, mpas: dict[str, NDArray[Any]]) -> None:
+def test_graphs_list_the_neighbors_of_each_cell(folder: Path, mpas: dict[str, Array]) -> None:
     head, *lines = (folder / "grid.graph.info").read_text().splitlines()
     assert head == f"{N} {3 * N - 6}"
     for line, row, degree in zip(lines, mpas["cellsOnCell"] + 1, mpas["nEdgesOnCell"], strict=True):

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import at_threads, sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
+from cvtimg._shared.types import Floats
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle, measure_grid, triangulate, width_map
 from cvtimg.sphere.densities import fibonacci, from_degrees
@@ -18,7 +18,7 @@ from cvtimg.sphere.geodesic import Lattice, nearest_twelve
 from cvtimg.sphere.starts import drawn
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
-Points = NDArray[np.float64]
+Points = Floats
 
 
 def assert_is_a_grid(grid: SphereGrid, n: int) -> None:

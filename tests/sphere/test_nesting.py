@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import sets_of
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
+from cvtimg._shared.types import Bools, Floats, Indices
 from cvtimg.sphere import Cap, SphereGrid, nested_grid
 
 PARENT = sphere_grid(2562)
 
 
-def band(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def band(points: Floats) -> Bools:
     """A part with corners that is no cap."""
     lon, lat = np.arctan2(points[:, 1], points[:, 0]), np.arcsin(points[:, 2])
-    inside: NDArray[np.bool_] = (np.abs(lon) < 0.8) & (np.abs(lat - 0.3) < 0.4)
+    inside: Bools = (np.abs(lon) < 0.8) & (np.abs(lat - 0.3) < 0.4)
     return inside
 
 
-def triangles_of(grid: SphereGrid, numbers: NDArray[np.intp]) -> set[tuple[int, ...]]:
+def triangles_of(grid: SphereGrid, numbers: Indices) -> set[tuple[int, ...]]:
     """Triangles of which all corners have a number >= 0, by these numbers."""
     triangles = numbers[grid.triangles]
     return sets_of(triangles[(triangles >= 0).all(axis=1)])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from reference import sets_of
 from scipy.spatial import ConvexHull, SphericalVoronoi
 
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.halfedges import edges_around
 from cvtimg.sphere import triangulate
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
-Points = NDArray[np.float64]
+Points = Floats
 
 
 def random_points(n: int, seed: int = 0) -> Points:
@@ -33,7 +33,7 @@ def lattice(n_lon: int, n_lat: int) -> Points:
     return np.concatenate([[[0, 0, -1.0]], ring.reshape(-1, 3), [[0, 0, 1.0]]])
 
 
-def assert_is_delaunay(points: Points, triangles: NDArray[np.int32]) -> None:
+def assert_is_delaunay(points: Points, triangles: Ints) -> None:
     """No point is above the plane of a triangle, and the triangles form a closed, oriented sphere."""
     assert triangles.shape == (2 * len(points) - 4, 3)
     edges = edges_around(triangles)

@@ -2,17 +2,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import cube, ring
 
 from cvtimg import surface_points
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.halfedges import boundary_edges, edges_around, measure_triangles, unique_edges
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, measure_surface
 from cvtimg.surfaces.features import find_features
 from cvtimg.surfaces.triangulation import SurfaceTriangulation
 
-Points = NDArray[np.float64]
-Triangles = NDArray[np.int32]
+Points = Floats
+Triangles = Ints
 
 
 def grid(n_x: int, n_y: int, *, wraps: bool = False) -> Triangles:

@@ -5,15 +5,15 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import at_threads, cube
 from scipy.spatial import KDTree
 
 from cvtimg import surface_points
+from cvtimg._shared.types import Floats
 from cvtimg.halfedges import edges_around, unique_edges
 from cvtimg.surfaces import ImplicitSurface, SurfacePoints, TriangulatedSurface, VertexDensity, torus
 
-Points = NDArray[np.float64]
+Points = Floats
 
 
 def ball(p: Points) -> Points:

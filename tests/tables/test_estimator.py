@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from reference import squared_distances
 from sklearn.base import clone
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from cvtimg import CVT, tessellate
+from cvtimg._shared.types import Array
 from cvtimg.engine import EFFORTS, METHODS, SEEDINGS
 
 RNG = np.random.default_rng(8)
@@ -140,7 +140,7 @@ def test_a_wrong_parameter_is_named(parameters: dict[str, Any], message: str) ->
         (np.full(300, np.nan), "sample_weight contains NaN"),
     ],
 )
-def test_wrong_weights_are_named(weights: NDArray[Any], message: str) -> None:
+def test_wrong_weights_are_named(weights: Array, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         CVT().fit(SAMPLES, sample_weight=weights)
     with pytest.raises(ValueError, match=message):

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.blocks import Spread
 from cvtimg.tables import Dialect, find_tables, read_table, write_generators, write_row_labels
 from cvtimg.tables.files import Table
@@ -226,7 +226,7 @@ def test_a_missing_value_in_an_array_is_named_by_its_row_from_0(tmp_path: Path) 
         (np.zeros(2, [("a", "f8", 2)]), r"no column of numbers \(a: arrays\)"),
     ],
 )
-def test_what_is_wrong_in_an_array_is_named(tmp_path: Path, array: NDArray[Any], message: str) -> None:
+def test_what_is_wrong_in_an_array_is_named(tmp_path: Path, array: Array, message: str) -> None:
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(ValueError, match=message):
         read_table(tmp_path / "a.npy")
@@ -251,7 +251,7 @@ def test_what_is_no_whole_array_of_numbers_is_named(tmp_path: Path, kind: str | 
 
 
 @pytest.mark.parametrize("weights", [None, np.array([1, 0, 3, 2, 5.0])])
-def test_standardized_columns_have_mean_0_and_variance_1_and_go_back(weights: NDArray[Any] | None) -> None:
+def test_standardized_columns_have_mean_0_and_variance_1_and_go_back(weights: Array | None) -> None:
     rows = RNG.normal(size=(5, 3)) * [1, 1e-3, 1e6] + [5, 0, 1e7]
     scaling = Spread.of(rows, weights).scaling
     standardized = scaling.apply(rows)
@@ -261,7 +261,7 @@ def test_standardized_columns_have_mean_0_and_variance_1_and_go_back(weights: ND
 
 
 @pytest.mark.parametrize("weights", [None, np.array([1, 1, 1, 0.0])])
-def test_a_constant_column_becomes_0_not_noise(weights: NDArray[Any] | None) -> None:
+def test_a_constant_column_becomes_0_not_noise(weights: Array | None) -> None:
     rows = np.full((4, 1), 0.1)
     np.testing.assert_allclose(Spread.of(rows, weights).scaling.apply(rows), 0, atol=1e-15)
 

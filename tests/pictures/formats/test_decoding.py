@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import PIL
 import pytest
 from images import BITS, DEEP, GREY, RGB, RGBA
-from numpy.typing import NDArray
 from picture_files import png, save
 from PIL import Image
 
 from cvtimg._shared.pixels import says_alpha
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures import read_frames, read_pages
 from cvtimg.pictures.files import image_info, read_image
 
@@ -35,9 +34,7 @@ from cvtimg.pictures.files import image_info, read_image
         ("int.tif", DEEP.astype(np.int32) - 70000, DEEP.astype(np.int32) - 70000),
     ],
 )
-def test_each_kind_of_pixel_keeps_its_values(
-    tmp_path: Path, name: str, stored: NDArray[Any], expected: NDArray[Any]
-) -> None:
+def test_each_kind_of_pixel_keeps_its_values(tmp_path: Path, name: str, stored: Array, expected: Array) -> None:
     image = read_image(save(tmp_path / name, stored))
     assert image.dtype == expected.dtype
     assert image.flags.c_contiguous
@@ -113,7 +110,7 @@ def test_the_first_frame_of_an_animation_is_read(tmp_path: Path) -> None:
         (8, RGB[::-1].swapaxes(0, 1)),
     ],
 )
-def test_exif_orientation_is_applied(tmp_path: Path, name: str, orientation: int, stored: NDArray[np.uint8]) -> None:
+def test_exif_orientation_is_applied(tmp_path: Path, name: str, orientation: int, stored: Bytes) -> None:
     exif = Image.Exif()
     exif[0x0112] = orientation
     options = {"lossless": True} if name == "a.webp" else {}

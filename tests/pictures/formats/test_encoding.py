@@ -15,17 +15,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from images import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import quantize
+from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.files import Metadata, encode_image, image_info, read_image, read_metadata, write_image
 
 LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"]
 
 
 @pytest.mark.parametrize(("name", "image"), [("a.TIFF", RGB), ("a.PGM", DEEP), ("a.PNG", RGBA)])
-def test_a_suffix_may_be_in_capitals(tmp_path: Path, name: str, image: NDArray[Any]) -> None:
+def test_a_suffix_may_be_in_capitals(tmp_path: Path, name: str, image: Array) -> None:
     write_image(tmp_path / name, image)
     np.testing.assert_array_equal(read_image(tmp_path / name), image, strict=True)
 
@@ -39,7 +39,7 @@ def test_views_are_written_as_they_look_and_bool_as_one_bit(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("suffix", "image"), [(".webp", BITS), (".pgm", BITS), (".webp", GREY), (".ppm", GREY)])
-def test_a_format_without_grey_or_bits_gets_a_wider_kind(tmp_path: Path, suffix: str, image: NDArray[Any]) -> None:
+def test_a_format_without_grey_or_bits_gets_a_wider_kind(tmp_path: Path, suffix: str, image: Array) -> None:
     write_image(tmp_path / f"a{suffix}", image)
     written = read_image(tmp_path / f"a{suffix}")
     grey = image * np.uint8(255) if image.dtype == bool else image
@@ -56,7 +56,7 @@ def test_jpeg_and_avif_are_near(tmp_path: Path, suffix: str, error: int) -> None
     assert np.abs(image - np.dstack([smooth, smooth // 2, smooth])).max() <= error
 
 
-def indexed(k: int, bands: int = 3) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+def indexed(k: int, bands: int = 3) -> tuple[Ints64, Bytes]:
     codes = np.random.default_rng(k).choice(256**3, k, replace=False)
     palette = np.stack([codes % 256, codes // 256 % 256, codes // 65536, codes % 254], 1)
     indices = np.random.default_rng(k).integers(0, k, (13, 21))
@@ -107,7 +107,7 @@ def test_gif_takes_one_clear_color_and_refuses_half_transparency(tmp_path: Path)
 
 
 @st.composite
-def indexed_pictures(draw: st.DrawFn) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+def indexed_pictures(draw: st.DrawFn) -> tuple[Array, Bytes]:
     palette = draw(hnp.arrays(np.uint8, st.tuples(st.integers(1, 256), st.sampled_from([3, 4]))))
     shape = draw(st.tuples(st.integers(1, 19), st.integers(1, 19)))
     kind = draw(st.sampled_from([np.uint8, np.int32, np.uint64]))
@@ -116,7 +116,7 @@ def indexed_pictures(draw: st.DrawFn) -> tuple[NDArray[Any], NDArray[np.uint8]]:
 
 @settings(max_examples=60, deadline=None)
 @given(indexed_pictures())
-def test_an_indexed_png_of_any_size_comes_back(case: tuple[NDArray[Any], NDArray[np.uint8]]) -> None:
+def test_an_indexed_png_of_any_size_comes_back(case: tuple[Array, Bytes]) -> None:
     indices, palette = case
     with tempfile.TemporaryDirectory() as folder:
         write_image(f"{folder}/a.png", indices, palette=palette)
@@ -160,7 +160,7 @@ def test_what_does_not_fit_is_refused_before_a_file_appears(
 
 
 @pytest.mark.parametrize("dither", [None, "floyd-steinberg"])
-def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: NDArray[Any], dither: str | None) -> None:
+def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: Array, dither: str | None) -> None:
     for picture in (photograph, np.kron(photograph[:8, :8], np.ones((30, 30, 1), np.uint8))):
         pixels, palette = quantize(picture, 32, dither=dither).content
         assert palette is not None
@@ -172,7 +172,7 @@ def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: NDArray[Any]
 
 
 @pytest.mark.parametrize("bands", [3, 4])
-def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: NDArray[Any], bands: int) -> None:
+def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: Array, bands: int) -> None:
     pixels, palette = quantize(photograph, 64).content
     assert palette is not None
     palette = np.column_stack([palette, np.arange(192, 256)])[:, :bands].astype(np.uint8)

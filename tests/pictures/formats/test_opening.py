@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 from images import BITS, DEEP, GREY, RGB, RGBA
-from numpy.typing import NDArray
 from picture_files import SRGB, save
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
 
+from cvtimg._shared.types import Array
 from cvtimg.pictures.files import image_info, read_image
 
 posix = pytest.mark.skipif(os.name == "nt", reason="POSIX permissions, links and devices")
@@ -130,7 +130,7 @@ def test_reading_in_threads_leaves_the_warning_filters_as_they_were(tmp_path: Pa
     ],
 )
 def test_the_header_tells_format_mode_bands_bits_and_alpha(
-    tmp_path: Path, name: str, image: NDArray[Any], expected: tuple[Any, ...]
+    tmp_path: Path, name: str, image: Array, expected: tuple[Any, ...]
 ) -> None:
     info = image_info(save(tmp_path / name, image))
     assert (info.format, info.mode, info.bands, info.bits, info.has_alpha) == expected

@@ -5,14 +5,13 @@ from __future__ import annotations
 import struct
 import zlib
 from io import BytesIO
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 from cvtimg import read_image
+from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures.formats.png_chunks import chunk, described
 
 RGB = np.random.default_rng(0).integers(0, 256, (6, 8, 3), np.uint8)
@@ -21,7 +20,7 @@ SRGB = chunk(b"sRGB", b"\0")
 CHRM = chunk(b"cHRM", struct.pack(">8I", 31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000))
 
 
-def png(pixels: NDArray[Any], *chunks: bytes) -> bytes:
+def png(pixels: Array, *chunks: bytes) -> bytes:
     """Return a PNG with chunks behind its header."""
     buffer = BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG")
@@ -32,7 +31,7 @@ def cicp(*numbers: int) -> bytes:
     return chunk(b"cICP", bytes(numbers))
 
 
-def encoded(light: NDArray[Any]) -> NDArray[Any]:
+def encoded(light: Array) -> Array:
     """Return 8-bit sRGB of light, as IEC 61966-2-1 has it."""
     return 255 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
@@ -41,7 +40,7 @@ def encoded(light: NDArray[Any]) -> NDArray[Any]:
 @pytest.mark.parametrize(
     ("chunks", "power"), [((LINEAR,), 1.0), ((GAMMA, CHRM), 1 / 0.45455), ((cicp(1, 8, 0, 1),), 1.0)]
 )
-def test_a_gamma_becomes_that_of_srgb(pixels: NDArray[np.uint8], chunks: tuple[bytes, ...], power: float) -> None:
+def test_a_gamma_becomes_that_of_srgb(pixels: Bytes, chunks: tuple[bytes, ...], power: float) -> None:
     found = read_image(png(pixels, *chunks))
     seen = np.s_[..., :3] if pixels.ndim == 3 else np.s_[...]
     np.testing.assert_allclose(found[seen], encoded((pixels[seen] / 255) ** power), atol=0.51)

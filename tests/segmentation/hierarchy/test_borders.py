@@ -1,14 +1,12 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array, Ints
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.hierarchy.channels import Channels
@@ -17,7 +15,7 @@ from cvtimg.segmentation.hierarchy.strengths import _angles, _half_disc_distance
 
 
 @given(arrays(np.int32, st.tuples(st.integers(1, 6), st.integers(1, 6)), elements=st.integers(0, 3)))
-def test_borders_are_all_cracks_between_two_regions(labels: NDArray[np.int32]) -> None:
+def test_borders_are_all_cracks_between_two_regions(labels: Ints) -> None:
     expected: dict[tuple[int, int], set[tuple[int, int, bool]]] = {}
     height, width = labels.shape
     for y in range(height):
@@ -69,7 +67,7 @@ def test_distances_are_chi_squares_of_smoothed_histograms_of_half_discs() -> Non
                 assert line[channel, number] == pytest.approx(expected, rel=1e-5)
 
 
-def unnormed(histogram: NDArray[Any]) -> NDArray[Any]:
+def unnormed(histogram: Array) -> Array:
     """Smooth as the kernel does: what goes beyond the ends is lost."""
     far = np.arange(-6, 7)
     taps = np.exp(-0.5 * (far / (0.1 * N_LEVELS)) ** 2)

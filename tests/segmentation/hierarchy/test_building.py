@@ -1,19 +1,17 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg import segment_hierarchy
+from cvtimg._shared.types import Array, Ints
 from cvtimg.segmentation.hierarchy.building import default_threshold
 
 
-def shapes(height: int = 90, width: int = 120) -> NDArray[np.int32]:
+def shapes(height: int = 90, width: int = 120) -> Ints:
     """Draw a disc and a bar on a ground: labels 1, 2, 3."""
     rows, columns = np.mgrid[:height, :width]
     truth = np.ones((height, width), np.int32)
@@ -22,7 +20,7 @@ def shapes(height: int = 90, width: int = 120) -> NDArray[np.int32]:
     return truth
 
 
-def agreement(labels: NDArray[Any], truth: NDArray[Any]) -> float:
+def agreement(labels: Array, truth: Array) -> float:
     """Share of the pixels that the best region of each true one has right."""
     return sum(np.bincount(labels[truth == label]).max() for label in np.unique(truth)) / truth.size
 
@@ -61,7 +59,7 @@ def test_noise_hides_no_large_shapes(deviation: float) -> None:
 
 
 @pytest.mark.slow
-def test_masked_pixels_have_no_label_and_no_influence(photograph: NDArray[Any]) -> None:
+def test_masked_pixels_have_no_label_and_no_influence(photograph: Array) -> None:
     rows, columns = np.mgrid[:256, :256]
     mask = (rows - 128) ** 2 + (columns - 128) ** 2 < 100**2
     hierarchy = segment_hierarchy(photograph, n_leaves=100, mask=mask)

@@ -1,15 +1,13 @@
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg import segment_hierarchy
+from cvtimg._shared.types import Array
 from cvtimg.segmentation.hierarchy import large_images
 from cvtimg.segmentation.hierarchy.large_images import reduced, reduction
 from cvtimg.segmentation.hierarchy.settings import Settings
@@ -55,7 +53,7 @@ def test_borders_of_large_images_follow_their_edges() -> None:
 
 
 @pytest.mark.usefixtures("small_limit")
-def test_cuts_of_large_masked_images_are_connected(photograph: NDArray[Any]) -> None:
+def test_cuts_of_large_masked_images_are_connected(photograph: Array) -> None:
     mask = np.random.default_rng(0).random((256, 256)) < 0.9
     mask[:, 100:103] = False
     mask[50:60, 120:130] = False

@@ -1,29 +1,24 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from cvtimg._shared.types import Array
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation.hierarchy.leaves import Leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
-def chi_square(one: NDArray[Any], other: NDArray[Any]) -> float:
+def chi_square(one: Array, other: Array) -> float:
     p, q = one / one.sum(), other / other.sum()
     return float(((p - q) ** 2 / np.where(p + q > 0, p + q, 1)).sum() / 2)
 
 
 def merged_naively(
-    pairs: NDArray[Any],
-    lengths: NDArray[Any],
-    strengths: NDArray[Any],
-    sizes: NDArray[Any],
-    histograms: list[NDArray[Any]],
+    pairs: Array, lengths: Array, strengths: Array, sizes: Array, histograms: list[Array]
 ) -> tuple[list[tuple[int, int]], list[float]]:
     """Compare all pairs of neighbors anew for each merge, from sets of leaves."""
     regions = {number: {number} for number in range(len(sizes))}

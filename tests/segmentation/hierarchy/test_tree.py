@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from cvtimg import find_edges, segment_hierarchy
+from cvtimg._shared.types import Array
 from cvtimg.labels import region_means
 from cvtimg.labels.components import find_borders
 from cvtimg.segmentation import RegionHierarchy
@@ -18,7 +18,7 @@ from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
 
 @pytest.fixture(scope="module")
-def hierarchy(photograph: NDArray[Any]) -> RegionHierarchy:
+def hierarchy(photograph: Array) -> RegionHierarchy:
     return segment_hierarchy(photograph, n_leaves=300)
 
 
@@ -27,12 +27,12 @@ def test_cuts_have_the_number_of_regions_asked_for(hierarchy: RegionHierarchy) -
         np.testing.assert_array_equal(np.unique(hierarchy.cut(n)), np.arange(1, n + 1))
 
 
-def test_labels_go_from_dark_to_bright(hierarchy: RegionHierarchy, photograph: NDArray[Any]) -> None:
+def test_labels_go_from_dark_to_bright(hierarchy: RegionHierarchy, photograph: Array) -> None:
     means = region_means(hierarchy.cut(12), photograph)[1:].sum(axis=1)
     assert (np.diff(means) > -3).all()  # means are taken in Lab
 
 
-def test_colors_sizes_and_energies_are_those_of_the_nodes(photograph: NDArray[Any]) -> None:
+def test_colors_sizes_and_energies_are_those_of_the_nodes(photograph: Array) -> None:
     hierarchy = segment_hierarchy(photograph, n_leaves=40, space="rgb")
     labels = hierarchy.cut(hierarchy.n_parts)
     root = len(hierarchy.sizes) - 1
@@ -86,7 +86,7 @@ def test_chances_follow_the_evidence_of_edges(hierarchy: RegionHierarchy) -> Non
     np.testing.assert_array_equal(hierarchy.find_edges(0.5, strength=True) > 0, hierarchy.find_edges(0.5))
 
 
-def chances_of_lines(image: NDArray[Any], columns: list[int], mask: Any = None) -> list[float]:
+def chances_of_lines(image: Array, columns: list[int], mask: Any = None) -> list[float]:
     """Greatest chance of an edge within 3 pixels of each of some columns, in the middle row."""
     chances = segment_hierarchy(image, n_leaves=200, mask=mask).find_edges(strength=True)
     rows = slice(len(image) // 2 - 5, len(image) // 2 + 5)
