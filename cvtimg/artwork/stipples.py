@@ -75,7 +75,7 @@ def _marks(marks: str, places: Floats, radii: Floats, line: float, fill: str = "
 def _spiral(radius: float, line: float, end: float) -> Floats:
     """(N, 2) points of a spiral from the middle, of turns a line apart, to a whole turn at a radius, up to an angle."""
     turns = radius / line
-    step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by so much
+    step = min(np.pi / 4, np.sqrt(8 * _OFF / radius))  # straight steps are off an arc by `_OFF`
     angles = np.arange(0, 2 * np.pi * (turns + 1) + step, step)
     reach = np.minimum(angles / (2 * np.pi) * line, radius)
     angles += end - angles[-1]

@@ -22,7 +22,7 @@ from cvtimg.placement.descent import Terms, l_bfgs, over_relaxed
 
 #: Share by which the energy of Latin points may be above the best if they are more even.
 _ABOUT = 5e-3
-#: So many samples are searched in two stages.
+#: Samples from which on the search has two stages.
 _TWO_STAGES_FROM = 1 << 18
 #: Free points stay so far from the walls of the cube.
 _MARGIN = 1e-9

@@ -40,7 +40,7 @@ CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"
 #: Files that a design is written to.
 SUFFIXES = (".csv", ".npy")
 _MAX_DIMS = 64
-#: So many points in a feasible region become Latin: all pairs of points and slices are tried.
+#: Points in a feasible region that become Latin, at most: all pairs of points and slices are tried.
 _MOST_WITHIN = 1024
 
 

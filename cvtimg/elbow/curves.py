@@ -86,7 +86,7 @@ class EnergyCurve(ReadOnly):
 
     @property
     def is_clear(self) -> bool:
-        """Whether the curve bends so much at its elbow that the number of clusters or colors is beyond doubt."""
+        """Whether the curve bends enough at its elbow for the number of clusters or colors to be beyond doubt."""
         return not self.is_continuum and judged(self.energies, self.scale)[1]
 
     @property

@@ -151,7 +151,7 @@ def descend_sets(
     Py_ssize_t n_locked,              # IN: the first generators of each set stay
     double lightest,                  # IN: least density > 0; a cell of less than half of it is empty
     double tolerance,                 # IN: a set rests when a move lowers its energy by at most this fraction
-    Py_ssize_t most,                  # IN: or after so many moves
+    Py_ssize_t most,                  # IN: or after this number of moves
     double[:, :, ::1] generators,     # INOUT (n_sets, K, D)
     double[:, :, ::1] sums,           # OUT (n_sets, K, D + 1), at first 0: density times (point, 1) of the cells
     int32_t[:, ::1] labels,           # OUT (n_sets, n_tiles * LANES), at first -1: the cells

@@ -26,12 +26,12 @@ _SAME = 1e-6
 
 #: Energies of the first ends, in that number, are alike within this fraction. So are those of separated clusters.
 _ALIKE, _ENDS_ALIKE = 1e-5, 3
-#: Elders from seeds of k-means++ with swaps, of which there is one for so many generators.
+#: Elders from seeds of k-means++ with swaps, of which there is one for this number of generators.
 _SEEDED, _GENERATORS_PER_SWAP = 4, 4
 #: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
 #: milliseconds; from `_LARGE` on, a descent takes so long that there is a seeded one less.
 _QUICK, _LARGE = 1 << 24, 1 << 26
-#: To move generators takes the time of so many products for each number of a table.
+#: To move generators takes the time of this number of products for each number of a table.
 _MOVING = 16
 
 
@@ -40,11 +40,10 @@ class Evolution(NamedTuple):
 
     n_kept: int  # tessellations that become parents
     n_children: int  # in each generation
-    patience: int  # evolution ends after so many children for each of 8 to 16 generators without an improvement,
-    # and after so many in all, and as many more as this has products of rows, columns and generators to a power.
-    most: int
-    operations: float
-    power: float
+    patience: int  # children for each of 8 to 16 generators without an improvement, after which evolution ends
+    most: int  # children in all, after which it ends, beside those that follow ...
+    operations: float  # ... from this number over the products of rows, columns and generators ...
+    power: float  # ... to this power
     hasty_from: int  # from this product on, no other elder is sought if the first ends are alike
 
 

@@ -342,7 +342,7 @@ INLINE void nearest_in_group(const real *restrict tiles, const real *restrict bo
     }
 }
 
-/* Points that follow each other mostly share few cells. While a cell has so many points left in a tile, summing it in
+/* Points that follow each other mostly share few cells. While a cell has WORTH_ALL_LANES points left in a tile, summing it in
  * all lanes at once takes less than going from point to point. */
 enum { WORTH_ALL_LANES = 10, SUMS_AT_ONCE = 8 };
 

@@ -29,7 +29,7 @@ _UNIT, _EXACT_UNIT = 2.0**-24, 2.0**-53
 #: float32 gives labels whose energy is at most this fraction, squared, above that of the true ones: see
 #: `float32_suffices`.
 _LOSS = 1e-3
-#: Squared distances of float32 differ from the true ones by less than so many roundings for each dimension and 4 more.
+#: Squared distances of float32 differ from the true ones by less than 8 roundings for each dimension and 4 more.
 _ROUNDINGS = 8
 #: Energies, sums of squares, of values this far from their mean are out of the range of float64.
 _TOO_LARGE = 1e140

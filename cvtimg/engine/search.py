@@ -47,15 +47,15 @@ EFFORTS: dict[str, SearchEffort] = {
     ),
 }
 
-#: Evolution on some of the points ends after so many times fewer children than on few points that are all.
+#: Evolution on some of the points ends after fewer children, by this factor, than on few points that are all.
 _TIMES_FEWER = 16
-#: From so many rows for each that is searched, a pass over all takes longer than the best search.
+#: From this number of rows for each that is searched, a pass over all takes longer than the best search.
 _FAR_MORE = 8
 #: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
 _AGREEING, _ABOUT = 3, 5e-4
 _SEARCHING = Stopping(tolerance=1e-4, max_iterations=100)
 _STARTS_TIMES_GENERATORS = 512
-#: How many points a search needs: so many for each generator, and so many in total.
+#: How many points a search needs: for each generator, and in total.
 _FEWER = 50, 1 << 14
 #: Part of the time that the search over fewer points takes.
 SEARCHED = 0.7

@@ -19,9 +19,9 @@
 // the nearest entries of a pixel, and of the next one, begin matches; how many earlier places of each pair are tried.
 enum { RATE_WIDTH = 4, RATE_LONGEST = 258, RATE_FARTHEST = 32768, RATE_MOST_MATCHES = 256, RATE_NEAR = 6, RATE_LANES = 8 };
 enum { RATE_ROOM = RATE_MOST_MATCHES + RATE_LANES };  // those of a pair are taken together
-// The entries near a place are sought among so many near the middle of its cell, which are known of so many cells.
+// The entries near a place are sought among the RATE_MANY nearest to the middle of its cell, which are known of RATE_CELLS cells.
 enum { RATE_MANY = 16, RATE_CELL_BITS = 12, RATE_CELLS = 1 << RATE_CELL_BITS };
-// A match costs at most so many bits more than literals; and it is given up when another is so many bits ahead.
+// Bits: a match costs at most the first number more than literals; it is given up when another is the second ahead.
 static const float RATE_WORSE_BITS = 4, RATE_BEHIND_BITS = 30;
 // Shares of an error that the next pixel, and those below it, get. More goes along the row than Floyd and Steinberg give:
 // long repetitions of too bright or too dark indices, which show as streaks, get dearer with each pixel.
@@ -30,7 +30,7 @@ static const float RATE_RIGHT = 12 / 16.f, RATE_BELOW = 2 / 16.f, RATE_ASIDE = 1
 typedef struct {
   Py_ssize_t width, n_entries;
   int shift;                // of numbers of pixels to numbers of bytes
-  int n_matches;            // at most so many are followed from a pixel
+  int n_matches;            // that are followed from a pixel, at most
   const float *targets;     // (rows, width, 4) places of the pixels
   const float *visibility;  // (rows, width) how much a squared error counts
   const float *entries;     // (n_entries + 1, 4) places of the palette; the last is far from all pixels
@@ -47,7 +47,7 @@ typedef struct {
   int32_t from, distance, last;   // where the last edge begins; distance of the match, in pixels, 0 for a literal
 } rate_node;
 
-// The entries near a pixel, nearest first; the one far from all pixels where there are not so many.
+// The entries near a pixel, nearest first; the one far from all pixels where there are fewer.
 typedef struct {
   float square[RATE_NEAR];
   uint8_t entry[RATE_NEAR];
@@ -260,7 +260,7 @@ LOOKS_INSIDE void rate_follow(const rate_band *band, rate_scratch *scratch, rate
   }
 }
 
-// Go on from pixel `i`, which costs so much and gets such errors, to each of the entries near it, and to another one.
+// Go on from pixel `i`, with its cost and its errors, to each of the entries near it, and to another one.
 LOOKS_INSIDE void rate_branch(const rate_band *band, const rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i,
                               float cost, const float *error, Py_ssize_t other, rate_paths *out) {
   const Py_ssize_t at = row * band->width + i;

@@ -217,7 +217,7 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
 
 
 def _narrowing(borders: Borders, outline: Outline) -> Bools:
-    """Tell which edges (E,) cut off so much beside a corner of a polygon that it gets sharp, or sharper."""
+    """Tell which edges (E,) cut off enough beside a corner of a polygon to make it sharp, or sharper."""
     narrowing = np.zeros(len(borders.edges), bool)
     if outline.mask is not None:
         return narrowing

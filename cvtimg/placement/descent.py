@@ -26,7 +26,7 @@ from cvtimg.placement.moments import CellMoments, Moments
 #: Where generators (K, D) that have moved may be, given where they came from.
 Projection = Callable[[Points, Points], Points]
 
-#: A step is kept if it lowers the energy by so much of what the gradient promises; else halved, down to the shortest.
+#: A step is kept if it lowers the energy by this part of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: Steps of a kernel that NumPy needs for each number that it is given.
 _STEPS = 8

@@ -76,7 +76,7 @@ class _Aiming(NamedTuple):
     prices_of_phrases: Sequence[float] = tuple(np.geomspace(4.8, 0.02, 237).tolist())
     # For files that must be small: streaks look better than few colors.
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
-    # A search for a quality ends with a result that is so much better, or after so many trials: of prices, of numbers.
+    # A search for a quality ends with a result that is better by `close`, or after `n_trials`: of prices, of numbers.
     close: float = 0.5
     near: float = 1.5  # to the quality with few matches is near enough to go on with all
     far: float = 6.0  # above the quality are the same colors enough, at another price or diffusion
@@ -85,7 +85,7 @@ class _Aiming(NamedTuple):
     n_trials: int = 4  # with one of few matches
     n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
-    # The quality without a target, at which images look the same, or by so much less than the best that can be had.
+    # The quality without a target, at which images look the same, or `below_best` less than the best that can be had.
     same: float = 85.0
     below_best: float = 1.0
     worth: float = 1.5  # power of the quality by which a file that is not exact must be smaller
@@ -396,7 +396,7 @@ class _Search:
         self._sample = source.sample(small=not self._given)
         self._found: dict[_Rung, Any] = {}
         self._tried: dict[_Rung, float] = {}  # qualities with few matches
-        self._above = 0.0  # by so much the whole with all matches was better
+        self._above = 0.0  # by which the whole with all matches was better
         self._strengths = _AIMING.strengths if how.dither_strength is None else [how.strength]
         numbers = range(max(fixed_colors(one, how.locked)[2] for one in source.counted), palettes.most)
         usual = len(self._strengths) // 2
@@ -457,7 +457,7 @@ class _Search:
         return rung
 
     def least(self) -> float:
-        """Return the least quality to reach: the given or the usual one, or so much less than the best."""
+        """Return the least quality to reach: the given or the usual one, or what is `below_best` under the best."""
         if self._given:
             return self._how.quality_range[1]
         return min(_AIMING.same, self._tried[self._rungs[-1]] + self._above - _AIMING.below_best)
@@ -566,7 +566,7 @@ class _Palettes:
         return _AIMING.points - lost - _AIMING.points_by_strength * (COMPACT_STRENGTH - rung[2])
 
     def expect(self, rung: _Rung, seen: float) -> None:
-        """Let so much more be lost than usual that the quality seen was expected."""
+        """Expect a loss of the usual times a factor, by which the quality seen would have been expected."""
         usual = (_AIMING.points - self.expected(rung)) / self._unlike
         ratio = (_AIMING.points - seen) / max(usual, 1e-9)
         self._unlike = min(max(ratio, 1 / _AIMING.most_unlike), _AIMING.most_unlike)

@@ -19,7 +19,7 @@ import numpy as np
 
 cdef enum:
     SIDE = 5
-    SAMPLE = 512  # about so many members of a group tell its main axis
+    SAMPLE = 512  # members of a group, about, that tell its main axis
     POWERS = 12  # multiplications of a vector by the covariance that find it
 
 

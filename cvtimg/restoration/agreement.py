@@ -167,7 +167,7 @@ class _Part:
 
 
 def _in_bands(versions: Versions, kept: Callable[[_Part], Bools], most: int = 1 << 18) -> Versions:
-    """Judge bands of rows, of about so many values, each with the rows around it that windows reach."""
+    """Judge bands of rows, of about `most` values, each with the rows around it that windows reach."""
     height, width = versions.known.shape[:2]
     halo, step = max(_SIDES) // 2 + 1 + _MOVED[0] // 2, max(1, most // (width * versions.n_versions))
     known = versions.known.copy()

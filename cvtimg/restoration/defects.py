@@ -101,7 +101,7 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
         return None
     least = 1.5 * np.quantile((high - low)[judged & ~ends[0] & ~ends[1]], _QUIET)  # three of them
     for end, level, n in zip(ends, (black, white), counts, strict=True):
-        # So many neighbors at the same end are no chance: what is there is true.
+        # More neighbors at the same end than chance puts there: what is there is true.
         share = min(2 * n / end.size, 0.5)
         same = (around == level).sum(axis=0) <= binom.isf(_CHANCE, 8, share)
         hits |= (end & same & (apart > least) & (n > 0)).any(axis=2)

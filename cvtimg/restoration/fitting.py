@@ -31,7 +31,7 @@ _SIDE, _KNOWN = 16, 0.3
 _POWER, _ALIKE = 0.25, 0.5
 #: Windows that are enough; or fewer, which tell another image from a misfit of 1 on.
 _ENOUGH, _FEW = 100, 20
-#: Windows whose means tell the exposure: so many at least and at most.
+#: Windows whose means tell the exposure: their least and largest number.
 _TOLD = (32, 1000)
 #: Share of the pixels of a window that are clipped at black and at white, which bias its mean.
 _CLIPPED = (0.3, 0.03)

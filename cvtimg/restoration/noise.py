@@ -24,11 +24,11 @@ from cvtimg._shared.threads import side_by_side
 from cvtimg._shared.types import Floats, Floats32, Indices
 from cvtimg.restoration.versions import Clipped, Versions
 
-#: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: so many for
-#: each of their values. Those looked at have about so many pixels together.
+#: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: this number
+#: for each of their values. The last number is that of the pixels that are looked at, about.
 _SIDES, _PER_VALUE, _MOST = (8, 4, 3, 2), 10, 1 << 20
-#: Shares of patches that are quiet, of many and of few: of so many for each band; fewer tell nothing. Along an axis,
-#: others have so many times their power at most: the rest is texture.
+#: Shares of patches that are quiet, of many and of few; fewer than 80 for each band tell nothing. Along an axis,
+#: others have at most 3 times their power: the rest is texture.
 _QUIET, _OF_FEW, _FEWEST, _AGAIN = 0.1, 0.25, 80, 3.0
 #: Shares of patches, from quiet to loud, between which those lie that tell how texture grows.
 _GROWING = (0.2, 0.5)
@@ -41,10 +41,10 @@ _CLASSES, _CHANCE = 8, 1e-3
 #: Blocks whose spectra tell what near pixels share: their side, which has room for a window and the lags, up to the
 #: last; and shares of them, from quiet to loud, that end groups.
 _BLOCK, _GROUPS, _LAGS = 16, (0.03, 0.1, 0.25), 6
-#: Texture is, in each of so many rings of frequencies per cycle per pixel, so many times what grows from the first to
+#: Texture is, in each of the rings of frequencies (12 for a cycle per pixel), three times what grows from the first to
 #: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white.
 _RINGS, _TIMES, _GROWS, _COMMON = 12, 3.0, 1.1, 0.9
-#: Noise is shared where it has so many times the power of white noise from this frequency on, below which texture
+#: Noise is shared where it has twice the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
 _POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
 
@@ -53,7 +53,7 @@ _POWER, _HIGH, _GRAIN = 2.0, 0.2, 0.01
 class SharedNoise:
     """Noise with one autocovariance everywhere; whitening patches by it makes it that for which the filters are."""
 
-    #: (2 L + 1, 2 L + 1, C, C): covariance of the bands of a pixel with those of one so many rows and columns away
+    #: (2 L + 1, 2 L + 1, C, C): covariance of the bands of a pixel with those of another, by their distance
     autocovariance: Floats
 
     @classmethod

@@ -39,7 +39,7 @@ _OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6]))
 _PRECISE = 1e-7
 #: Covariances of the estimate, which has lost some detail, are raised by this factor.
 _GAIN = 1.1
-#: Twice, power of so many times that of the noise is halved in the covariance of noisy patches.
+#: Twice, power that exceeds that of the noise by this factor is halved in the covariance of noisy patches.
 _BENT = 1.5
 #: Added to the variance that a filter leaves, as a share of that of the noise: none is perfect.
 _LEFT = 0.02
@@ -50,9 +50,9 @@ _ANYWHERE = 0.01
 #: Precision of unknown pixels, filled from nearby, as a part of the usual one.
 _FILLED = 0.4
 #: Filters are applied twice where more than this share of the pixels are known half as well as usual or worse; and kept
-#: for that of so many blocks.
+#: for that number of blocks.
 _UNEVEN, _KEPT = 0.02, 4
-#: So many times may pixels be known better than the mean of their group; beyond 2, what they are drawn by would grow.
+#: Factor by which pixels may be known better than the mean of their group; beyond 2, what they are drawn by would grow.
 _STEP = 1.9
 
 

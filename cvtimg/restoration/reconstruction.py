@@ -27,7 +27,7 @@ from cvtimg.restoration.versions import fuse, stack_versions, trust_in
 _PREPARING = 0.2
 #: Blur, in pixels, which removes most of the noise.
 _BLUR = 2.0
-#: A drawing has so many colors at most in this part of the pixels, those farthest from edges, some of which are looked
+#: A drawing has at most 12 colors in this part of the pixels, those farthest from edges, some of which are looked
 #: at. What they leave is below the variance of noise: drawings up to 0.6, photographs from 3 times that on.
 _COLORS, _AWAY, _SAMPLED = 12, 0.5, 1 << 13
 #: Parts that red, green and blue have in lightness (Rec. 601).

@@ -26,7 +26,7 @@ from cvtimg.colors.spaces import to_space
 _SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
 #: Side of the blocks of JPEG, and the largest of what is compressed again.
 _SIDE, _LARGEST = 8, 512
-#: What is rounded for the second time loses less: so many times its variance was lost the first time.
+#: What is rounded for the second time loses less: this factor of its variance was lost the first time.
 _FIRST_TIME = 1.3
 
 

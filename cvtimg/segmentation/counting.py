@@ -60,7 +60,7 @@ class Settings:
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     convex: float = 0.93  # of its hull, what one object fills; two discs that overlap by a sixth of their width do
     depth: float = 0.015  # of saddles, in the logarithm of the distance ...
-    offset: float = 0.7  # ... plus so many pixels
+    offset: float = 0.7  # ... plus this, in pixels
     blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
     small: float = 9.0  # objects of a smaller radius in pixels are divided on a grid twice as fine
     least_size: float = 0.12  # of the usual object's pixels

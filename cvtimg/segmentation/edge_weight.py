@@ -142,7 +142,7 @@ class Moves(NamedTuple):
 class Planes(NamedTuple):
     """The planes of a volume as one image, each below the one before."""
 
-    # Rows that do not count keep the planes apart, and so many planes of these come first and last that none of the
+    # Rows that do not count keep the planes apart, and enough planes of these come first and last that none of the
     # steps to neighbors leads out of the image.
     rows: int  # from one plane to the next
     spacing: float  # from one plane to the next, in pixels

@@ -66,15 +66,14 @@ def divide_stack(
     edits: Sequence[str] = (),
 ) -> DividedStack:
     """Divide each image of a file, all pages `together` by the same generators, or the `volumes` of its frames."""
-    # Together, pages are a volume if the distance of planes is known, or one image with so many rows `apart` that they
-    # are not near each other. With `track`, labels
-    # keep their number from frame to frame.
+    # Together, pages are a volume if the distance of planes is known, or one image with rows between them, which keep
+    # them `apart`. With `track`, labels keep their number from frame to frame.
     assert stack.header is not None  # in tiles, there is none
     parts = [_without_alpha(image, known, stack.header) for image, known in stack]
     pages = stack.content if stack.kind == "pages" and len(parts) > 1 else None
     if track:
         _check_frames(pages, volumes)
-    # So many pages are divided at a time, as one image or volume.
+    # Pages that are divided at a time, as one image or volume.
     n_together = len(pages.images) if pages and together else 1
     spacing: dict[str, Any] = {}
     if volumes:
@@ -110,7 +109,7 @@ def _check_frames(pages: Pages | None, in_volumes: bool) -> None:
 
 
 def _stacked(parts: Sequence[_Part], apart: int | None) -> _Part:
-    """Return pages as a volume, or below each other with so many rows between them that do not count."""
+    """Return pages as a volume, or below each other with that number of rows between them, which do not count."""
     images, known = zip(*parts, strict=True)
     if apart is None:
         return np.stack(images), np.stack(known)

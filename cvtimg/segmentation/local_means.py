@@ -14,7 +14,7 @@ from cvtimg.engine.tessellation import tessellate
 #: on this number of pixels.
 _REACHES_OF_LIGHT, _ENOUGH_PIXELS = (0.125, 0.0625), 1 << 18
 _BLOCKS_IN_REACH = 4
-#: So many pixels tell whether it is uneven.
+#: Pixels that tell whether it is uneven.
 _FEW_PIXELS = 1 << 13
 _MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.

@@ -36,7 +36,7 @@ from cvtimg.segmentation.values import at_pixels, values_of
 
 #: Labels have 8 or 16 bits, and 0 is outside the mask.
 _MOST_SEGMENTS = 65535
-#: Segments of a noisy image start from so many of its averages, or a few more.
+#: Averages of a noisy image from which its segments start, or a few more.
 _ENOUGH_AVERAGES = 1 << 20
 #: Pixels of a strip. Values, labels and temporary arrays take about 100 bytes per pixel.
 STRIP_PIXELS = 1 << 21

@@ -28,7 +28,7 @@ class Seen:
     flat: float = (
         0.6  # where halves of the surface around meet at less than this part of the angle, however they are cut
     )
-    turns: int = 8  # in so many directions,
+    turns: int = 8  # directions of these halves,
     away: float = 0.1  # and no more than this part of it is turned away
     block: int = 1024  # creases looked at at once: more take more memory, up to 1000 grains around each
     corner: float = 40.0  # a curve has a corner where it turns by the angle of creases or, if that is less, by this

@@ -36,7 +36,7 @@ class Conditions:
 
     stopping: Stopping
     rng: np.random.Generator  # source of all random numbers
-    n_locked: int = 0  # so many generators, the first, stay in place
+    n_locked: int = 0  # number of generators, the first ones, that stay in place
     volume_power: float = 0.0  # cells are weighted by their mass to this power; 0 unless the method takes another
     watch: Watch = field(default_factory=Watch)  # to be called with the energy before each step
 

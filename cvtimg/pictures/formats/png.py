@@ -33,7 +33,7 @@ class _Deflate(NamedTuple):
     levels: tuple[int, int] = (10, 6)  # of small and of large images
     levels_of_flat: tuple[int, int] = (12, 9)
     large: int = 1 << 21
-    likely: float = 1.2  # a form that has so many times the bytes of another at level 6 is not the smallest
+    likely: float = 1.2  # times the bytes of another form at level 6: such a form is not the smallest
     flat: float = 1 / 8  # largest compression ratio, at level 1, of an image that counts as flat
     # 16-bit color, four photographs of 0.4 megapixels: rows that choose between two filters, then libdeflate level 6,
     # take 0.98 of the bytes and 0.5 of the time of libpng with all five filters at level 3.
