@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import time
 from collections.abc import Callable, Sequence
 from io import BytesIO
@@ -14,12 +15,13 @@ from urllib.parse import quote
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import Json, SpaceName
 from cvtimg.colors import SPACES
+from cvtimg.explore.alternatives import WANTED, fitting, seen_quality
 from cvtimg.explore.channel import Channel
 from cvtimg.explore.collection import Collection
 from cvtimg.explore.controls import UnfitRequestError
@@ -28,7 +30,7 @@ from cvtimg.explore.opened import most_pixels
 from cvtimg.explore.pasted import settings_of
 from cvtimg.explore.presets import change_presets, presets
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
-from cvtimg.explore.tabs import TABS
+from cvtimg.explore.tabs import TABS, opened
 
 _KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -61,6 +63,7 @@ class Server:
             Route("/about", self._about),
             Route("/picture", self._open_picture, methods=["POST"]),
             Route("/picture/{key}", self._describe_picture),
+            Route("/distinct/{key}", self._count_colors),
             Route("/palette", self._open_palette, methods=["POST"]),
             Route("/thumbnail/{key}", self._thumbnail),
             Route("/all", self._add_to_all, methods=["POST"]),
@@ -68,6 +71,7 @@ class Server:
             Route("/command", self._read_command, methods=["POST"]),
             Route("/presets", self._change_presets, methods=["POST"]),
             Route("/sample", self._open_sample, methods=["POST"]),
+            Route("/resize", self._resize, methods=["POST"]),
             Route("/forget", self._forget, methods=["POST"]),
             Route("/given/{number:int}", self._open_given, methods=["POST"]),
             Route("/curve/{picture}/{space}", self._curve),
@@ -100,6 +104,7 @@ class Server:
             "given": [path.name for path in self._paths],
             "keep": self._keep,
             "presets": presets(),
+            "wanted": WANTED.described(),
             "megapixels": most_pixels() // 10**6,
             "megabytes": MOST_BYTES // 10**6,
             "palettes": [{"id": name, "name": name} for name in KNOWN],
@@ -110,17 +115,20 @@ class Server:
         return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())
 
     async def _describe_picture(self, request: Request) -> Response:
-        return await _answered(lambda: self.store.picture(request.path_params["key"]).described())
+        return await _answered(lambda: self.store.described(request.path_params["key"]))
+
+    async def _count_colors(self, request: Request) -> Response:
+        key = request.path_params["key"]
+        return await _answered(lambda: {"distinct": self.store.picture(key).samples.n_colors})
 
     async def _open_palette(self, request: Request) -> Response:
         return await self._sent(request, self.store.open_palette)
 
     async def _thumbnail(self, request: Request) -> Response:
         try:
-            content = await run_in_threadpool(self.store.thumbnail, request.path_params["key"])
+            return Response(self.store.thumbnail(request.path_params["key"]), media_type="image/png")
         except UnfitRequestError as error:
             return PlainTextResponse(str(error), 422)
-        return Response(content, media_type="image/png")
 
     async def _add_to_all(self, request: Request) -> Response:
         """Add the result for a picture to the archive of all; the first empties it."""
@@ -134,15 +142,18 @@ class Server:
         return await self._sent(request, added)
 
     async def _all(self, request: Request) -> Response:
-        content = await run_in_threadpool(self.collection.content)
-        sent = {"content-disposition": "attachment; filename=results.zip"}
-        return Response(content, media_type="application/zip", headers=sent)
+        return FileResponse(self.store.archive, media_type="application/zip")
 
     async def _read_command(self, request: Request) -> Response:
         return await self._sent(request, lambda name, content: settings_of(content.decode(errors="replace")))
 
     async def _change_presets(self, request: Request) -> Response:
-        return await self._sent(request, lambda name, content: change_presets(_understood(content)))
+        def changed(name: str, content: bytes) -> Json:
+            if not self._keep:
+                raise UnfitRequestError("with --no-store nothing is kept, and settings are not saved by name")
+            return change_presets(_understood(content))
+
+        return await self._sent(request, changed)
 
     async def _sent(self, request: Request, use: Callable[[str, bytes], Json]) -> Response:
         """Take a file that a page sends, up to the limit."""
@@ -163,10 +174,20 @@ class Server:
         number = request.path_params["number"]
         if number >= len(self._paths):
             return PlainTextResponse("there is no such image", 404)
-        return await _answered(lambda: self.store.open_file(self._paths[number]).described())
+        return await _answered(lambda: self.store.described(self.store.key_of(self._paths[number])))
 
     async def _open_sample(self, request: Request) -> Response:
         return await _answered(lambda: self.store.open_sent("sample.png", _sample()).described())
+
+    async def _resize(self, request: Request) -> Response:
+        """Open a picture of another size, and say how it is made."""
+
+        def resized(name: str, content: bytes) -> Json:
+            asked = _understood(content)
+            made = self.store.resized(opened(self.store, asked), asked.get("width"))
+            return self.store.described(made.key)
+
+        return await self._sent(request, resized)
 
     async def _forget(self, request: Request) -> Response:
         self.store.forget()
@@ -201,6 +222,9 @@ class Server:
             return PlainTextResponse("there is no such file", 404)
         name, content = named
         sent = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
+        is_image = re.match(r"o\.|\d", request.path_params["output"])
+        if request.method == "HEAD" and is_image and fitting(outcome.image):
+            sent["x-quality"] = f"{await run_in_threadpool(seen_quality, outcome.image, content):.0f}"
         return Response(content, media_type="application/octet-stream", headers=sent)
 
     async def _live(self, socket: WebSocket) -> None:

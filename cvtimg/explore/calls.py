@@ -49,8 +49,8 @@ def evaluated(code: Code, values: Options) -> Any:
 def as_python(lines: Sequence[Line], last: Code) -> str:
     """Write lines in Python, and a call after them."""
     written = [*(f"{line.name} = {line.code}" for line in lines), last]
-    imports = ["import cvtimg", *["import numpy"] * any("numpy." in line for line in written)]
-    return "\n".join([*imports, "", *written])
+    modules = [name for name in ("cvtimg", "numpy", "PIL.Image") if any(f"{name}." in line for line in written)]
+    return "\n".join([*(f"import {name}" for name in modules), "", *written])
 
 
 def literal(value: object) -> str:

@@ -10,8 +10,11 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
@@ -21,6 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
+from cvtimg.explore.alternatives import fitting
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
 from cvtimg.explore.outcomes import Outcome
@@ -85,6 +89,7 @@ class Channel:
         self._socket, self._store = socket, store
         self._waiting: dict[str, Json] = {}
         self._woken = {lane: asyncio.Event() for lane in ("draft", "exact", "before")}
+        self._paces: dict[str, float] = {}  # seconds that a megapixel took, by tab
         self._search: Work[Any] | None = None
         self._last: tuple[Any, str, Outcome] | None = None
 
@@ -155,19 +160,31 @@ class Channel:
 
         def answered() -> bytes | str:
             key, outcome = "", None
-            about: Json = {"lane": lane, "recipes": _recipes(tab, request)}
+            megapixels = math.prod(request.size) / 1e6 if request.opened else 0.0
+            seconds = self._paces.get(tab.name, tab.pace) * megapixels
+            about: Json = {"lane": lane, "recipes": _recipes(tab, request), "seconds": seconds}
             if self._last and self._last[0] == same and (lane == "exact" or self._last[2].frames):
                 key, outcome = self._last[1:]
             elif lane == "draft":
                 outcome = tab.draft(request)
             else:
+                self._last = self._store.newest = None  # two results of a large picture take much memory
+                begun = time.monotonic()
                 outcome = tab.exact(request)
+                if megapixels:
+                    self._paces[tab.name] = (time.monotonic() - begun) / megapixels
                 key = self._store.keep_result(outcome)
                 self._last = (same, key, outcome)
             if outcome is None:
                 return json.dumps({"seq": number, "none": True, **about})
             layer, facts = outcome.frames[frame_of(asked)] if outcome.frames else (outcome.layer, outcome.facts)
-            return packed(number, {**about, "facts": facts, "result": key}, layer, request.window, outcome.drawn)
+            return packed(
+                number,
+                {**about, "facts": facts, "result": key, "lossy": fitting(outcome.image)},
+                layer,
+                request.window,
+                outcome.drawn,
+            )
 
         work = Work(answered)
         if lane == "exact":
@@ -198,6 +215,8 @@ def _said(error: Exception) -> str:
 def _recipes(tab: Tab, request: Request) -> list[dict[str, str]]:
     """Return what the page shows for each file of a result."""
     recipe, outputs = tab.recipe(request), tab.outputs(request)
+    if before := request.opened and request.store.lines.get(request.opened.key):
+        recipe = replace(recipe, made=before)
     return [
         {**recipe.shown(outputs[0] if output.read else output, request.stem), "key": output.key, "label": output.label}
         | ({"file": output.pattern.format(request.stem)} if output.read else {})

@@ -36,10 +36,6 @@ class Collection:
             archive.writestr(free, file[1])
         return {"name": free, "bytes": len(file[1])}
 
-    def content(self) -> bytes:
-        """Return the archive."""
-        return self._path.read_bytes() if self._path.exists() else b""
-
 
 def _free(name: str, taken: list[str]) -> str:
     """Return a name that no file has yet: pictures of two folders may have the same."""

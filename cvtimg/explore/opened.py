@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -39,8 +40,8 @@ N_CURVE = 64
 SMALL = 1 << 18
 #: What results import for a second or so, in the background before they are wanted.
 _IMPORTED = ("scipy.ndimage", "scipy.optimize", "scipy.spatial", "skimage.color", "skimage.measure", "scipy.stats")
-#: Samples of windows that are kept.
-_KEPT = 4
+#: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
+_KEPT, _MOST_KEPT = 4, 1 << 24
 
 
 def most_pixels() -> int:
@@ -193,7 +194,7 @@ class Picture:
         made = make()
         with self._lock:
             self._kept[key] = made
-            while len(self._kept) > _KEPT:
+            while len(self._kept) > max(2, min(_KEPT, _MOST_KEPT // math.prod(self.size))):
                 self._kept.popitem(last=False)
         return made
 
@@ -256,6 +257,5 @@ class Picture:
             "noun": self.noun,
             "channels": self.channels,
             "durations": getattr(self.frames, "durations", None),
-            "distinct": self.samples.n_colors,
             "exact": self.array.dtype == np.uint8,
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import tempfile
 import threading
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from cvtimg._shared.choices import Options
+from cvtimg._shared.types import Array
+from cvtimg.explore.alternatives import fitting, lossy
 from cvtimg.explore.calls import Code, Line, as_python, call, evaluated
 from cvtimg.explore.layers import Layer, Window
 
@@ -53,6 +56,7 @@ class Recipe:
     words: Sequence[str]  # Command line up to its options, without the names of the outputs
     lines: Sequence[Line]  # Lines of Python up to the result
     before: str = ""  # Command to be run before, if any
+    made: str = ""  # Lines of Python that make the picture before, if any
     for_many: bool = True  # Whether the command takes a folder, too
     # Name of the file that the command writes in any case, with ``{}`` for the name of the picture; "" for none.
     always: str = ""
@@ -62,8 +66,11 @@ class Recipe:
         also = ["-o", safe_name(self.always.format(stem))] if self.always and output.option != "-o" else []
         command = shlex.join([*self.words, *also, output.option, safe_name(name)])
         python = as_python(self.lines, output.writing(name))
-        shown = {"command": f"{self.before}\n{command}" if self.before else command, "python": python, "file": name}
-        if self.for_many and output.option == "-o":
+        making = shlex.join(["python", "-c", re.sub("\n+", "; ", self.made)]) if self.made else ""
+        commands = [line for line in (making, self.before, command) if line]
+        python = "\n\n".join(lines for lines in (self.made, python) if lines)
+        shown = {"command": "\n".join(commands), "python": python, "file": name}
+        if self.for_many and output.option == "-o" and not self.made:
             shown["folder"] = shlex.join([*self.words[:2], "FOLDER", *self.words[3:], "--out-dir", "OUT"])
         return shown
 
@@ -73,7 +80,7 @@ def safe_name(name: str) -> str:
     return f"./{name}" if name.startswith(("-", "@")) else name
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, weakref_slot=True)
 class Outcome:
     """What settings make of a picture."""
 
@@ -85,18 +92,27 @@ class Outcome:
     drawn: Window | None = None  # The part of the picture that the layer shows; by default all of it
     # Layer and facts of each frame of an animation.
     frames: Sequence[tuple[Layer, Options]] = ()
+    image: Array | None = None  # What lossy files hold, and others are compared with, where there are some
     _files: dict[str, bytes] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def file(self, key: str) -> tuple[str, bytes] | None:
         """Return name and content of an output, or None if there is no such output; made once."""
         output = next((candidate for candidate in self.outputs if candidate.key == key), None)
-        if output is None:
+        quality, _, end = key.partition(".")
+        if output:
+            name = output.pattern.format(self.stem)
+        elif quality.isdigit() and end in fitting(self.image):
+            name = f"{self.stem}-{quality}.{end}"
+        else:
             return None
-        name = output.pattern.format(self.stem)
         with self._lock:
             if key not in self._files:
-                self._files[key] = written_as(name, lambda path: evaluated(output.writing(path), self.values))
+                self._files[key] = (
+                    written_as(name, lambda path: evaluated(output.writing(path), self.values))
+                    if output
+                    else lossy(self.image, end, int(quality))
+                )
             return name, self._files[key]
 
 

@@ -42,7 +42,8 @@ def settings_of(text: str) -> Json:
     settings: Json = {}
     # Switches first: what others mean may hang on them.
     given = sorted(_options(verb, words), key=lambda option: option[1] != "")
-    left = [flag for flag, value in given if not _taken(tab, flag, value, settings)]
+    is_numbered = any(flag == "-k" for flag, _ in given)
+    left = [flag for flag, value in given if not _taken(tab, flag, value, settings, is_numbered)]
     parse_settings(tab.controls, settings)
     return {"tab": tab.name, "settings": settings, "left": left}
 
@@ -66,7 +67,7 @@ def _options(verb: str, words: list[str]) -> Iterator[tuple[str, str]]:
                 yield option.flag, value
 
 
-def _taken(tab: Tab, flag: str, text: str, settings: Json) -> bool:
+def _taken(tab: Tab, flag: str, text: str, settings: Json, is_numbered: bool) -> bool:
     """Put an option into settings, with what it needs of other controls; return whether the page has it."""
     known = {control.name: control for control in tab.controls}
     aim = known.get("aim")
@@ -79,6 +80,8 @@ def _taken(tab: Tab, flag: str, text: str, settings: Json) -> bool:
         fitting, value = [known["palette"]], [text]
     else:
         fitting = [control for control in tab.controls if flag in _flags(control)]
+        if flag == "--objects" and is_numbered:
+            fitting = fitting[-1:]  # pieces of so many segments
         value = _value(fitting[0], flag, text, settings) if fitting else None
     if not fitting:
         return False

@@ -8,31 +8,35 @@ import shutil
 import tempfile
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
+from weakref import WeakValueDictionary
 
+import numpy as np
+import PIL
 from PIL import Image
 
-from cvtimg import read_palette
+from cvtimg import read_palette, write_image
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.types import Bytes
-from cvtimg.explore.controls import UnfitRequestError
-from cvtimg.explore.opened import Picture
+from cvtimg.explore.calls import Code, Line, as_python, call, run
+from cvtimg.explore.controls import UnfitRequestError, is_number
+from cvtimg.explore.opened import Picture, most_pixels
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
 from cvtimg.palettes.known import known_palettes
 
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
-#: Pictures in memory, palettes and results that are held.
-_MOST_PICTURES, _MOST_PALETTES, _MOST_RESULTS = 12, 32, 24
+#: Pictures in memory, and palettes that are held.
+_MOST_PICTURES, _MOST_PALETTES = 12, 32
 #: Bytes of all files that pages send together, which lie on the disk.
 _MOST_SENT = 1 << 32
-#: Pixels of all pictures in memory together; a picture takes about 12 bytes for each.
-_MOST_PIXELS = 1 << 28
+#: Pixels of all pictures in memory together, but for the last; with its colors a picture takes 16 bytes for each.
+_MOST_PIXELS = 1 << 24
 #: Greatest width and height of a thumbnail, and pixels of the picture that it is made of.
 _SMALL, _ENOUGH = (144, 96), 1 << 18
 #: Longest name that is kept.
@@ -47,9 +51,9 @@ T = TypeVar("T")
 class Store:
     """Pictures, palettes and results by key.
 
-    Of pictures the last few are held in memory; the others are opened again when they are needed. Of palettes and
-    results the oldest go when there are too many. Files that a page sends lie in a folder of their own under names that
-    the server makes up.
+    Of pictures the last few are held in memory; the others are opened again when they are needed. Of palettes the
+    oldest go when there are too many, and results when their page has a newer one. Files that a page sends lie in a
+    folder of their own under names that the server makes up.
     """
 
     def __init__(self) -> None:
@@ -57,10 +61,14 @@ class Store:
         self._folder = tempfile.TemporaryDirectory(prefix=own_prefix())
         self.archive = Path(self._folder.name, "results.zip")  # of results for all pictures
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
-        self._files: dict[str, tuple[str, Path]] = {}  # name and file of each picture, in memory or not
+        # Name, file, description and thumbnail of each picture, in memory or not.
+        self._files: dict[str, tuple[str, Path]] = {}
+        self._described: dict[str, Json] = {}
         self._thumbnails: dict[str, bytes] = {}
+        self.lines: dict[str, str] = {}  # of Python that make a picture
         self._palettes: OrderedDict[str, tuple[str, Bytes]] = OrderedDict()
-        self._results: OrderedDict[str, Outcome] = OrderedDict()
+        self._results: WeakValueDictionary[str, Outcome] = WeakValueDictionary()
+        self.newest: Outcome | None = None  # which outlives its page
         self._lock = threading.Lock()
 
     def close(self) -> None:
@@ -72,8 +80,9 @@ class Store:
     def forget(self) -> None:
         """Forget all that was opened and made; files of the command line can be opened again."""
         with self._lock:
-            for kept in (self._pictures, self._files, self._thumbnails, self._palettes, self._results):
+            for kept in (self._pictures, self._files, self._described, self._thumbnails, self._palettes):
                 kept.clear()
+            self._results.clear()
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
 
@@ -82,21 +91,15 @@ class Store:
             if key in self._pictures:
                 self._pictures.move_to_end(key)
                 return self._pictures[key]
-        if key not in self._files:
-            raise UnfitRequestError("this image is no longer open; open it again")
-        return self._add(*self._files[key], key)
+        return self._add(*_known(self._files, key), key)
+
+    def described(self, key: str) -> Json:
+        """Return what the page shows of a picture, which need not be in memory."""
+        return _known(self._described, key)
 
     def thumbnail(self, key: str) -> bytes:
-        """Return a small picture as PNG, which is made once."""
-        if key not in self._thumbnails:
-            picture = self.picture(key)
-            small = Image.fromarray(picture.seen(picture.whole(_ENOUGH)).pixels.squeeze())
-            small.thumbnail(_SMALL)
-            stream = BytesIO()
-            small.save(stream, "PNG")
-            with self._lock:
-                self._thumbnails[key] = stream.getvalue()
-        return self._thumbnails[key]
+        """Return a small picture as PNG."""
+        return _known(self._thumbnails, key)
 
     def palette(self, keys: Sequence[str]) -> tuple[str, Bytes]:
         """Return the name and the colors of the palette that was chosen."""
@@ -106,11 +109,11 @@ class Store:
             return known
         raise UnfitRequestError("this palette is no longer open; open it again")
 
-    def open_file(self, path: Path) -> Picture:
-        """Open a picture of the command line; pages share it."""
+    def key_of(self, path: Path) -> str:
+        """Return the key of a picture of the command line, which is opened once; pages share it."""
         with self._lock:
             same = next((key for key, (_, file) in self._files.items() if file == path), None)
-        return self.picture(same) if same else self._add(str(path), path, secrets.token_hex(8))
+        return same or self._add(str(path), path, secrets.token_hex(8)).key
 
     def open_sent(self, name: str, content: bytes) -> Picture:
         held = sum(file.stat().st_size for file in Path(self._folder.name).iterdir() if file != self.archive)
@@ -127,18 +130,36 @@ class Store:
             raise
         return picture
 
+    def resized(self, picture: Picture, width: Any) -> Picture:
+        """Open a picture in another width by Pillow, made by lines that come before those of its results."""
+        height = round(picture.size[0] * width / picture.size[1]) if is_number(width) and 1 <= width <= 1 << 15 else 0
+        if picture.array.dtype != np.uint8 or picture.array.shape[2:] not in ((), (3,), (4,)):
+            raise UnfitRequestError("only gray images and those of colors, of 8 bits, are resized")
+        if height < 1 or height * width > most_pixels():
+            raise UnfitRequestError("the width must be a number of pixels that leaves a height, and fits in memory")
+        size = f"({int(width)}, {height}), PIL.Image.Resampling.LANCZOS"
+        name, key = f"{picture.stem}-{int(width)}.png", secrets.token_hex(8)
+        lines = [
+            Line("image", picture.python, picture.array),
+            Line("small", Code(f"numpy.array(PIL.Image.fromarray(image).resize({size}))")),
+        ]
+        path = self._stored(name, b"")
+        write_image(path, run(lines, {"PIL": PIL})["small"], overwrite=True)
+        self.lines[key] = as_python(lines, call("cvtimg.write_image", name, Code("small")))
+        return self._add(name, path, key)
+
     def _add(self, name: str, path: Path, key: str) -> Picture:
         try:
             picture = Picture(key, name, path)
-            picture.described()  # counts the colors
+            about, thumbnail = (picture.described(), _small(picture)) if key not in self._files else ({}, b"")
         except (OSError, ValueError, MemoryError) as error:
             raise UnfitRequestError(f"{name}: {_reason(path, error, _plain(name))}") from error
         with self._lock:
-            self._files[key] = name, path
+            if about:
+                self._files[key], self._described[key], self._thumbnails[key] = (name, path), about, thumbnail
             self._pictures[key] = picture
             while len(self._pictures) > 1 and not self._fits():
                 self._pictures.popitem(last=False)[1].close(wait_for=False)
-        picture.curve("rgb", wait=False)
         return picture
 
     def _fits(self) -> bool:
@@ -157,22 +178,20 @@ class Store:
         if len(colors) > 1 << 12:
             raise UnfitRequestError(f"{_plain(name)} has {len(colors)} colors; a palette has up to {1 << 12}")
         key = secrets.token_hex(8)
-        self._keep(self._palettes, key, (_plain(name), colors), _MOST_PALETTES)
+        with self._lock:
+            self._palettes[key] = _plain(name), colors
+            while len(self._palettes) > _MOST_PALETTES:
+                self._palettes.popitem(last=False)
         return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
 
     def keep_result(self, outcome: Outcome) -> str:
+        """Return the key of a result for as long as its page, or the store, holds it."""
         key = secrets.token_hex(8)
-        self._keep(self._results, key, outcome, _MOST_RESULTS)
+        self._results[key] = self.newest = outcome
         return key
 
     def result(self, key: str) -> Outcome | None:
         return self._results.get(key)
-
-    def _keep(self, kept: OrderedDict[str, T], key: str, value: T, most: int) -> None:
-        with self._lock:
-            kept[key] = value
-            while len(kept) > most:
-                kept.popitem(last=False)
 
     def _stored(self, name: str, content: bytes) -> Path:
         suffix = Path(_plain(name)).suffix.lower()
@@ -180,6 +199,21 @@ class Store:
         path = Path(self._folder.name, secrets.token_hex(8) + known)
         path.write_bytes(content)
         return path
+
+
+def _known(by_key: Mapping[str, T], key: str) -> T:
+    if key not in by_key:
+        raise UnfitRequestError("this image is no longer open; open it again")
+    return by_key[key]
+
+
+def _small(picture: Picture) -> bytes:
+    """Return a small picture as PNG."""
+    small = Image.fromarray(picture.seen(picture.whole(_ENOUGH)).pixels.squeeze())
+    small.thumbnail(_SMALL)
+    stream = BytesIO()
+    small.save(stream, "PNG")
+    return stream.getvalue()
 
 
 def _remove_left() -> None:

@@ -233,5 +233,5 @@ EXPLORE = (
     inputs("Images to open: files, folders or patterns; more can be dropped.", "[IMAGE...]", required=False),
     Option("port", Whole(0, 65535), "Port of the server; 0 for any that is free.", default=0),
     switch("no_browser", "Print the address of the page without opening it."),
-    switch("no_store", "Let the browser keep nothing: a reload begins anew."),
+    switch("no_store", "Keep nothing: a reload begins anew, and settings are not saved by name."),
 )

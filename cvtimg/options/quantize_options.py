@@ -111,7 +111,7 @@ QUANTIZE = (
         "is good. If the colors do not reach it, write the best; of a range such as 60-80, nothing below 60.",
         metavar="Q",
         excludes=("number=auto", "psnr"),
-    ),
+    ).on_page("Lossy files look", "80 is hard to tell from the image, 70 is good.", low=0, high=100, default=80),
     passed(
         "max_bytes",
         Text(common.n_bytes),

@@ -152,13 +152,17 @@ SEGMENT = (
         default=0.5,
         needs=("objects",),
     ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", high=1000),
-    switch("no_split", "With --objects: do not split touching objects.", needs=("objects",), excludes=("neck_depth",)),
+    switch(
+        "no_split", "With --objects: do not split touching objects.", needs=("objects",), excludes=("neck_depth",)
+    ).on_page("Keep touching ones whole"),
     Option(
         "diameter",
         Real(above=0, sized=True),
         "With --objects, without -k: diameter of the usual object, in pixels or as 12um; by default measured.",
         metavar="D",
         needs=("objects",),
+    ).on_page(
+        "Diameter", "Of the usual object.", slider=(2, 200), step=0.5, unit="px", low=0.5, high=1e5, default="auto"
     ),
     Option(
         "min_contrast",
@@ -166,12 +170,12 @@ SEGMENT = (
         "With --objects, without -k: least contrast of an object, as a share of the usual one; by default measured.",
         metavar="C",
         needs=("objects",),
-    ),
+    ).on_page("Least contrast", "As a share of that of the usual object.", step=0.01, low=0.01, high=1, default="auto"),
     switch(
         "exclude_edges",
         "With --objects: leave out objects at the edges of the image, which may be cut off.",
         needs=("objects",),
-    ),
+    ).on_page("Leave out at edges"),
     Option(
         "object_border",
         Choice(("segment", "own")),

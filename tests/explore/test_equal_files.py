@@ -157,7 +157,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
 
 def opened(store: Store, pixels: NDArray[Any], name: str = "my scene.png", **options: Any) -> Picture:
     Image.fromarray(pixels).save(name, **options)
-    return store.open_file(Path(name))
+    return store.picture(store.key_of(Path(name)))
 
 
 def request_for(store: Store, tab: str, picture: Picture, settings: dict[str, Any]) -> Request:
@@ -242,7 +242,7 @@ def test_frames_and_pages_give_the_same_file(
     else:
         frames = list(map(Image.fromarray, images))
         frames[0].save("walk.png", save_all=True, append_images=frames[1:], duration=80)
-    frame = store.open_file(Path("walk.tif" if axes else "walk.png")).frame(1)
+    frame = store.picture(store.key_of(Path("walk.tif" if axes else "walk.png"))).frame(1)
     assert (frame.array == np.roll(scene, 9, axis=1)).all()
     request = replace(request_for(store, tab, frame, settings), is_whole=TABS[tab].for_frames)
     shown, outcome = _recipes(TABS[tab], request), TABS[tab].exact(request)
@@ -290,10 +290,10 @@ def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, store: St
     if kind == "16-bit":
         deep = scene[..., 0].astype(np.uint16) * 257 + 3
         Image.fromarray(deep).save("a.png")
-        picture = store.open_file(Path("a.png"))
+        picture = store.picture(store.key_of(Path("a.png")))
     elif kind == "indexed":
         Image.fromarray(scene).quantize(12, dither=Image.Dither.NONE).save("a.png")
-        picture = store.open_file(Path("a.png"))
+        picture = store.picture(store.key_of(Path("a.png")))
     else:
         alpha = np.full((*scene.shape[:2], 1), 255, np.uint8)
         alpha[5:30, 5:30] = 0 if kind == "transparent" else 255
@@ -306,14 +306,14 @@ def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, store: St
 
 def test_samples_that_png_cannot_hold_are_saved_as_numpy_arrays(store: Store, scene: NDArray[Any]) -> None:
     np.save("field.npy", scene.astype(np.float32) / 255)
-    check_equal(store, "colors", store.open_file(Path("field.npy")), {"k": 5}, 1)
+    check_equal(store, "colors", store.picture(store.key_of(Path("field.npy"))), {"k": 5}, 1)
 
 
 def test_a_value_that_means_missing_is_left_out(store: Store, scene: NDArray[Any]) -> None:
     pixels = scene[..., 0].copy()
     pixels[:20, :30] = 0
     tifffile.imwrite("map.tif", pixels, extratags=[(42113, "s", 0, "0", True)])
-    picture = store.open_file(Path("map.tif"))
+    picture = store.picture(store.key_of(Path("map.tif")))
     assert picture.known is not None
     for tab in ("colors", "segments"):
         check_equal(store, tab, picture, {}, 1)

@@ -135,7 +135,8 @@ def test_all_images_are_seen_small_and_get_the_settings_of_the_tab_in_one_archiv
     page.set_input_files("#open", [folder / "scan_0.png", folder / "scan_1.png"])
     one.settled()
     page.click("#showall")
-    one.until("[...document.querySelectorAll('#thumbnails img')].filter(one => one.naturalWidth).length === 3")
+    small = "one => one.naturalWidth && one.naturalHeight <= 96"
+    one.until(f"[...document.querySelectorAll('#thumbnails img')].filter({small}).length === 3")
     with page.expect_download() as download:
         page.click("#applyall")
     with zipfile.ZipFile(download.value.path()) as archive:
@@ -566,7 +567,12 @@ def test_frames_are_scrubbed(visit: Go, folder: Path) -> None:
 def test_channels_are_chosen_presets_come_back_and_sizes_stand_beside_each_other(visit: Go, tmp_path: Path) -> None:
     one = visit()
     one.settled()
-    one.until("document.getElementById('sizes').textContent.split('·').length === 3")
+    one.until("/PNG.*WEBP.*GIF.*JPG.*WEBP lossy/.test(document.getElementById('sizes').textContent)")
+    one.page.click("#resize")
+    one.until("document.getElementById('facts').textContent.startsWith('80 ')")
+    assert "PIL.Image" in one.command()
+    one.page.select_option("#pictures", label="photo.png")
+    one.settled()
     one.page.select_option("#c-dither", "bayer")
     one.page.fill("#presetname", "dotted")
     one.page.click("#savepreset")

@@ -379,12 +379,6 @@ def test_one_archive_has_the_results_of_all_pictures(page: TestClient) -> None:
     assert page.post("/all", content=json.dumps(wrong)).status_code == 422
 
 
-def test_a_thumbnail_is_small(page: TestClient) -> None:
-    picture = opened(page, png(np.tile(np.arange(200, dtype=np.uint8), (300, 2))))
-    image = cvtimg.read_image(io.BytesIO(page.get(f"/thumbnail/{picture['id']}").content))
-    assert image.shape[:2] == (96, 128)
-
-
 @pytest.mark.parametrize(
     ("command", "tab", "settings"),
     [
@@ -436,9 +430,9 @@ def test_a_picture_that_is_opened_again_is_no_longer_the_oldest(
 ) -> None:
     monkeypatch.setattr(store, "_MOST_PICTURES", 2)
     (tmp_path / "a.png").write_bytes(png(np.zeros((4, 5))))
-    given = server.store.open_file(tmp_path / "a.png")
+    given = server.store.picture(server.store.key_of(tmp_path / "a.png"))
     opened(page, png(np.zeros((4, 5))))
-    assert server.store.open_file(tmp_path / "a.png") is given
+    assert server.store.picture(server.store.key_of(tmp_path / "a.png")) is given
     opened(page, png(np.zeros((4, 5))))
     assert request(page, given.key).about["facts"]["k"] == 1
 

@@ -20,10 +20,10 @@ export async function get(address, body) {
 	if (!answer.ok) throw new Error(await answer.text());
 	return answer;
 }
-// Returns the size of a file, which the server makes if it has to; 0 where it cannot.
+// Returns the size of a file, which the server makes if it has to, 0 where it cannot; and how alike to the image it looks.
 export async function weight(address) {
 	const answer = await fetch(address, {method: "HEAD", headers: {"x-cvtimg-session": session}});
-	return answer.ok ? Number(answer.headers.get("content-length")) : 0;
+	return {bytes: answer.ok ? Number(answer.headers.get("content-length")) : 0, quality: answer.headers.get("x-quality")};
 }
 export const send = async (address, body = "") => (await get(address, body)).json();
 

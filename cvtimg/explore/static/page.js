@@ -17,7 +17,7 @@ const PALETTE = /\.(gpl|ase|css|json|hex|act|pal|txt)$/i;
 const REST = 250, AT_ONCE = 30; // milliseconds until the exact result is asked for
 
 const state = {tabs: [], tab: "colors", settings: {}, fitted: {}, picture: null, frame: 0, pictures: [], palettes: [], spot: -1};
-let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, shared = 0, frame = 0;
+let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, shared = 0, expected = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
 const controls = new Controls($("controls"), change, file => openPalette(file), problem);
@@ -33,6 +33,11 @@ const globe = new Globe(viewer, () => { const {columns, name} = circles(); retur
 const tab = () => state.tabs.find(one => one.name === state.tab);
 const settings = () => state.settings[state.tab];
 const sheet = () => tab()?.sheet && {width: tab().sheet[1], height: tab().sheet[0]}; // of a tab that needs no picture
+const formats = new Controls($("lossy"), (name, value, live) => {
+	state.wanted.value = value;
+	formats.set[name](value);
+	if (!live) weigh();
+}, null, problem);
 const steps = new Steps($("undo"), $("redo"), () => ({tab: state.tab, settings: state.settings}), choose);
 const recipes = new Recipes(report);
 const editor = new Editor(viewer, () => settings()[editor.control.name], text => change(editor.control.name, [...settings()[editor.control.name], text], false));
@@ -71,14 +76,14 @@ async function found() {
 	const then = JSON.parse(sessionStorage.page ?? "null");
 	if (!then || !state.keep) return;
 	for (const id of then.pictures) {
-		if (!state.pictures.some(one => one.id === id)) await get(`/picture/${id}`).then(answer => answer.json()).then(added, () => {});
+		if (!state.pictures.some(one => one.id === id)) await get(`/picture/${id}`).then(answer => answer.json()).then(one => { added(one, false); }, () => {});
 	}
 	state.palettes = then.palettes;
 	for (const [name, values] of Object.entries(then.settings)) Object.assign(state.settings[name] ?? {}, values);
 	steps.take(then.past, then.future);
 	const shown = state.pictures.find(one => one.id === then.shown);
 	state.tab = then.tab;
-	if (shown) show(shown); else showTab(then.tab);
+	if (shown) await show(shown); else showTab(then.tab);
 }
 
 // Choosing
@@ -183,7 +188,7 @@ function working() {
 		const seconds = (performance.now() - started) / 1000;
 		if (seconds < .5) return;
 		const moves = share && share < 1 && performance.now() - shared < 4000; // else the bar shows that work goes on
-		$("facts").textContent = `working… ${moves ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s`;
+		$("facts").textContent = `working… ${moves ? `${Math.floor(100 * share)} %, ` : ""}${seconds.toFixed(0)} s${expected > 10 ? ` of about ${Number(expected.toPrecision(1))} s` : ""}`;
 		$("share").hidden = $("cancel").hidden = false;
 		if (moves) $("share").value = share; else $("share").removeAttribute("value");
 	}, 200);
@@ -227,6 +232,7 @@ function receive(reply, about) {
 	if (reply.share !== undefined) { share = reply.share; shared = performance.now(); return; }
 	problem("");
 	recipes.show(reply.recipes, state.tab);
+	if (about.lane === "draft") expected = reply.seconds;
 	if (reply.none) return;
 	last = reply;
 	$("stage").classList.toggle("old", about.lane === "draft");
@@ -236,13 +242,22 @@ function receive(reply, about) {
 	if (about.lane === "exact") {
 		stopCounting();
 		recipes.offer(reply.result);
-		recipes.weigh(subject(), bytes => $("facts").textContent.startsWith("reading") || facts(bytes)); // the picture first
+		weigh();
 	}
 	Promise.resolve(drawn).then(() => requestAnimationFrame(() => {
 		const painted = new MessageChannel();
 		painted.port1.onmessage = () => document.dispatchEvent(new CustomEvent("shown", {detail: {lane: about.lane, seq: reply.seq, ms: performance.now() - about.t0, k: reply.facts.k, settings: about.request.settings}}));
 		painted.port2.postMessage(0);
 	}));
+}
+
+function weigh() {
+	const tell = bytes => $("facts").textContent.startsWith("reading") || facts(bytes); // the picture first
+	if (recipes.result) recipes.weigh(subject(), tell, last.lossy, state.wanted.value);
+}
+
+async function resize() { // a picture of its own, which the lines that are shown make, too
+	try { added(await send("/resize", JSON.stringify({...original(), width: Number($("width").value)}))); } catch (error) { report(error.message); }
 }
 
 function receivePicture(reply, about) {
@@ -341,6 +356,7 @@ function listPresets(presets) { // those of this tab
 	const names = Object.keys(presets).filter(name => presets[name].tab === state.tab);
 	$("preset").replaceChildren(new Option("Presets…", ""), ...names.map(name => new Option(name)));
 	$("preset").disabled = !names.length;
+	$("presetname").hidden = $("savepreset").hidden = $("droppreset").hidden = state.stores === false;
 	$("savepreset").disabled = $("droppreset").disabled = !$("presetname").value.trim();
 }
 
@@ -400,7 +416,8 @@ function showTab(name) {
 	$("panel").setAttribute("aria-labelledby", `tab-${name}`);
 	$("about").textContent = tab().about;
 	$("energy").hidden = name !== "colors" || !state.picture;
-	$("shades").hidden = true;
+	$("shades").hidden = $("lossy").hidden = true;
+	$("others").hidden = !state.picture || Boolean(sheet());
 	recipes.hide();
 	$("note").textContent = "";
 	problem("");
@@ -431,12 +448,21 @@ function lay() { // what the tab shows onto the stage: the picture, or a sheet o
 // Opening
 
 async function open(files) {
+	const images = [];
 	for (const file of files) {
-		if (PALETTE.test(file.name)) { await openPalette(file); continue; }
-		$("facts").textContent = `reading ${file.name}…`;
-		try { added(await send(`/picture?name=${encodeURIComponent(file.name || "pasted.png")}`, file)); } catch (error) { report(error.message); }
-		facts();
+		if (PALETTE.test(file.name)) await openPalette(file); else images.push([file.name || "pasted.png", () => send(`/picture?name=${encodeURIComponent(file.name || "pasted.png")}`, file)]);
 	}
+	await read(images);
+}
+
+async function read(images) { // [[name, what opens it]]: the first is shown, and is seen while the others are read
+	let shown = null;
+	for (const [number, [name, picture]] of images.entries()) {
+		$("facts").textContent = `reading ${images.length > 1 ? `${number + 1} of ${images.length}, ` : ""}${name}…`;
+		try { const showing = added(await picture(), !shown); shown ??= showing; } catch (error) { report(error.message); }
+	}
+	await shown;
+	facts();
 }
 
 async function openPalette(file) {
@@ -448,21 +474,26 @@ async function openPalette(file) {
 	} catch (error) { report(error.message); }
 }
 
-function added(picture) {
+function added(picture, first = true) {
 	state.pictures.push(picture);
 	$("pictures").append(Object.assign(new Option(picture.name, picture.id), {title: picture.path}));
 	$("pictures").hidden = false;
 	$("showall").hidden = state.pictures.length < 2;
 	$("against").append(new Option(picture.name, picture.id));
 	const isVersion = state.tab === "restore" && state.picture && sameSize().includes(picture);
-	if (isVersion) change("versions", [...settings().versions, picture.id], false); else show(picture);
+	if (isVersion) change("versions", [...settings().versions, picture.id], false); else if (first) return show(picture);
+	return null;
 }
 
-function show(picture) {
+async function show(picture) {
+	show.wanted = picture;
+	try { picture.distinct ??= (await (await get(`/distinct/${picture.id}`)).json()).distinct; } catch (error) { return report(error.message); }
+	if (show.wanted !== picture) return;
 	state.picture = picture;
 	play(false);
 	setFrame(0);
 	setChannel(0);
+	$("width").value = Math.round(picture.width / 2);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
 	if (sheet()) state.tab = "colors";
@@ -549,8 +580,9 @@ $("channel").onchange = () => { setChannel(Number($("channel").value)); showFram
 $("frame").oninput = () => { play(false); showFrame(Number($("frame").value)); };
 $("play").onclick = () => play($("play").ariaPressed !== "true");
 $("fill").onchange = repaint;
+$("resize").onclick = resize;
 $("cancel").onclick = cancel;
-$("sample").onclick = async () => { try { added(await send("/sample")); } catch (error) { report(error.message); } };
+$("sample").onclick = () => read([["a sample", () => send("/sample")]]);
 $("copylink").onclick = async () => { await navigator.clipboard.writeText(linkTo(tab(), settings())); $("copylink").textContent = "Copied"; };
 addEventListener("hashchange", takeShared);
 $("preset").onchange = () => $("preset").value && takePreset($("preset").value);
@@ -609,11 +641,13 @@ async function start() {
 	}
 	let about;
 	try { about = await (await get("/about")).json(); } catch (error) { return report(`${error.message}.`); }
-	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, presets: about.presets, keep: false});
+	Object.assign(state, {tabs: about.tabs, palettes: about.palettes, presets: about.presets, stores: about.keep, keep: false});
 	$("limits").textContent = `Up to ${about.megapixels} megapixels and ${about.megabytes} MB each. Nothing leaves this machine.`;
 	$("kept").textContent = about.keep
 		? "Images and results, on this machine, until the server ends; settings and steps back in this tab of the browser, until it is closed."
 		: "Nothing: images go from this machine when the last page is closed or loaded again.";
+	state.wanted = {...about.wanted, value: about.wanted.default};
+	formats.draw([state.wanted], {[state.wanted.name]: state.wanted.value}, {});
 	state.settings = Object.fromEntries(about.tabs.map(one => [one.name, defaults(one.controls)]));
 	for (const one of about.tabs) {
 		const button = element("button", {type: "button", id: `tab-${one.name}`, role: "tab"}, one.title);
@@ -633,10 +667,7 @@ async function start() {
 		next.focus();
 	});
 	showTab("colors");
-	for (let number = 0; number < about.given.length; number++) {
-		$("facts").textContent = `reading ${about.given[number]}…`;
-		try { added(await send(`/given/${number}`)); } catch (error) { report(error.message); }
-	}
+	await read(about.given.map((name, number) => [name, () => send(`/given/${number}`)]));
 	state.keep = about.keep;
 	await found();
 	takeShared();

@@ -48,16 +48,23 @@ export class Recipes {
 		$("download").ariaDisabled = "false";
 	}
 
-	// Tells the size of the first file, and lists those of all images beside each other where pictures are small.
-	async weigh({width, height}, tell) {
-		const {result, list} = this, sizes = [];
-		$("sizes").textContent = "";
-		for (const one of list.filter((one, n) => !n || one.key.startsWith("o.") && width * height < 4e6)) {
-			const bytes = await weight(`/file/${result}/${one.key}`).catch(() => 0);
-			if (this.result !== result) return;
-			if (!sizes.length) tell(bytes);
-			sizes.push(`${one.file.split(".").pop().toUpperCase()} ${size(bytes)}`);
-			if (sizes.length > 1) $("sizes").textContent = sizes.join(" · ");
+	// Tells the size of the first file, and lists those of all images beside each other where pictures are small: lossy
+	// ones, too, as small as a quality allows.
+	async weigh({width, height}, tell, lossy, least) {
+		const {result, list} = this, turn = this.turn = {}, chips = [], end = file => file.split(".").pop().toUpperCase();
+		const files = list.filter((one, n) => !n || one.key.startsWith("o."));
+		const others = lossy.map(kind => ({key: `${least}.${kind}`, file: `${list[0].file.replace(/\.\w+$/, "")}-${least}.${kind}`, lossy: true}));
+		$("lossy").hidden = !others.length || width * height >= 4e6;
+		for (const one of width * height < 4e6 ? [...files, ...others] : files.slice(0, 1)) {
+			const {bytes, quality} = await weight(`/file/${result}/${one.key}`).catch(() => ({bytes: 0}));
+			if (this.result !== result || this.turn !== turn) return;
+			if (one === list[0]) tell(bytes);
+			if (!bytes) continue;
+			const name = `${end(one.file)}${one.lossy && end(one.file) === "WEBP" ? " lossy" : ""}`;
+			const chip = element("button", {type: "button", title: `Download ${name}${quality ? `; it looks ${quality} of 100` : ""}`}, `${name} ${size(bytes)}`, ...quality ? [element("small", {}, ` ${quality}`)] : []);
+			chip.onclick = () => this.download(one);
+			chips.push(chip);
+			if (chips.length > 1) $("sizes").replaceChildren(...chips);
 		}
 	}
 
@@ -78,8 +85,7 @@ export class Recipes {
 		} catch (error) { this.report(error.message); }
 	}
 
-	async download() {
-		const {chosen} = this;
+	async download(chosen = this.chosen) {
 		if (!this.result) return;
 		try { save(chosen.file, await (await this.file(chosen)).blob()); } catch (error) { this.report(`${chosen.file}: ${error.message}`); }
 	}

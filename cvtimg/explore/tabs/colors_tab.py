@@ -59,6 +59,7 @@ class ColorsTab(Tab):
     about = "Reduce the image to few colors, with the least error."
     verb = "quantize"
     for_frames = True
+    compared = IMAGE
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "quantize",
         Choice(

@@ -30,6 +30,7 @@ class MeshTab(Tab):
     title = "Mesh"
     about = "Divide the segments of the image, or a mask, into triangles for computations."
     verb = "mesh"
+    pace = 3.2
     most_drafted = 1 << 17
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mesh",
@@ -69,7 +70,7 @@ class MeshTab(Tab):
         least = ["--min-size", str(settings["least"])] if settings["least"] else []
         divide = ["cvtimg", "segment", *request.picture.words, "-k", str(settings["k"]), *least, "-o", name]
         words = ["cvtimg", self.verb, name, *words_of(self.controls, settings)]
-        return Recipe(words, lines, shlex.join(divide), False)
+        return Recipe(words, lines, shlex.join(divide), for_many=False)
 
     def lines(self, request: Request) -> list[Line]:
         settings, picture, keywords = request.settings, request.picture, self.keywords(request.settings)

@@ -22,6 +22,7 @@ class MosaicTab(Tab):
     title = "Mosaic"
     about = "Turn the image into tiles of one color each, whose borders follow its edges."
     verb = "mosaic"
+    pace = 1.6
     most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "mosaic",

@@ -32,6 +32,8 @@ class RestoreTab(Tab):
     title = "Restore"
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
+    compared = Code("result.image")
+    pace = 6.0
     most_drafted = 128  # height and width
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "restore",

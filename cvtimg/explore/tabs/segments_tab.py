@@ -19,6 +19,8 @@ from cvtimg.labels import region_means
 from cvtimg.segmentation import Edit, Objects
 
 _SEGMENTS = {"way": ["segments"]}
+#: Options of segments that counting does without.
+_BY_COLOR = ("shading", "averaging", "smallest_detail", "edge_weight", "edge_radius")
 _REGIONS: Json = {"label": "Regions", "when": {"way": ["hierarchy"]}}
 _CELLS: Json = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
 
@@ -33,6 +35,7 @@ class SegmentsTab(Tab):
     )
     verb = "segment"
     arguments: ClassVar[Mapping[str, str]] = {"n_superpixels": "cells", "n_segments": "k"}
+    pace = 0.6
     most_drafted = 1 << 17
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "segment",
@@ -41,18 +44,23 @@ class SegmentsTab(Tab):
             label="Divide into",
             default="hierarchy",
             none="segments",
-            choices={"hierarchy": "connected regions", "segments": "segments by color", "superpixels": "superpixels"},
+            choices={
+                "hierarchy": "connected regions",
+                "segments": "segments by color",
+                "objects": "objects, which are counted",
+                "superpixels": "superpixels",
+            },
         ),
         ("number", {"name": "k", "when": _SEGMENTS}),
         ("number", {**_REGIONS, "name": "regions", "default": "auto", "slider": (2, 200), "always": False}),
         ("number", {**_CELLS, "name": "cells", "default": 400, "room": 16, "slider": (16, 4000), "auto": False}),
         ("threshold", {"when": {"regions": ["auto"]}}),
         ("compactness", {"always": False}),
-        "shading",
-        "averaging",
-        "smallest_detail",
-        "edge_weight",
-        "edge_radius",
+        *((name, {"when": _SEGMENTS}) for name in _BY_COLOR),
+        ("background", {"name": "ground", "keyword": "background"}),
+        *((name, {"keyword": name}) for name in ("diameter", "min_contrast", "exclude_edges")),
+        "no_split",
+        ("neck_depth", {"name": "necks", "default": "auto", "auto": True, "when": {"no_split": [False]}}),
         Switches(
             name="pieces",
             label="Pieces",
@@ -62,8 +70,7 @@ class SegmentsTab(Tab):
             about="Whether pieces of one color that do not touch are one segment.",
             when=_SEGMENTS,
         ),
-        "background",
-        "neck_depth",
+        *((name, {"when": _SEGMENTS}) for name in ("background", "neck_depth")),
         "min_size",
         ("space", {"when": {"way": ["segments", "superpixels"]}}),
         ("space", {"name": "tree_space", "default": "lab", "when": _REGIONS["when"]}),
@@ -81,13 +88,15 @@ class SegmentsTab(Tab):
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
-        counts = request.settings["way"] == "segments" and request.settings["pieces"] == "objects"
-        labels, ignored = Code("labels"), {"ignore": None if counts else 0}  # its borders are not drawn
+        has_ground = not {"ground", "background"}.isdisjoint(self.in_effect(request.settings))
+        labels, ignored = Code("labels"), {"ignore": None if has_ground else 0}  # its borders are not drawn
         overlay = call("cvtimg.plotting.draw_edges", IMAGE, labels, **ignored)
         edges = call("cvtimg.find_edges", labels, **ignored)
         means = call("cvtimg.labels.mean_picture", labels, IMAGE)
         contours = call("cvtimg.plotting.contour_drawing", call("cvtimg.find_contours", labels), labels, IMAGE)
         table, name = call("cvtimg.labels.region_table", labels, IMAGE), {"image": Path(request.picture.name).name}
+        if has_ground:
+            table = Code(f"{{**{table}, {_TOUCHES}}}")
         drawn = ("-o", "{}-labels.png", "cvtimg.labels.write_labels", (labels,))
         return [
             Output("Labels, PNG", *drawn),
@@ -122,6 +131,10 @@ class SegmentsTab(Tab):
             return call("cvtimg.segment_hierarchy", IMAGE, **keywords)
         if settings["way"] == "superpixels":
             return call("cvtimg.superpixels", IMAGE, settings["cells"], **keywords)
+        if settings["way"] == "objects":
+            if settings["no_split"] or settings["necks"] != "auto":
+                keywords["neck_depth"] = Code("float('inf')") if settings["no_split"] else settings["necks"]
+            return call("cvtimg.segmentation.count_objects", IMAGE, **keywords)
         if settings["pieces"] == "components":
             keywords["components"] = True
         elif settings["pieces"] == "objects":
@@ -152,6 +165,12 @@ class SegmentsTab(Tab):
         counts = np.bincount(labels.ravel(), minlength=len(colors))
         facts: Json = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
         return Indexed(labels, colors), facts
+
+
+_TOUCHES = (
+    "'touches_edge': numpy.isin(numpy.unique(labels[labels > 0]), "
+    "[*labels[0], *labels[-1], *labels[:, 0], *labels[:, -1]]).astype(int)"
+)
 
 
 def _cut(settings: Settings, *, is_small: bool) -> Code:

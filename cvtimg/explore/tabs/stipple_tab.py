@@ -52,6 +52,7 @@ class StippleTab(Tab):
     title = "Stipple"
     about = "Reproduce the tones of the image with dots, for pen plotters and print."
     verb = "stipple"
+    pace = 0.6
     most_drafted = 1 << 16
     controls: ClassVar[tuple[Control, ...]] = controls_of(
         "stipple",
