@@ -2,7 +2,8 @@
 
 How a command is added:
 
-1. `cvtimg.options` has its options, each a record: what it takes, its default and help, what it needs and excludes.
+1. A module of `cvtimg.options` has its options under its name in capitals, each a record: what it takes, its default
+   and help, what it needs and excludes; ``_MODULES`` in ``cvtimg/options/__init__.py`` says which module.
 2. ``cli/NAME_command.py`` has ``EXAMPLES``, the ``COLUMNS`` of the table, named as in --json and of 80 characters at
    most, and a function ``NAME`` of the values of the options; its docstring is the help.
 3. The function makes a plan (`plan_each`: a task for each input; `plan_one`: one for all, or without inputs)

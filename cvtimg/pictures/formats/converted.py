@@ -11,8 +11,6 @@ import numpy as np
 
 from cvtimg._shared.extras import optional
 
-#: First bytes of FITS files.
-FITS_MAGIC = b"SIMPLE "
 #: Suffixes tell: many raw files begin as a TIFF does, with a small preview.
 RAW_SUFFIXES = frozenset(
     {".3fr", ".arw", ".cr2", ".cr3", ".dng", ".iiq", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl", ".srw"}
@@ -46,6 +44,10 @@ def fits_as_tiff(file: BinaryIO, check_size: Callable[[int], None]) -> BytesIO |
                 return _as_tiff(planes, photometric="minisblack", metadata={"axes": "QYX"})
             return _as_tiff(planes[0], photometric="minisblack", metadata=None)
     return None
+
+
+#: The registry of formats that become a TIFF first: from the first bytes of files, at most 8, to what converts them.
+AS_TIFF: dict[bytes, Callable[[BinaryIO, Callable[[int], None]], BytesIO | None]] = {b"SIMPLE ": fits_as_tiff}
 
 
 def _as_tiff(values: Any, **options: Any) -> BytesIO:

@@ -24,7 +24,7 @@ from cvtimg._shared.messages import one_line
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import check_name, local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
-from cvtimg.pictures.formats.converted import FITS_MAGIC, RAW_SUFFIXES, developed, fits_as_tiff
+from cvtimg.pictures.formats.converted import AS_TIFF, RAW_SUFFIXES, developed
 from cvtimg.pictures.formats.png_chunks import read_more, without_damage
 
 if TYPE_CHECKING:
@@ -163,12 +163,12 @@ def _plain(file: BinaryIO) -> BinaryIO:
         raise UnfitContentError("is empty")
     if magic == PNG_MAGIC:
         return without_damage(file)
-    if not magic.startswith(FITS_MAGIC):
+    convert = next((convert for start, convert in AS_TIFF.items() if magic.startswith(start)), None)
+    if convert is None:
         return file
-    found = fits_as_tiff(file, check_size)
-    if found is None:
+    if (tiff := convert(file, check_size)) is None:
         raise UnfitContentError("holds no image")
-    return found
+    return tiff
 
 
 def _all_of(file: BinaryIO, bytes_per_pixel: int = 16) -> bytes:
