@@ -13,7 +13,6 @@ MOST_PATHS = LZW_MOST_PATHS
 
 cdef extern from "similarity.h" nogil:
     enum: BLUR_RADIUS
-    void to_xyb(const float *linear, Py_ssize_t n, Py_ssize_t start, Py_ssize_t stop, float *xyb)
     void blur_plane(
         const float *plane, const float *weights, Py_ssize_t height, Py_ssize_t width, float *line, float *out
     )
@@ -69,13 +68,6 @@ cdef extern from "lzw.h" nogil:
         lzw_paths *paths
         int16_t *slots
     void lzw_map(const rate_band *band, lzw_scratch *scratch, Py_ssize_t n_rows)
-
-
-def xyb(const float[:, :, ::1] linear, float[:, :, ::1] out, Py_ssize_t start, Py_ssize_t stop):
-    """Convert some pixels of linear RGB (3, H, W) to the color space of SSIMULACRA2, into `out`."""
-    cdef Py_ssize_t n = linear.shape[1] * linear.shape[2]
-    with nogil:
-        to_xyb(&linear[0, 0, 0], n, start, stop, &out[0, 0, 0])
 
 
 def blur(const float[:, ::1] plane, const float[::1] weights):

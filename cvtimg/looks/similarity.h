@@ -1,4 +1,4 @@
-// Passes of SSIMULACRA2 over planes of float: the color space, the blur and the maps of errors.
+// Passes of SSIMULACRA2 over planes of float: the blur and the maps of errors.
 
 #ifndef CVTIMG_SIMILARITY_H
 #define CVTIMG_SIMILARITY_H
@@ -18,32 +18,6 @@
 #endif
 
 enum { BLUR_RADIUS = 5 };
-
-// The cube root of a number in 0.003 to 2, by a guess from its bits and two steps of Halley's method.
-static inline float small_cube_root(float x) {
-  uint32_t bits;
-  float y;
-  memcpy(&bits, &x, sizeof bits);
-  bits = bits / 3 + 709921077u;
-  memcpy(&y, &bits, sizeof y);
-  for (int step = 0; step < 2; step++) y -= y * (y * y * y - x) / (2 * (y * y * y) + x);
-  return y;
-}
-
-// From linear RGB (3, n) to XYB with offsets that make it positive, (3, n), for some of the pixels.
-LOOKS_CLONES static void to_xyb(const float *linear, Py_ssize_t n, Py_ssize_t start, Py_ssize_t stop, float *xyb) {
-  const float bias = 0.0037930732552754493f, root = cbrtf(bias);
-  const float *r = linear, *g = linear + n, *b = g + n;
-  for (Py_ssize_t i = start; i < stop; i++) {
-    const float l = small_cube_root(.3f * r[i] + .622f * g[i] + .078f * b[i] + bias) - root;
-    const float m = small_cube_root(.23f * r[i] + .692f * g[i] + .078f * b[i] + bias) - root;
-    const float s = small_cube_root(.24342268924547819f * r[i] + .20476744424496821f * g[i] +
-                                    .5518098665095536f * b[i] + bias) - root;
-    xyb[i] = 7 * (l - m) + .42f;
-    xyb[i + n] = .5f * (l + m) + .01f;
-    xyb[i + 2 * n] = s - .5f * (l + m) + .55f;
-  }
-}
 
 // Sums of the weights of 11 pixels that are so far apart, in rows of their own or in one.
 LOOKS_CLONES static void blur_along(const float *const *rows, const float *weights, Py_ssize_t width,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvtimg._shared.pixels import peak
-from cvtimg._shared.threads import in_parts, in_stripes, of_each
+from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Array, Floats, Floats32
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
@@ -24,6 +24,12 @@ _N_SCALES, _LEAST_SIDE = 6, 8
 #: A Gaussian of sigma 1.5.
 _BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
 _BLUR = (_BELL / _BELL.sum()).astype(np.float32)
+#: XYB: cone responses of linear light, with a bias before the cube root.
+_TO_CONES = np.array(
+    [[0.3, 0.622, 0.078], [0.23, 0.692, 0.078], [0.24342268924547819, 0.20476744424496821, 0.5518098665095536]],
+    np.float32,
+)
+_BIAS = np.float32(0.0037930732552754493)
 #: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
 #: artifacts and lost detail. Those left out are 0.
 # fmt: off
@@ -221,8 +227,17 @@ def _linear(image: Array, ground: float) -> Floats32:
 
 
 def _scale(linear: Floats32) -> _Scale:
-    planes, n_pixels = np.empty_like(linear), linear[0].size
-    in_parts(lambda start, stop: _looks.xyb(linear, planes, start, stop), n_pixels, 40 * n_pixels)
+    planes = np.empty_like(linear)
+
+    def to_xyb(rows: slice) -> None:
+        red, green, blue = linear[:, rows]
+        roots = [np.cbrt(r * red + g * green + b * blue + _BIAS) - np.cbrt(_BIAS) for r, g, b in _TO_CONES]
+        brightness = np.float32(0.5) * (roots[0] + roots[1])
+        planes[0, rows] = 7 * (roots[0] - roots[1]) + np.float32(0.42)
+        planes[1, rows] = brightness + np.float32(0.01)
+        planes[2, rows] = roots[2] - brightness + np.float32(0.55)
+
+    in_stripes(to_xyb, linear.shape[1], 40 * linear.size)
     return _Scale(planes, blurred(planes), blurred(planes, planes))
 
 

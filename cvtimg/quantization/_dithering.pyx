@@ -170,20 +170,3 @@ def mix(
                     mixture[at] = mixture[at - 1]
                     at -= 1
                 mixture[at] = <uint16_t>entry
-
-
-def arrange(
-    const uint16_t[:, ::1] mixtures,  # IN (M, N)
-    const int32_t[:, ::1] inverse,    # IN (H, W): color of each pixel
-    const uint8_t[:, ::1] mask,       # IN (S, S): which of the N entries a pixel takes; repeats over the image
-    Py_ssize_t first,                 # IN: row of the image that the first row is
-    int32_t[:, ::1] labels,           # OUT (H, W)
-):
-    """Take from the mixture of each pixel's color the entry that the mask names at its place."""
-    cdef Py_ssize_t n_rows = inverse.shape[0], width = inverse.shape[1], side = mask.shape[0], x, y
-    cdef const uint8_t *turn
-    with nogil:
-        for y in range(n_rows):
-            turn = &mask[(first + y) % side, 0]
-            for x in range(width):
-                labels[y, x] = mixtures[inverse[y, x], turn[x % side]]

@@ -145,13 +145,9 @@ def _ordered(job: Job, mask: Callable[[], Bytes]) -> Ints:
         )  # fmt: skip
 
     in_parts(mix, len(job.places), work=32 * mixtures.size)
-    labels = np.empty(job.inverse.shape, np.int32)
-
-    def arrange(start: int, stop: int) -> None:
-        _dithering.arrange(mixtures, job.inverse[start:stop], turns, start, labels[start:stop])
-
-    in_parts(arrange, len(labels), work=labels.size)
-    return labels
+    n_rows, n_columns = (-(-n // len(turns)) for n in job.inverse.shape)
+    places = np.tile(turns, (n_rows, n_columns))[: job.inverse.shape[0], : job.inverse.shape[1]]
+    return mixtures[job.inverse, places].astype(np.int32)
 
 
 @cache

@@ -47,7 +47,7 @@ from cvtimg.quantization.palette_search import (
     ramp_of,
 )
 from cvtimg.quantization.remapping import MAX_COLORS
-from cvtimg.quantization.targets import Ladder, toward
+from cvtimg.quantization.targets import climb, toward
 
 
 class _Aiming(NamedTuple):
@@ -298,7 +298,8 @@ def _by_number(
         def result(n: Any, engine: Any = {**how.engine, "effort": effort}) -> Any:  # noqa: B006
             return quantized(source, replace(plain, n_colors=n, engine=engine))
 
-        ends = Ladder(range(least, most + 1), result, figure, growth).climb(target, first)
+        numbers = range(least, most + 1)
+        ends = climb(numbers, result, figure, target, lambda n: growth * math.log2(n), max(first - least, 0))
         first = next(int(end[0]) for end in ends[::-1] if end)
     return [end and end[1] for end in ends]
 
@@ -313,8 +314,7 @@ def _within_bytes(source: Source, how: QuantizeOptions, max_bytes: int) -> Any:
     if how.dither == "compact":
         palettes, prices = _Palettes(how, source), _AIMING.all_prices
         at_price = partial(palettes.mapped, source, palettes.most)
-        ladder = Ladder(prices, at_price, source.size, growth, lambda price: -math.log2(price))
-        fitting, _ = ladder.climb(max_bytes + 1, first=prices[0])
+        fitting, _ = climb(prices, at_price, source.size, max_bytes + 1, lambda price: -growth * math.log2(price), 0)
         if fitting is not None:
             return fitting[1]
         how = replace(how, price=prices[0])

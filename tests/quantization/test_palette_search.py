@@ -21,7 +21,7 @@ from cvtimg.colors.spaces import to_space
 from cvtimg.pictures import Frames, encode_image
 from cvtimg.quantization import Quantized, main_palette, map_to_palette
 from cvtimg.quantization.palette_search import merged_colors
-from cvtimg.quantization.targets import Ladder
+from cvtimg.quantization.targets import climb
 
 LOCKED = np.array([[255, 0, 0], [1, 2, 3]], np.uint8)
 
@@ -294,7 +294,7 @@ def test_what_is_found_reaches_the_target_and_one_less_does_not(
         tried.add(n)
         return table[n - 1]
 
-    below, reached = Ladder(range(1, len(table) + 1), result, float, 2.0).climb(target, first)
+    below, reached = climb(range(1, len(table) + 1), result, float, target, lambda n: 2 * np.log2(n), first - 1)
     assert below is None or below[1] == table[int(below[0]) - 1] < target
     assert reached is None or reached[1] == table[int(reached[0]) - 1] >= target
     assert (reached[0] if reached else len(table) + 1) == (below[0] if below else 0) + 1
@@ -309,7 +309,7 @@ def test_few_trials_suffice_where_quality_follows_the_logarithm() -> None:
         tried.append(n)
         return 20 + 2.2 * np.log2(n) + 0.05 * np.sin(n)
 
-    Ladder(range(1, 65537), result, float, 2.0).climb(38.0, 32)
+    climb(range(1, 65537), result, float, 38.0, lambda n: 2 * np.log2(n), 31)
     assert len(tried) <= 10
 
 
