@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import fields
 from functools import partial
 from importlib.util import find_spec
@@ -172,20 +171,9 @@ def _name(source: Path, *, given: Given) -> str:
     """Return the name pattern of the output."""
     if given.in_place:
         return f"{{}}{source.suffix}"
-    return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + _suffix_for(source)}"
+    from cvtimg.pictures.files import suffix_for
 
-
-def _suffix_for(source: Path) -> str:
-    """Return the suffix of .png, or of an input that may be an animation or that .png cannot hold."""
-    suffix = source.suffix.lower()
-    if suffix in (".tif", ".tiff", ".npy"):
-        from cvtimg.pictures import image_info
-
-        with suppress(OSError):  # which is told when the file is read
-            info = image_info(source)
-            n_bands = len(info.bands) - info.has_alpha
-            return suffix if info.bits > 16 or n_bands not in (1, 3) else ".png"
-    return suffix if suffix == ".gif" else ".png"
+    return f"{{}}{given.ext or ('' if given.out_dir else '-quantized') + suffix_for(source)}"
 
 
 def _share(

@@ -8,7 +8,6 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -65,24 +64,15 @@ def restore(given: Given) -> Todo:
     """
     masks = given.mask or []
     if not given.output and (sources := list(find(given.versions)[0])):
-        named = f"{stem_of(sources[0])}-restored{_suffix_for(sources[0])}"
+        from cvtimg.pictures.files import suffix_for
+
+        named = f"{stem_of(sources[0])}-restored{suffix_for(sources[0])}"
         given.output = Path(named) if is_pipe(sources[0]) else sources[0].with_name(named)
     plan = plan_of(given, together=True)
     n_versions = sum(len(task.sources) for task in plan.tasks)
     if masks and plan.tasks and len(masks) != n_versions:
         raise WrongUsageError(f"--mask is given {len(masks)} times, for {n_versions} versions")
     return planned(plan, _restore, COLUMNS, given)
-
-
-def _suffix_for(source: Path) -> str:
-    """Return the suffix of .png, or of a first version that is a TIFF file or an animation in a GIF."""
-    from cvtimg.pictures import is_animated
-
-    suffix = source.suffix.lower()
-    if suffix == ".gif":
-        with suppress(OSError):  # which is told when the file is read
-            return suffix if is_animated(source) else ".png"
-    return suffix if suffix in (".tif", ".tiff") else ".png"
 
 
 def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> tuple[list[VersionFiles], Pages]:

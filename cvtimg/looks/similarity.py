@@ -5,9 +5,11 @@ J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimu
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import reduce
 from itertools import chain
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,35 +32,9 @@ _TO_CONES = np.array(
     np.float32,
 )
 _BIAS = np.float32(0.0037930732552754493)
-#: By channel and scale: of the mean, and of the fourth root of the mean of fourth powers, of the errors in structure,
-#: artifacts and lost detail. Those left out are 0.
-# fmt: off
-_WEIGHTS = {
-    (0, 0): ((0, 0.0007376606707406586, 0), (0, 0.0007793481682867309, 0)),
-    (0, 1): ((0, 0.0004371155730107379, 0), (1.1041726426657346, 0.00066284834129271, 0.00015231632783718752)),
-    (0, 2): ((0, 0.0016406437456599754, 0), (1.8422455520539298, 11.441172603757666, 0)),
-    (0, 3): ((0.0007989109436015163, 0.000176816438078653, 0), (1.8787594979546387, 10.94906990605142, 0)),
-    (0, 4): (
-        (0.0007289346991508072, 0.9677937080626833, 0),
-        (0.00014003424285435884, 0.9981766977854967, 0.00031949755934435053),
-    ),
-    (0, 5): ((0.0004550992113792063, 0, 0), (0.0013648766163243398, 0, 0)),
-    (1, 0): ((0, 0, 0), (7.466890328078848, 0, 17.445833984131262)),
-    (1, 1): ((0.0006235601634041466, 0, 0), (6.683678146179332, 0.00037724407979611296, 1.027889937768264)),
-    (1, 2): ((225.20515300849274, 0, 0), (19.213238186143016, 0.0011401524586618361, 0.001237755635509985)),
-    (1, 3): ((176.39317598450694, 0, 0), (24.43300999870476, 0.28520802612117757, 0.0004485436923833408)),
-    (1, 4): ((0, 0, 0), (34.77906344483772, 44.835625328877896, 0)),
-    (2, 0): ((0, 0.0008680556573291698, 0), (0, 0, 0)),
-    (2, 1): ((0, 0.0005313191874358747, 0), (0.00016533814161379112, 0, 0)),
-    (2, 2): ((0, 0, 0), (0.0004179171803251336, 0.0017290828234722833, 0)),
-    (2, 3): ((0.0020827005846636437, 0, 0), (8.826982764996862, 23.19243343998926, 0)),
-    (2, 4): (
-        (95.1080498811086, 0.9863978034400682, 0.9834382792465353),
-        (0.0012286405048278493, 171.2667255897307, 0.9807858872435379),
-    ),
-    (2, 5): ((0, 0, 0), (0.0005130064588990679, 0, 0.00010854057858411537)),
-}
-# fmt: on
+#: (3, 6, 2, 3), by channel and scale: of the mean, and of the root of the mean of fourth powers, of the errors in
+#: structure, artifacts and lost detail.
+_WEIGHTS = np.array(json.loads((Path(__file__).parent / "weights.json").read_text()))
 
 
 class _Scale(NamedTuple):
@@ -113,8 +89,7 @@ class VisualQuality:
                 for channel in range(3):
                     # The reference goes through the weights one by one, also where an image has fewer scales.
                     place = divmod(channel * len(self._scales) + level, _N_SCALES)
-                    for norm, weights in enumerate(_WEIGHTS.get(place, ())):
-                        totals[of_what] += float(np.dot(weights, errors[channel, norm]))
+                    totals[of_what] += (_WEIGHTS[place] * errors[channel]).sum()
         whole, content = (_score(float(total)) for total in totals)
         return whole, content
 

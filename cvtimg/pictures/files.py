@@ -6,6 +6,7 @@ for animations, `pages` for multi-page files and `tiles` for images larger than 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,6 +126,17 @@ def image_info(source: Source) -> ImageInfo:
             return read_stored(open_stored(source))
     with reading(source) as file:
         return read_header(file)
+
+
+def suffix_for(source: StrPath) -> str:
+    """Return the suffix of .png, or of a source that holds what .png cannot: frames, pages, other samples, a place."""
+    suffix = Path(source).suffix.lower()
+    with suppress(OSError):  # which is told when the file is read
+        if suffix in (".gif", ".tif", ".tiff", ".npy"):
+            info = image_info(source)
+            fits = info.kind == "image" and info.bits <= 16 and len(info.bands) - info.has_alpha in (1, 3)
+            return ".png" if fits and info.geo_transform is None else suffix
+    return ".png"
 
 
 def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
