@@ -327,7 +327,7 @@ LOOKS_INSIDE void rate_begin(const rate_band *band, const rate_scratch *scratch,
 // Go on from a pixel by a literal and by matches.
 LOOKS_CLONES static void rate_extend(const rate_band *band, rate_scratch *scratch, Py_ssize_t row, Py_ssize_t i) {
   rate_node *node = scratch->nodes + i;
-  if (node[1].cost + band->lengths[3] <= node->cost) return;  // it is cheaper to go on from the next pixel
+  if (node[1].cost <= node->cost) return;  // what begins here costs no less than what begins at the next pixel
   rate_paths firsts, matches;
   rate_branch(band, scratch, row, i, node->cost, node->error, node->last, &firsts);
   int best = 0;

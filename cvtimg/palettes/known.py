@@ -5,10 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from cvtimg._shared.types import Bytes
-
 from cvtimg.palettes.formats.text import read_hex
 
 

@@ -142,13 +142,14 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
         form = _Form.of(image, **options)
         forms += form.of_indices(image) if image.mode == "P" else [form]
     # Level 1 misses the long repetitions of filtered drawings, and tells too little of their size.
-    sizes = [form.size + len(deflate.zlib_compress(form.rows, 6)) for form in forms] if forms[1:] else [0]
-    files = []
-    for form in (form for form, size in zip(forms, sizes, strict=True) if size <= _DEFLATE.likely * min(sizes)):
-        flat = len(deflate.zlib_compress(form.rows, 1)) < _DEFLATE.flat * len(form.rows)
-        level = (_DEFLATE.levels_of_flat if flat else _DEFLATE.levels)[large]
-        files.append(form.png(bytes(deflate.zlib_compress(form.rows, level))))
-    return min(files, key=len)
+    sizes = [form.size + len(deflate.zlib_compress(form.rows, 6)) for form in forms]
+    first = forms[sizes.index(min(sizes))]
+    if len(deflate.zlib_compress(first.rows, 1)) < _DEFLATE.flat * len(first.rows):
+        level, likely = _DEFLATE.levels_of_flat[large], [first]  # this takes long
+    else:
+        level = _DEFLATE.levels[large]
+        likely = [form for form, size in zip(forms, sizes, strict=True) if size <= _DEFLATE.likely * min(sizes)]
+    return min((form.png(bytes(deflate.zlib_compress(form.rows, level))) for form in likely), key=len)
 
 
 def indexed(indices: Array, palette: Bytes) -> Image.Image:
