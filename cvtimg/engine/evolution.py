@@ -6,7 +6,7 @@ Recognition 88 (2019) 569-583, doi 10.1016/j.patcog.2018.12.022. Here the childr
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,8 @@ _SEEDED, _GENERATORS_PER_SWAP = 4, 4
 #: Elders from random seeds cost a descent each, which up to this product of rows, columns and generators takes
 #: milliseconds; from `_LARGE` on, a descent takes so long that there is a seeded one less.
 _QUICK, _LARGE = 1 << 24, 1 << 26
+#: From this number of generators on, to match only those in which parents differ takes less time.
+_MANY = 40
 #: To move generators takes the time of this number of products for each number of a table.
 _MOVING = 16
 
@@ -39,12 +41,18 @@ class Evolution(NamedTuple):
     """How much to evolve."""
 
     n_kept: int  # tessellations that become parents
+    n_random: int  # from random seeds, where that takes little time
     n_children: int  # in each generation
     patience: int  # children for each of 8 to 16 generators without an improvement, after which evolution ends
     most: int  # children in all, after which it ends, beside those that follow ...
     operations: float  # ... from this number over the products of rows, columns and generators ...
     power: float  # ... to this power
     hasty_from: int  # from this product on, no other elder is sought if the first ends are alike
+
+    @property
+    def of_sample(self) -> Evolution:
+        """The same on a sample: what more elders and children gain there is less than what it does not know."""
+        return self._replace(n_random=0, most=self.most // 16, operations=self.operations / 4)
 
 
 def evolve(
@@ -82,7 +90,7 @@ def _elders(
 ) -> Ends:
     """Descend from seeds with swaps, and from others where that takes little time, unless the first ends are alike."""
     n_products = points.tiles.size * (n_generators + _MOVING)
-    n_swaps = -(-n_generators // _GENERATORS_PER_SWAP)
+    n_swaps = max(1, n_generators // _GENERATORS_PER_SWAP)
     n_seeded = _SEEDED if n_products < _LARGE else _ENDS_ALIKE
 
     def descend(n_sets: int) -> Ends:
@@ -93,12 +101,17 @@ def _elders(
     alike = first.energies.max() <= first.energies.min() * (1 + _ALIKE)
     if alike and n_products >= effort.hasty_from:
         return Ends(first.generators[:1], first.energies[:1])
-    seedings: list[Seeding] = [random] * (effort.n_kept - _SEEDED if n_products < _QUICK else 0)
+    seedings: list[Seeding] = [random] * (effort.n_random if n_products < _QUICK else 0)
     seedings += [SEEDINGS[init]] if init != "split" else []
     seeds = [seeding(points, n_generators - len(fixed), conditions.rng) for seeding in seedings]
     others = [transfer_of_sets(points, np.stack([np.concatenate([fixed, some])]), conditions) for some in seeds]
     more = [descend(n_seeded - _ENDS_ALIKE)] if n_seeded > _ENDS_ALIKE else []
-    return Ends(*(np.concatenate(all_) for all_ in zip(first, *more, *others, strict=True)))
+    elders = Ends(*(np.concatenate(all_) for all_ in zip(first, *more, *others, strict=True)))
+    first_of_all = np.repeat(elders.generators[:1], len(elders.energies) - 1, axis=0)
+    elders.generators[1:] = _crossed(
+        first_of_all, elders.generators[1:], np.zeros(first_of_all.shape[:2], bool), len(fixed)
+    )
+    return elders
 
 
 def _survivors(ends: Ends, n_kept: int) -> Ends:
@@ -111,15 +124,27 @@ def _survivors(ends: Ends, n_kept: int) -> Ends:
 
 def _children(points: Points, elders: Ends, n_children: int, conditions: Conditions) -> Floats:
     """Cross pairs of elders, and put a generator of each, the one missed least, at a point drawn by its energy."""
-    from scipy.optimize import linear_sum_assignment
-    from scipy.spatial.distance import cdist
-
     rng, n_generators, n_locked = conditions.rng, elders.generators.shape[1], conditions.n_locked
     # Each parent is the better of two elders, which are in order.
     pairs = rng.integers(0, len(elders.energies), (n_children, 2, 2)).min(axis=2)
     inherited = rng.integers(0, 2, (n_children, n_generators), np.uint8).astype(bool)
-    crossed = elders.generators[pairs[:, 0]]
-    for child, other, kept in zip(crossed, elders.generators[pairs[:, 1]], inherited, strict=True):
-        matches = n_locked + linear_sum_assignment(cdist(child[n_locked:], other[n_locked:], "sqeuclidean"))[1]
-        child[n_locked:] = np.where(kept[n_locked:, None], child[n_locked:], other[matches])
+    parents = elders.generators[pairs]
+    crossed = _crossed(parents[:, 0], parents[:, 1], inherited, n_locked)
     return seed_sets(points, crossed, n_generators, 1, rng, n_locked=n_locked, n_draws=1, worthwhile=np.inf)
+
+
+def _crossed(
+    sets: NDArray[np.float64], others: NDArray[np.float64], kept: NDArray[np.bool_], n_locked: int
+) -> NDArray[np.float64]:
+    """Replace generators of (n, K, D) sets, unless they are (n, K) kept, by those of others that are near them."""
+    from scipy.optimize import linear_sum_assignment
+    from scipy.spatial.distance import cdist
+
+    crossed = sets.copy()
+    chosen: list[Any] = [slice(n_locked, None)] * len(sets)
+    if sets.shape[1] >= _MANY:  # relatives have most in common, in the same places, as children inherit the order
+        chosen = [np.flatnonzero(differs) for differs in (sets != others).any(axis=2)]
+    for child, other, stays, apart in zip(crossed, others, kept, chosen, strict=True):
+        matches = linear_sum_assignment(cdist(child[apart], other[apart], "sqeuclidean"))[1]
+        child[apart] = np.where(stays[apart, None], child[apart], other[apart][matches])
+    return crossed

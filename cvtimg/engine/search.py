@@ -40,15 +40,16 @@ EFFORTS: dict[str, SearchEffort] = {
         1,
         (1 / 6, 1 / 16),
         Stopping(tolerance=1e-4, max_iterations=300),
-        Evolution(12, 8, 8, 3, 2.0**31.5, 1 / 2, 1 << 20),
+        Evolution(12, 8, 8, 8, 1, 2.0**31.5, 1 / 2, 1 << 20),
     ),
     "best": SearchEffort(
-        12, (1 / 4, 0), Stopping(tolerance=1e-6, max_iterations=1000), Evolution(20, 32, 20, 1024, 2.0**30, 1, 1 << 24)
+        12,
+        (1 / 4, 0),
+        Stopping(tolerance=1e-6, max_iterations=1000),
+        Evolution(20, 16, 32, 20, 1024, 2.0**30, 1, 1 << 24),
     ),
 }
 
-#: Evolution on some of the points ends after fewer children, by this factor, than on few points that are all.
-_TIMES_FEWER = 16
 #: From this number of rows for each that is searched, a pass over all takes longer than the best search.
 _FAR_MORE = 8
 #: Searching ends once this many ends are within this fraction of the lowest: with few generators nearly all are.
@@ -79,10 +80,9 @@ def search(
     """Return generators, the fixed ones first, from the best of some searches over fewer points."""
     some = fewer_points(points, n_generators, _FEWER, conditions.rng)
     if effort.evolution and n_generators > len(fixed) and (some is points or not points.in_order):
-        thinned = effort.evolution._replace(most=effort.evolution.most // _TIMES_FEWER)
         with suppress(TooFewSamplesError):
-            if some is not points:  # of which few are worth as much
-                return evolve(some, fixed, n_generators, init, conditions, thinned)
+            if some is not points:
+                return evolve(some, fixed, n_generators, init, conditions, effort.evolution.of_sample)
         return evolve(points, fixed, n_generators, init, conditions, effort.evolution)
     n_starts = max(1, effort.n_starts // 3, min(effort.n_starts, _STARTS_TIMES_GENERATORS // n_generators))
     ends: list[Iteration] = []
