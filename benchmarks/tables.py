@@ -2,8 +2,8 @@
 
 Tables are of scikit-learn, standardized, or made. Energies are computed from labels, for every rival alike. `optima`
 counts the proven least energies of the iris table that are found, for 2 to 10 generators; `seeds` compares ten seeds on
-tables on which no setting was chosen; `grid` has 60 tables of 30 to 300,000 rows and 1 to 1,000 columns; `many` asks for
-up to 10,000 generators.
+tables on which no setting was chosen; `grid` has 60 tables of 30 to 300,000 rows and 1 to 1,000 columns; `many` has
+more generators.
 
     python benchmarks/tables.py [--quick] [--docs] [--parts energies optima seeds grid many]
 
