@@ -93,9 +93,5 @@ def _factors(given: Given) -> list[Factor]:
 
 def _existing(given: Given, factors: list[Factor]) -> Floats | None:
     from cvtimg.designs.factors import read_runs
-    from cvtimg.tables.files import read_table
 
-    if given.existing is None:
-        return None
-    is_array = given.existing.suffix.lower() == ".npy"
-    return read_beside(given.existing, lambda path: read_table(path).rows if is_array else read_runs(path, factors))
+    return None if given.existing is None else read_beside(given.existing, lambda path: read_runs(path, factors))

@@ -13,7 +13,7 @@ from cvtimg._shared.checks import check_in_range
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
-from cvtimg.tables.columns import Dialect, open_columns
+from cvtimg.tables.columns import Columns, Dialect, open_columns
 
 #: Runs of a design, and whole numbers that are levels, at most.
 MAX_RUNS = 1 << 16
@@ -142,10 +142,10 @@ def read_factors(path: StrPath) -> list[Factor]:
     ['speed [m/s]', 'heat [C]']
     """
     try:
-        header, *lines = _read_rows(path, header=True)
+        source, lines = _read_rows(path, Dialect(header=True))
         if not lines:
             raise ValueError("must have a line for each axis after the first")
-        factors = [_factor(dict(zip(header, line, strict=False))) for line in lines]
+        factors = [_factor(dict(zip(source.names, line, strict=False))) for line in lines]
         check_names(factors)
         return factors
     except ValueError as error:
@@ -158,13 +158,6 @@ def check_names(factors: Sequence[Factor]) -> None:
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ValueError(f"there must be one axis named {twice[0]}, not {len(twice)}")
-
-
-def _read_rows(path: StrPath, header: bool | None = None) -> list[list[str]]:
-    """Read the rows of a table as texts, as `cvtimg.tables.read_table` does, that of names first if there is one."""
-    with local_copy(path) as file:
-        source = open_columns(file, Dialect(header=header))
-        return [*([source.names] if source.named else []), *map(source.plain, source.cells())]
 
 
 def _factor(fields: Mapping[str, str]) -> Factor:
@@ -194,16 +187,29 @@ def _factor(fields: Mapping[str, str]) -> Factor:
 
 
 def read_runs(path: StrPath, factors: Sequence[Factor]) -> Floats:
-    """Read runs from a .csv or .tsv file as places (L, D) on the axes of factors: columns by name, or all in order."""
-    rows = _read_rows(path)
-    header = rows.pop(0) if rows and not all(map(_is_number, rows[0])) else []
+    """Read runs from a table as places (L, D) on the axes of factors: columns by name, or all in order."""
+    source, rows = _read_rows(path, Dialect())
+    header = source.names if source.named else []
     headers = [next((name for name in (factor.header, factor.name) if name in header), None) for factor in factors]
     by_name = None not in headers
     columns = [header.index(str(name)) for name in headers] if by_name else range(len(factors))
-    if any(len(row) <= max(columns) if by_name else len(row) != len(columns) for row in rows):
+    if not by_name and len(source.names) != len(factors):
         raise OSError(f"{path}: must have {len(factors)} columns, one for each factor, or their names")
-    try:
-        places = [factor.places([row[k] for row in rows]) for k, factor in zip(columns, factors, strict=True)]
-    except ValueError as error:
-        raise OSError(f"{path}: {error}") from error
-    return np.stack(places, axis=1)
+    places = np.empty((len(rows), len(factors)))
+    for axis, (column, factor) in enumerate(zip(columns, factors, strict=True)):
+        for number, row in enumerate(rows):
+            try:
+                places[number, axis] = factor.places([row[column]])[0]
+                place = places[number, axis].item()
+                within = bool(0 <= factor.unit_of(place) <= 1)
+                check_in_range(factor.name, place, within, f"within its bounds, {factor.low:g}..{factor.high:g}")
+            except ValueError as error:
+                raise OSError(f"{path}: {source.place(number)}: {error}") from error
+    return places
+
+
+def _read_rows(path: StrPath, dialect: Dialect) -> tuple[Columns, list[list[str]]]:
+    """Read the rows of a table as texts, as `cvtimg.tables.read_table` does."""
+    with local_copy(path) as file:
+        source = open_columns(file, dialect)
+        return source, [source.plain(row) for row in source.cells()]
