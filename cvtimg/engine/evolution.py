@@ -12,7 +12,7 @@ import numpy as np
 
 from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.progress import tell
-from cvtimg._shared.types import Floats
+from cvtimg._shared.types import Bools, Floats
 from cvtimg.engine.methods import Conditions, Ends
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
@@ -133,9 +133,7 @@ def _children(points: Points, elders: Ends, n_children: int, conditions: Conditi
     return seed_sets(points, crossed, n_generators, 1, rng, n_locked=n_locked, n_draws=1, worthwhile=np.inf)
 
 
-def _crossed(
-    sets: NDArray[np.float64], others: NDArray[np.float64], kept: NDArray[np.bool_], n_locked: int
-) -> NDArray[np.float64]:
+def _crossed(sets: Floats, others: Floats, kept: Bools, n_locked: int) -> Floats:
     """Replace generators of (n, K, D) sets, unless they are (n, K) kept, by those of others that are near them."""
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
