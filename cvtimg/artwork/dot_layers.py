@@ -116,14 +116,14 @@ class _Pen:
         # The density of dots is steeper than the ink, and pulls dots within their cells to its dark side.
         for _ in range(n_moves):
             points = moments(points).centroids
-        points, found = each_with_cell(moments, self.into_ink(points, points), self.into_ink)
+        points, moments_of_dots = each_with_cell(moments, self.into_ink(points, points), self.into_ink)
         radii = np.full(self.n_dots, self.radius)
         if self.how.dots == "sized":
-            radii = np.clip(np.sqrt(found.masses / np.pi), *(self.how.radius_range or (0, np.inf)))
+            radii = np.clip(np.sqrt(moments_of_dots.masses / np.pi), *(self.how.radius_range or (0, np.inf)))
         if not self.how.bleed:
             radii = np.minimum(radii, self.size.min() / 2)
             points = np.clip(points, radii[:, np.newaxis], self.size - radii[:, np.newaxis])
-        return DotLayer(points, radii, found.masses, found.energy)
+        return DotLayer(points, radii, moments_of_dots.masses, moments_of_dots.energy)
 
 
 def place_pens(inks: Sequence[Floats32], counts: Sequence[int], how: Dots) -> list[DotLayer]:

@@ -313,7 +313,8 @@ def _psnr(drawn: Array, samples: Array, has_alpha: bool) -> float:
         seen = (drawn[..., -1] > 0) | (samples[..., -1] > 0)
         if not seen.any():
             return np.inf
-        inks, alphas = zip(*((one[seen, :-1] * (one[seen, -1:] / white), one[seen, -1:]) for one in pair), strict=True)
+        pixels = [image[seen] for image in pair]
+        inks, alphas = zip(*((each[:, :-1] * (each[:, -1:] / white), each[:, -1:]) for each in pixels), strict=True)
         on_black, clearer = inks[0] - inks[1], alphas[1] - alphas[0]
         error = float(np.mean((on_black**2 + (on_black + clearer) ** 2) / 2, dtype=np.float64))
     return float(10 * np.log10(white**2 / error)) if error else np.inf
@@ -385,8 +386,8 @@ def _restricted(colors: Array, areas: Floats, palette: int | ArrayLike, has_alph
         density = np.where(areas > 0, areas, areas[areas > 0].min())
         n_distinct = len(np.unique(shown, axis=0))
         count = check_count("palette", int(palette), 1 << 31, "or an array of colors")
-        found = tessellate(shown, min(count, n_distinct), density=density).generators
-        chosen = from_space(found, "rgb", colors.dtype)
+        means_of_tiles = tessellate(shown, min(count, n_distinct), density=density).generators
+        chosen = from_space(means_of_tiles, "rgb", colors.dtype)
     else:
         chosen = check_colors("palette", palette, colors.dtype)
         check_channels("palette", chosen.shape[1], (shown.shape[1],), "as the image has without alpha")

@@ -196,16 +196,16 @@ class Stipples(ReadOnly):
         """
         cells: list[Floats] = [np.empty((0, 2))] * len(self)
         for pen in range(len(self.colors)):
-            own = np.flatnonzero(self.layers == pen)
-            if len(own):
-                for dot, cell in zip(own, picture_cells(self.points[own], self.size), strict=True):
+            dots_of_pen = np.flatnonzero(self.layers == pen)
+            if len(dots_of_pen):
+                for dot, cell in zip(dots_of_pen, picture_cells(self.points[dots_of_pen], self.size), strict=True):
                     cells[dot] = cell
         return tuple(cells)
 
     def coverage(self, layer: int, scale: float = 1.0) -> Floats32:
         """Compute the share of each pixel that the dots of a layer cover, (H scale, W scale)."""
-        own = self.layers == layer
-        return draw_dots(self.points[own], self.radii[own], self.size, scale)
+        in_layer = self.layers == layer
+        return draw_dots(self.points[in_layer], self.radii[in_layer], self.size, scale)
 
     def draw(self, *, scale: float | None = None) -> Bytes:
         """Draw the dots with smooth edges, mixed in linear light as the eye does, with `scale` pixels per pixel.
@@ -333,10 +333,10 @@ class Stipples(ReadOnly):
         if not self.paper.all():
             yield f'<rect width="100%" height="100%" fill="{hexadecimal(self.paper)}"/>\n'
         for pen, name in enumerate(self.names):
-            own = order[self.layers[order] == pen]
-            radii, ink = self.radii[own] * sheet.scale, hexadecimal(self.colors[pen])
+            dots_of_pen = order[self.layers[order] == pen]
+            radii, ink = self.radii[dots_of_pen] * sheet.scale, hexadecimal(self.colors[pen])
             # By default points cover what the dots do.
-            suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(own) else _LINE
+            suiting = radii.mean() * np.sqrt(np.pi / _COVERED) if marks == "points" and len(dots_of_pen) else _LINE
             line = suiting if pen_width is None else pen_width
             look = f'fill="none" stroke="{ink}" stroke-width="{number(line, 4)}"'
             look += ' stroke-linecap="round" stroke-linejoin="round"'
@@ -346,17 +346,17 @@ class Stipples(ReadOnly):
             # The line of a pen, too, is whole within the frame.
             reach = 0.0 if self.bleed or marks == "disks" else min(line, min(self.size) * sheet.scale) / 2
             frame = np.array(self.size[::-1]) * sheet.scale
-            places = np.clip(self.points[own] * sheet.scale, reach, frame - reach) + sheet.corner
+            places = np.clip(self.points[dots_of_pen] * sheet.scale, reach, frame - reach) + sheet.corner
             yield from layer(pen + 1, name, look + blend, _marks(marks, places, radii, line, fill))
 
     def _cell_layers(self, sheet: Sheet) -> Iterator[str]:
         cells = self.cells()
         for pen, name in enumerate(self.names):
             look = f'fill="none" stroke="{hexadecimal(self.colors[pen])}" stroke-width="{_CELL_LINE}"'
-            own = self.order[self.layers[self.order] == pen]
+            dots_of_pen = self.order[self.layers[self.order] == pen]
             corners = (
                 " ".join(numbers((cells[dot] * sheet.scale + sheet.corner).ravel(), 3))
-                for dot in own
+                for dot in dots_of_pen
                 if len(cells[dot])
             )
             outlines = (f'<path d="M{ones}Z"/>\n' for ones in corners)

@@ -109,10 +109,10 @@ def removal_costs(painted: Painted) -> Floats:
     n_cells = len(painted.areas)
     squares, lengths = np.zeros(n_cells), np.zeros(n_cells)
     labels = painted.labels
-    for one, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
-        border = one != other
-        apart = np.square(painted.colors[one[border]] - painted.colors[other[border]]).sum(axis=1)
-        for side in (one[border], other[border]):
+    for label, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
+        border = label != other
+        apart = np.square(painted.colors[label[border]] - painted.colors[other[border]]).sum(axis=1)
+        for side in (label[border], other[border]):
             squares += sum_by_label(side, apart, n_cells)
             lengths += np.bincount(side, minlength=n_cells)
     return painted.areas * squares / np.maximum(lengths, 1)
@@ -125,10 +125,10 @@ def division_gains(image: Floats32, painted: Painted) -> tuple[Floats, Floats, F
     """
     areas = np.maximum(painted.areas, 1)
     add = partial(_artwork.add_moments, image, painted.labels)
-    found = by_rows(add, painted.labels.shape, (len(areas), 2 * image.shape[2] + 6)).reshape(len(areas), -1, 2)
-    middles = found[:, 0] / areas[:, np.newaxis]
+    sums = by_rows(add, painted.labels.shape, (len(areas), 2 * image.shape[2] + 6)).reshape(len(areas), -1, 2)
+    middles = sums[:, 0] / areas[:, np.newaxis]
     means = np.concatenate([middles, painted.colors], axis=1)
-    about = found[:, 1:] - (areas[:, np.newaxis] * means)[:, :, np.newaxis] * middles[:, np.newaxis]
+    about = sums[:, 1:] - (areas[:, np.newaxis] * means)[:, :, np.newaxis] * middles[:, np.newaxis]
     # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
     moments, slopes = about[:, :2] + areas[:, np.newaxis, np.newaxis] / 12 * np.eye(2), about[:, 2:]
     # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.

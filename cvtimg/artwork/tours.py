@@ -84,13 +84,13 @@ def _within_steps(tree: Any, tour: Ints, among: Indices) -> tuple[Ints, Indices]
     steps = np.hypot(*np.diff(points[tour], axis=0).T)
     longest[tour] = np.maximum(np.append(steps, 0), np.append(0, steps))
     moving = among[longest[among] > 0]
-    found = tree.query_ball_point(points[moving], longest[moving], workers=n_threads())
-    own = np.repeat(moving, [len(others) for others in found])
-    others = np.concatenate([*found, []]).astype(np.int32)
-    distances = np.hypot(*(points[others] - points[own]).T)
-    order = np.lexsort((distances, own))
-    order = order[(distances < longest[own])[order] & (others != own)[order]]
-    return others[order], np.searchsorted(own[order], np.arange(len(tour) + 1))
+    near = tree.query_ball_point(points[moving], longest[moving], workers=n_threads())
+    starts = np.repeat(moving, [len(others) for others in near])
+    others = np.concatenate([*near, []]).astype(np.int32)
+    distances = np.hypot(*(points[others] - points[starts]).T)
+    order = np.lexsort((distances, starts))
+    order = order[(distances < longest[starts])[order] & (others != starts)[order]]
+    return others[order], np.searchsorted(starts[order], np.arange(len(tour) + 1))
 
 
 def _greedy_path(points: Floats) -> tuple[Ints, Ints]:
@@ -119,8 +119,8 @@ def _nearest(points: Floats) -> tuple[Floats, Ints]:
 
     n_points = len(points)
     n_near = min(_N_NEAR, n_points - 1)
-    distances, found = cKDTree(points, balanced_tree=False).query(points, n_near + 1, workers=n_threads())
+    distances, neighbors = cKDTree(points, balanced_tree=False).query(points, n_near + 1, workers=n_threads())
     # A point is found itself, and not always first where others lie on it, or even not at all.
-    itself = found == np.arange(n_points)[:, np.newaxis]
+    itself = neighbors == np.arange(n_points)[:, np.newaxis]
     itself[~itself.any(axis=1), -1] = True
-    return distances[~itself].reshape(n_points, n_near), found[~itself].reshape(n_points, n_near).astype(np.int32)
+    return distances[~itself].reshape(n_points, n_near), neighbors[~itself].reshape(n_points, n_near).astype(np.int32)

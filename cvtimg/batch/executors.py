@@ -65,8 +65,8 @@ def on_dask(attempt: Attempt, tasks: Sequence[Task], address: str, n_workers: in
         executor, started = client.get_executor(pure=False), time()
 
         def alone(task: Task) -> Future[Outcome]:
-            found: Future[Outcome] = executor.submit(_alone, attempt, task, started)
-            return found
+            job: Future[Outcome] = executor.submit(_alone, attempt, task, started)
+            return job
 
         suspects = []
         seats = [alone] * len(tasks)
@@ -153,14 +153,14 @@ def _context(late: tuple[str, ...]) -> Any:
     context = get_context("forkserver")
     context.set_forkserver_preload([*late, *(name for name in sys.modules if name.startswith("cvtimg."))])
     # Nothing is imported from the current folder.
-    here, own = dict(os.environ), {**dict.fromkeys(THREAD_VARIABLES, "1"), "PYTHONSAFEPATH": "1"}
-    os.environ |= own
+    here, variables = dict(os.environ), {**dict.fromkeys(THREAD_VARIABLES, "1"), "PYTHONSAFEPATH": "1"}
+    os.environ |= variables
     try:
         with _interrupts_held():
             forkserver.ensure_running()
     finally:
         os.environ |= here
-        for name in own.keys() - here.keys():
+        for name in variables.keys() - here.keys():
             del os.environ[name]
     return context
 

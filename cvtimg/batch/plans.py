@@ -104,28 +104,28 @@ def find(
     for text, root in _listed(inputs, missing):
         names.append(text)
         try:
-            found = [Path(text)] if is_pipe(Path(text)) else expand(text)
+            paths = [Path(text)] if is_pipe(Path(text)) else expand(text)
         except OSError as error:
             missing.append((text, error))
             continue
         if outside and Path(os.path.realpath(text)) in outside.parents:
-            found = [path for path in found if outside not in Path(os.path.realpath(path)).parents]
-        for path in found:
+            paths = [path for path in paths if outside not in Path(os.path.realpath(path)).parents]
+        for path in paths:
             sources.setdefault(path, out_dir / _below(path, root) if out_dir else path.parent)
     return sources, missing, names
 
 
 def searched(plan: Plan) -> list[str]:
     """Return the folders of which all files are inputs, as they were given or match a pattern."""
-    found = []
+    folders = []
     for text in plan.names:
         if is_remote(text):
-            found += [] if Path(text).suffix or glob.has_magic(text) else [text]
+            folders += [] if Path(text).suffix or glob.has_magic(text) else [text]
             continue
         by_pattern = glob.has_magic(text) and not Path(text).exists()
         named = glob.glob(text, recursive=True) if by_pattern else [text]  # noqa: PTH207
-        found += [name for name in named if Path(name).is_dir() and not IS_ONE.fullmatch(name)]
-    return found
+        folders += [name for name in named if Path(name).is_dir() and not IS_ONE.fullmatch(name)]
+    return folders
 
 
 def _listed(inputs: Iterable[str], missing: Missing) -> Iterator[tuple[str, Path]]:

@@ -187,8 +187,8 @@ def _is_number(kind: object) -> bool:
 def _parquet_files(place: str) -> list[str]:
     if is_remote(place):
         with elsewhere(place) as (files, name):
-            names = sorted(str(one) for one in (files.find(name) if files.isdir(name) else []))
-            return [str(files.unstrip_protocol(one)) for one in names if one.endswith(".parquet")] or [place]
+            names = sorted(str(part) for part in (files.find(name) if files.isdir(name) else []))
+            return [str(files.unstrip_protocol(part)) for part in names if part.endswith(".parquet")] or [place]
     path = Path(place)
     return [str(file) for file in sorted(path.rglob("*.parquet"))] if path.is_dir() else [place]
 

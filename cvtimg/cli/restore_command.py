@@ -125,7 +125,6 @@ def _named(files: Sequence[tuple[Path, Sequence[Array]]]) -> tuple[list[str], li
 
 
 def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from cvtimg._shared.pixels import white_of
     from cvtimg.pictures.formats.converted import RAW_SUFFIXES
 
     if given.space is None and all(path.suffix.lower() in RAW_SUFFIXES for path in task.sources):
@@ -135,25 +134,44 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if len(versions) > 1:
         _check_room(task, len(versions))
     stopwatch.lap("read")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        results, said = [], []
-        for read in versions:
-            results.append(_restored(read, given))
-            said += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
-            caught.clear()
+    results, notes = _restored_all(versions, given)
     stopwatch.lap("cluster")
-    first = results[0]
-    has_segments = hasattr(first, "labels")
-    if not has_segments and not given.detail:
-        said.append("no flat drawing, so detail is restored, as by --detail; -k N restores flat colors")
-    if not has_segments and not first.noisy:
-        levels = first.noise * 255 / float(white_of(first.image.dtype))
-        written = ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
-        said.append(f"no noise found: {written} levels of 8 bits; --noise S sets it")
-    said += _defects(first)
-    said += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
+    notes += [*_given_twice(given.versions), *_write(task, results, versions[0], stack, given)]
     stopwatch.lap("write")
+    warning = {"warning": "; ".join(dict.fromkeys(notes))} if notes else {}
+    return {**_summary(versions, results), **warning}
+
+
+def _restored_all(versions: Sequence[VersionFiles], given: Given) -> tuple[list[Denoised], list[str]]:
+    """Restore each page; also return what is to be said of them."""
+    results, notes = [], []
+    for read in versions:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            results.append(_restored(read, given))
+        notes += [given.worded(_with_names(str(warning.message), read)) for warning in caught]
+    return results, notes + _doubts(results[0], given) + _defects(results[0])
+
+
+def _doubts(result: Denoised, given: Given) -> list[str]:
+    """Say that an image was no flat drawing, and that no noise was found in it."""
+    from cvtimg._shared.pixels import white_of
+
+    if hasattr(result, "labels"):
+        return []
+    notes = (
+        [] if given.detail else ["no flat drawing, so detail is restored, as by --detail; -k N restores flat colors"]
+    )
+    if not result.noisy:
+        levels = result.noise * 255 / float(white_of(result.image.dtype))
+        written = ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
+        notes.append(f"no noise found: {written} levels of 8 bits; --noise S sets it")
+    return notes
+
+
+def _summary(versions: Sequence[VersionFiles], results: Sequence[Any]) -> Row:
+    """Return what is known of the versions, and of the results or the first of them."""
+    first = results[0]
     return {
         "inputs": [name for read in versions for name in read.names],
         "width": first.coverage.shape[1],
@@ -172,8 +190,7 @@ def _restore(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "motion": list(first.models),
         **({} if first.exposures is None else {"exposures": first.exposures.tolist()}),
         "misfits": _finite(first.misfits),
-        **(_of_segments(results) if has_segments else _noise_like(first)),
-        **({"warning": "; ".join(dict.fromkeys(said))} if said else {}),
+        **(_of_segments(results) if hasattr(first, "labels") else _noise_like(first)),
     }
 
 

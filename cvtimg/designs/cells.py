@@ -72,15 +72,15 @@ def _cells(points: Floats, periodic: bool, width: float) -> CellSums:
     volumes, firsts, reaches = np.zeros(n_points), np.zeros((n_points, n_dims)), np.zeros(n_points)
     seconds = np.zeros((n_points, n_dims, n_dims))
     for cells in pairs.T:
-        own = cells[cells < n_points]
-        legs = corners[cells < n_points] - points[own][:, None]
+        cell = cells[cells < n_points]
+        legs = corners[cells < n_points] - points[cell][:, None]
         parts, sums = np.abs(np.linalg.det(legs)) / math.factorial(n_dims), legs.sum(axis=1)
         outer = np.einsum("tvi,tvj->tij", legs, legs) + sums[:, :, None] * sums[:, None]
-        volumes += sum_by_label(own, parts, n_points)
-        firsts += sum_by_label(own, sums, n_points, parts) / (n_dims + 1)
-        shares = sum_by_label(own, outer.reshape(-1, n_dims**2), n_points, parts)
+        volumes += sum_by_label(cell, parts, n_points)
+        firsts += sum_by_label(cell, sums, n_points, parts) / (n_dims + 1)
+        shares = sum_by_label(cell, outer.reshape(-1, n_dims**2), n_points, parts)
         seconds += shares.reshape(seconds.shape) / ((n_dims + 1) * (n_dims + 2))
-        np.maximum.at(reaches, own, np.linalg.norm(legs, axis=2).max(axis=1))
+        np.maximum.at(reaches, cell, np.linalg.norm(legs, axis=2).max(axis=1))
     return CellSums(volumes, firsts, seconds, reaches)
 
 

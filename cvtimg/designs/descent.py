@@ -110,8 +110,8 @@ def place_latin_within(
     def latin(points: Floats) -> Floats:
         return slices.latinize(mended(points), existing, allowed)
 
-    found = _alternate(cube, start, existing, effort, latin, slices.n_empty)
-    return found, slices.n_empty(np.concatenate([existing, found])) == 0
+    places = _alternate(cube, start, existing, effort, latin, slices.n_empty)
+    return places, slices.n_empty(np.concatenate([existing, places])) == 0
 
 
 def _alternate(

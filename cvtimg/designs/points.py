@@ -236,9 +236,9 @@ def _of_categories(
     given = _checked_existing(existing, factors)
     places = (np.arange(len(given)) + 0.5) / max(len(given), 1)
     together = np.column_stack([places, given])
-    found = design(n_points, [Factor(" "), *factors], existing=together, effort=effort, rng=rng)
-    parts = {name: getattr(found, name)[:, 1:] for name in ("points", "unit_points", "existing")}
-    return replace(found, **parts, bounds=found.bounds[1:], energy=0.0, factors=tuple(factors))
+    whole = design(n_points, [Factor(" "), *factors], existing=together, effort=effort, rng=rng)
+    parts = {name: getattr(whole, name)[:, 1:] for name in ("points", "unit_points", "existing")}
+    return replace(whole, **parts, bounds=whole.bounds[1:], energy=0.0, factors=tuple(factors))
 
 
 def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]:

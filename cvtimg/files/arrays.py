@@ -40,11 +40,11 @@ def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, later: Iterab
         with local_copy(path) as copy, copy.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             tag = str(stored[_TAG]) if _TAG in stored else "file without a tag"
             wanted_names = [*names, *(name for name in later if name in stored)]
-            found = {name: stored[name] for name in wanted_names} if tag == wanted else {}
+            arrays_of_file = {name: stored[name] for name in wanted_names} if tag == wanted else {}
     except OSError:
         raise
     except Exception as error:  # zipfile, zlib and NumPy raise many kinds of errors for damaged files
         raise UnfitArraysError(f"{url_of(path)}: is not a {kind} ({one_line(error)})") from error
     if tag != wanted:
         raise UnfitArraysError(f"{url_of(path)}: is not a {kind} that this version reads, but a {tag}")
-    return found
+    return arrays_of_file

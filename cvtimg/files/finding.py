@@ -39,7 +39,7 @@ def find_images(paths: StrPath | Iterable[StrPath]) -> list[Path]:
     """
     if isinstance(paths, (str, os.PathLike)):
         paths = [paths]
-    return list(dict.fromkeys(found for path in paths for found in _expand(path)))
+    return list(dict.fromkeys(file for path in paths for file in _expand(path)))
 
 
 def _expand(path: StrPath) -> list[Path]:
@@ -89,13 +89,13 @@ def find_remote(url: str, suffixes: frozenset[str]) -> list[Path]:
     """
     with elsewhere(url) as (files, place):
         if glob.has_magic(place):
-            found = [name for name in files.glob(place) if IS_ONE.fullmatch(name) or not files.isdir(name)]
+            matches = [name for name in files.glob(place) if IS_ONE.fullmatch(name) or not files.isdir(name)]
         elif IS_ONE.fullmatch(place) or Path(place).suffix.lower() in suffixes or not files.isdir(place):
-            found = [place] if _is_there(files, place) else []
+            matches = [place] if _is_there(files, place) else []
         else:
             inside = ((IS_ONE.match(str(name)) or [str(name)])[0] for name in files.find(place))
-            found = [name for name in dict.fromkeys(inside) if Path(name).suffix.lower() in suffixes]
-        paths = [Path(files.unstrip_protocol(name)) for name in sorted(found)]
+            matches = [name for name in dict.fromkeys(inside) if Path(name).suffix.lower() in suffixes]
+        paths = [Path(files.unstrip_protocol(name)) for name in sorted(matches)]
     if not paths:
         raise FileNotFoundError(f"{url}: no such file")
     return paths

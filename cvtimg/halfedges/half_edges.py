@@ -115,8 +115,8 @@ def joined_points(points: Points, apart: float) -> Indices:
     """Return the point (N,) that each is when those nearer than `apart` to one before them are that one."""
     from scipy.spatial import KDTree
 
-    _, first, own = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    joined = first[own.ravel()]
+    _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    joined = first[place.ravel()]
     if apart > 0:
         pairs = np.sort(first[KDTree(points[first]).query_pairs(apart, output_type="ndarray")], axis=1)
         which = np.arange(len(points))

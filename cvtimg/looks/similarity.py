@@ -189,13 +189,13 @@ def _linear(image: Array, ground: float) -> Floats32:
     white, light = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32)
     levels = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)
 
-    def kernel(own: slice) -> None:
-        rows = bands[own]
+    def kernel(stripe: slice) -> None:
+        rows = bands[stripe]
         if has_alpha(rows.shape[2]):
             share = rows[:, :, -1:] / white
             rows = share * (rows[:, :, :-1] / white) + (1 - share) * ground
         linear = levels[rows] if rows.dtype == np.uint8 else to_space(rows.reshape(-1, 1), "linear").reshape(rows.shape)
-        light[:, own] = linear.transpose(2, 0, 1)
+        light[:, stripe] = linear.transpose(2, 0, 1)
 
     in_stripes(kernel, len(bands), 8 * light.size)
     return light
@@ -229,5 +229,5 @@ def _sums_of_errors(original: _Scale, other: _Scale) -> Floats:
     """Return the sums of each error and of its fourth power, (3, 2, 3) by channel."""
     products = blurred(original.planes, other.planes)
     given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]
-    sums = of_each(lambda channel: _looks.errors(*(one[channel] for one in given)), 3, 20 * original.planes.size)
+    sums = of_each(lambda channel: _looks.errors(*(bands[channel] for bands in given)), 3, 20 * original.planes.size)
     return np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1)

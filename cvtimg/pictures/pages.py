@@ -251,14 +251,14 @@ def _decode_all(file: BinaryIO) -> _Decoded:
     if size == 1 and not selected().series:
         file.seek(0)
         image = decode(file)
-        one = _Decoded([np.ascontiguousarray(image)], Arrangement("", ()), alpha=says_alpha(image))
+        decoded = _Decoded([np.ascontiguousarray(image)], Arrangement("", ()), alpha=says_alpha(image))
         if magic.startswith(TIFF_MAGICS):
             file.seek(0)
             # Pillow reads damaged files that tifffile does not.
             with suppress(Exception), tifffile.TiffFile(file) as tiff:
                 stack = Arrangement("", (), stack_of(tiff, 1).channels)
-                return replace(one, kind=_kind_of(tiff), scale=scale_of(tiff), stack=stack)
-        return one
+                return replace(decoded, kind=_kind_of(tiff), scale=scale_of(tiff), stack=stack)
+        return decoded
     with tifffile.TiffFile(file) as tiff:
         first, numbers = first_page(tiff), main_pages(file)
         tags, page = tiff_tags(first), selected().page
@@ -319,8 +319,8 @@ def one_page(pages: Pages, page: int | None) -> Array:
 def _values_of_pages(tiff: tifffile.TiffFile) -> Array:
     """Return all pages as one array (P, H, W) or (P, H, W, C)."""
     flat = []
-    for one in main_series(tiff):
-        values, axes = one.asarray(maxworkers=n_threads()), one.axes
+    for part in main_series(tiff):
+        values, axes = part.asarray(maxworkers=n_threads()), part.axes
         if "S" in axes:
             values, axes = np.moveaxis(values, axes.index("S"), -1), axes.replace("S", "") + "S"
         if not axes.removesuffix("S").endswith("YX"):

@@ -57,14 +57,14 @@ class Stack:
     @property
     def images(self) -> Iterable[Array]:
         """The images, or bands of rows."""
-        one = (self.content,) if self.kind == "image" else None
-        found: Iterable[Array] = one or (self.content if self.kind == "tiles" else self.content.images)
-        return found
+        single = (self.content,) if self.kind == "image" else None
+        images: Iterable[Array] = single or (self.content if self.kind == "tiles" else self.content.images)
+        return images
 
     @property
     def masks(self) -> list[Bools] | None:
         """The pixels that count, or None if all do."""
-        return None if all(one.all() for one in self.known) else [*self.known]
+        return None if all(mask.all() for mask in self.known) else [*self.known]
 
     def __iter__(self) -> Iterator[tuple[Array, Bools]]:
         """Yield each image, or band of rows, with its pixels that count."""

@@ -261,8 +261,8 @@ def _open_zarr(path: StrPath) -> Bands:
 def _zarr_array(path: StrPath) -> Any:
     zarr = optional("zarr", "zarr", f"{path}: needs")
     try:
-        found = zarr.open(url_of(path), mode="r")
-        return found["0"] if isinstance(found, zarr.Group) else found
+        store = zarr.open(url_of(path), mode="r")
+        return store["0"] if isinstance(store, zarr.Group) else store
     except Exception as error:  # zarr raises many kinds of errors for damaged metadata
         raise OSError(f"{path}: is not a Zarr array ({type(error).__name__})") from error
 

@@ -72,17 +72,17 @@ def spread_along_boundary(region: Region, n_points: int, density: Density) -> Po
     outline = region.outline(_SIMPLER)
     lines = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(outline))]
     spacing = sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines) / (32 * n_points)
-    found, lengths = [], []
+    dense_lines, lengths = [], []
     for line in lines:
         dense = shapely.get_coordinates(shapely.segmentize(shapely.linestrings(line), spacing))
         steps = np.linalg.norm(np.diff(dense, axis=0), axis=1)
         weights = steps * density((dense[1:] + dense[:-1]) / 2) ** 0.25
-        found.append(dense)
+        dense_lines.append(dense)
         lengths.append(np.concatenate([[0.0], np.cumsum(weights)]))
     ends = np.cumsum([0, *(length[-1] for length in lengths)])
     shares = np.diff(np.rint(ends / ends[-1] * n_points).astype(np.intp))
     spread: list[Points] = []
-    for dense, length, n in zip(found, lengths, shares, strict=True):
+    for dense, length, n in zip(dense_lines, lengths, shares, strict=True):
         corners = np.flatnonzero([(np.abs(region.corners - place).max(axis=1) < 1e-9).any() for place in dense[:-1]])
         first = length[corners[0]] if len(corners) else 0.0
         at = (first + np.arange(n) / max(n, 1) * length[-1]) % length[-1]

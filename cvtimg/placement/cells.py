@@ -46,7 +46,7 @@ def voronoi_cells(points: Points, region: Region) -> Geometries:
     check_in_range("region", region, region.n_dims == 2, "in the plane: cells are polygons there")
     if not region.is_polygonal:
         refuse_type("region", type(region).__name__, "a box, polygons or an image, in which cells are polygons")
-    sites, own = np.unique(points, axis=0, return_index=True)
+    sites, first = np.unique(points, axis=0, return_index=True)
     outline = region.outline()
     if isinstance(region, Box) and any(region.periodic):
         sites = _with_copies(sites, region)
@@ -56,14 +56,15 @@ def voronoi_cells(points: Points, region: Region) -> Geometries:
     if len(sites) == 1:
         cells = np.array([outline])
     else:
-        found = shapely.voronoi_polygons(shapely.multipoints(sites), extend_to=shapely.envelope(outline), ordered=True)
-        cells = shapely.get_parts(found)[: len(own)]
+        around = shapely.envelope(outline)
+        diagram = shapely.voronoi_polygons(shapely.multipoints(sites), extend_to=around, ordered=True)
+        cells = shapely.get_parts(diagram)[: len(first)]
         shapely.prepare(outline)
         cut = ~shapely.contains_properly(outline, cells)
         # Where many cells meet in a point, rounding may let the rings of some cross themselves.
         cells[cut] = shapely.intersection(shapely.make_valid(cells[cut]), outline)
     all_cells = np.full(len(points), shapely.Polygon(), dtype=object)
-    all_cells[own] = cells
+    all_cells[first] = cells
     return all_cells
 
 
@@ -95,46 +96,46 @@ class PolygonMoments:
         cells = voronoi_cells(generators, self._region)
         if isinstance(self._density, ConstantDensity):
             return polygon_sums(cells, generators).moments(generators, self._density.value)
-        triangles, own = _divided(*triangulate(cells), _COARSEST * self._region.measure / len(cells))
+        triangles, cell = _divided(*triangulate(cells), _COARSEST * self._region.measure / len(cells))
         places = np.einsum("qi,tid->tqd", _POINTS, triangles)
         at = places.reshape(-1, 2)
         if isinstance(self._region, Box):
             at = self._region.project(at)
         weights = self._density(at).reshape(len(triangles), -1) * _WEIGHTS * triangle_areas(triangles)[:, None]
-        steps = places - generators[own][:, None]
-        masses = sum_by_label(own, weights.sum(axis=1), len(cells))
-        firsts = sum_by_label(own, np.einsum("tq,tqd->td", weights, steps), len(cells))
+        steps = places - generators[cell][:, None]
+        masses = sum_by_label(cell, weights.sum(axis=1), len(cells))
+        firsts = sum_by_label(cell, np.einsum("tq,tqd->td", weights, steps), len(cells))
         energy = float((weights * (steps**2).sum(axis=2)).sum())
         return Moments(masses, generators + per_mass(firsts, masses), energy)
 
 
-def _divided(triangles: Points, own: Indices, largest: float) -> tuple[Points, Indices]:
+def _divided(triangles: Points, cell: Indices, largest: float) -> tuple[Points, Indices]:
     """Divide triangles (T, 3, 2) into four until none has a larger area; `own` are their cells (T,)."""
     done, cells = [], []
     while len(triangles):
         large = triangle_areas(triangles) > largest
         done.append(triangles[~large])
-        cells.append(own[~large])
+        cells.append(cell[~large])
         corners = triangles[large]
         middles = (corners + np.roll(corners, -1, axis=1)) / 2
         parts = [np.stack([corners[:, i], middles[:, i], middles[:, i - 1]], axis=1) for i in range(3)]
-        triangles, own = np.concatenate([*parts, middles]), np.tile(own[large], 4)
+        triangles, cell = np.concatenate([*parts, middles]), np.tile(cell[large], 4)
     return np.concatenate(done), np.concatenate(cells)
 
 
 def polygon_sums(cells: Geometries, points: Points) -> CellSums:
     """Integrate over polygons about (K, 2) points, exactly: over triangles of a point and a side, with signs."""
-    pieces, own = oriented_pieces(cells)
+    pieces, cell_of = oriented_pieces(cells)
     rings, piece = shapely.get_rings(pieces, return_index=True)
     places, ring = shapely.get_coordinates(rings, return_index=True)
-    cell = own[piece[ring]]
+    cell = cell_of[piece[ring]]
     steps = places - points[cell]
     reaches = np.zeros(len(points))
     np.maximum.at(reaches, cell, np.linalg.norm(steps, axis=1))
     inside = ring[1:] == ring[:-1]
-    one, other = steps[:-1][inside], steps[1:][inside]
-    cross, total = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1], one + other
-    products = sum(np.einsum("sd,se->sde", corner, corner) for corner in (one, other, total)).reshape(-1, 4)
+    start, other = steps[:-1][inside], steps[1:][inside]
+    cross, total = start[:, 0] * other[:, 1] - other[:, 0] * start[:, 1], start + other
+    products = sum(np.einsum("sd,se->sde", corner, corner) for corner in (start, other, total)).reshape(-1, 4)
     parts = cross[:, None] * np.concatenate([np.full((len(cross), 1), 1 / 2), total / 6, products / 24], axis=1)
     sums = sum_by_label(cell[:-1][inside], parts, len(cells))
     return CellSums(sums[:, 0], sums[:, 1:3], sums[:, 3:].reshape(-1, 2, 2), reaches)
@@ -142,9 +143,9 @@ def polygon_sums(cells: Geometries, points: Points) -> CellSums:
 
 def oriented_pieces(cells: Geometries) -> tuple[Geometries, Indices]:
     """Polygons that cells consist of, outer rings counterclockwise and holes clockwise, and the cell of each."""
-    pieces, own = shapely.get_parts(cells, return_index=True)
+    pieces, cell = shapely.get_parts(cells, return_index=True)
     flat = shapely.get_dimensions(pieces) == 2  # a cell may touch its region in a line
-    return shapely.orient_polygons(pieces[flat]), own[flat]
+    return shapely.orient_polygons(pieces[flat]), cell[flat]
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,9 +241,10 @@ def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
     inner = np.clip(points, _APART, size - _APART)  # on a side, a point would be its own mirror image
     mirrored = [np.where(axis, 2 * side - inner, inner) for axis in np.eye(2, dtype=bool) for side in (0 * size, size)]
     diagram = Voronoi(np.concatenate([inner, *mirrored]))
-    own, first = np.unique(diagram.point_region[: len(points)], return_index=True)  # points in one place share a cell
+    # Points in one place share a cell.
+    regions, first = np.unique(diagram.point_region[: len(points)], return_index=True)
     cells = [np.empty((0, 2))] * len(points)
-    for point, region in zip(first.tolist(), own.tolist(), strict=True):
+    for point, region in zip(first.tolist(), regions.tolist(), strict=True):
         corners = np.clip(diagram.vertices[diagram.regions[region]], 0, size)
         after = np.roll(corners, -1, axis=0)
         corners, (x, y) = corners[np.abs(after - corners).max(axis=1) > _APART], corners.T

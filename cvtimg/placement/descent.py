@@ -287,8 +287,8 @@ def _refilled(moments: CellMoments, at: _State, terms: Terms) -> _State | None:
     from scipy.spatial import cKDTree
 
     centroids = at.moments.centroids[heaviest]
-    own = np.delete(at.generators, np.flatnonzero(at.moments.masses == 0), axis=0)
-    gaps = cKDTree(own).query(centroids, min(2, len(own)))[0].reshape(len(centroids), -1)[:, -1]
+    kept = np.delete(at.generators, np.flatnonzero(at.moments.masses == 0), axis=0)
+    gaps = cKDTree(kept).query(centroids, min(2, len(kept)))[0].reshape(len(centroids), -1)[:, -1]
     # On both sides of the center of mass, a quarter of the way to the next generator.
     aside = np.zeros_like(centroids)
     aside[np.arange(len(aside)), np.arange(len(aside)) % aside.shape[1]] = 0.25 * gaps

@@ -163,9 +163,9 @@ class ImplicitRegion(Region):
         """Draw (n, D) points, evenly spread."""
         share = max(self._measure / self.box.measure, 1e-3)
         random = np.random.default_rng(rng)
-        found = np.empty((0, self.n_dims))
-        while len(found) < n:
-            n_more = int(1.1 * (n - len(found)) / share) + 16
+        points = np.empty((0, self.n_dims))
+        while len(points) < n:
+            n_more = int(1.1 * (n - len(points)) / share) + 16
             candidates = self.bounds[0] + self.box.sides * low_discrepancy(n_more, self.n_dims, random)
-            found = np.concatenate([found, candidates[self.function(candidates) <= 0]])
-        return found[:n]
+            points = np.concatenate([points, candidates[self.function(candidates) <= 0]])
+        return points[:n]

@@ -67,9 +67,9 @@ def check_apart(name: str, points: Points, bounds: Array) -> None:
     gaps, near = cKDTree(points).query(points, 2)
     least = _APART * float(np.linalg.norm(bounds[1] - bounds[0]))
     if gaps[:, 1].min() < least:
-        one, other = sorted(near[gaps[:, 1].argmin()].tolist())
+        first, other = sorted(near[gaps[:, 1].argmin()].tolist())
         place = points[other].tolist()
-        raise ValueError(f"{name} must be at least {least:.3g} apart: number {other}, {place}, lies on number {one}")
+        raise ValueError(f"{name} must be at least {least:.3g} apart: number {other}, {place}, lies on number {first}")
 
 
 def picture_moments(density: Floats32, n_generators: int) -> PixelMoments:
@@ -180,8 +180,8 @@ def draw_along_curve(density: Floats32, n_generators: int, rng: np.random.Genera
     pixels = np.stack(np.unravel_index(np.arange(density.size), density.shape)[::-1], axis=1)
     pixels = pixels[along_curve(pixels)]
     weights = np.cumsum(np.sqrt(density[pixels[:, 1], pixels[:, 0]], dtype=np.float64))
-    own = np.searchsorted(weights, (np.arange(n_generators) + 0.5) / n_generators * weights[-1])
-    return pixels[own] + rng.random((n_generators, 2))
+    chosen = np.searchsorted(weights, (np.arange(n_generators) + 0.5) / n_generators * weights[-1])
+    return pixels[chosen] + rng.random((n_generators, 2))
 
 
 def split_generators(generators: Points, n_generators: int) -> Points:

@@ -209,5 +209,5 @@ def draw_start(region: Region, density: Density, n_generators: int, rng: np.rand
         points = points[along_curve(points)]
     weights = np.cumsum(density(points) ** (n_dims / (n_dims + 2)))
     check_that("density", weights[-1] > 0, _NOT_0)
-    own = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
-    return points[np.minimum(own, len(points) - 1)]
+    chosen = np.searchsorted(weights, (np.arange(n_generators) + rng.random()) / n_generators * weights[-1])
+    return points[np.minimum(chosen, len(points) - 1)]

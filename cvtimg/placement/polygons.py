@@ -72,8 +72,8 @@ class PolygonRegion(Region):
         segments = np.asarray(labels)
         inside = segments == label if label is not None else segments != 0
         check_in_range("label", label, inside.any(), "that of a pixel: the region is empty")
-        found = find_contours(inside.astype(np.int32), tolerance=tolerance)
-        return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in found.polygons]))
+        contours = find_contours(inside.astype(np.int32), tolerance=tolerance)
+        return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in contours.polygons]))
 
     def __repr__(self) -> str:
         n = len(shapely.get_parts(self.geometry))
@@ -92,13 +92,13 @@ class PolygonRegion(Region):
     @property
     def corners(self) -> Points:
         """Points where the boundary turns by more than 30 degrees."""
-        found = []
+        corners = []
         for ring in shapely.get_rings(shapely.get_parts(self.geometry)):
             places = shapely.get_coordinates(ring)[:-1]
             before, after = places - np.roll(places, 1, axis=0), np.roll(places, -1, axis=0) - places
             turn = np.arctan2(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(axis=1))
-            found.append(places[np.abs(turn) > np.radians(_SMOOTH)])
-        return np.concatenate(found)
+            corners.append(places[np.abs(turn) > np.radians(_SMOOTH)])
+        return np.concatenate(corners)
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return its geometry."""
@@ -125,8 +125,8 @@ class PolygonRegion(Region):
         triangles = triangulate(np.array([self.geometry]))[0]
         areas = np.cumsum(triangle_areas(triangles))
         # Evenly spaced along the areas, so that each triangle has its share.
-        own = np.searchsorted(areas, (np.arange(n) + random.random()) / n * areas[-1])
-        first, second, third = triangles[np.minimum(own, len(areas) - 1)].transpose(1, 0, 2)
+        chosen = np.searchsorted(areas, (np.arange(n) + random.random()) / n * areas[-1])
+        first, second, third = triangles[np.minimum(chosen, len(areas) - 1)].transpose(1, 0, 2)
         u, v = random.random((2, n, 1))
         over = u + v > 1
         u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
@@ -140,8 +140,8 @@ def triangulate(polygons: Array) -> tuple[Floats, Indices]:
     except shapely.GEOSException:  # corners that are apart by rounding only
         extent = float(np.nanmax(np.abs(shapely.bounds(polygons))))
         cut = shapely.constrained_delaunay_triangles(shapely.remove_repeated_points(polygons, _ONE * extent))
-    parts, own = shapely.get_parts(cut, return_index=True)
-    return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], own
+    parts, part = shapely.get_parts(cut, return_index=True)
+    return shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], part
 
 
 def triangle_areas(triangles: Floats) -> Floats:
@@ -211,8 +211,8 @@ class PictureRegion(Region):
     def corners(self) -> Points:
         """The corners of the image that it holds: those along pixels are none."""
         ends = np.array(list(np.ndindex(*(2,) * self.n_dims)))
-        own = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
-        return self.bounds[ends, np.arange(self.n_dims)][own]
+        inside = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
+        return self.bounds[ends, np.arange(self.n_dims)][inside]
 
     def outline(self, tolerance: float = 0) -> Geometry:
         """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
@@ -256,8 +256,8 @@ class PictureRegion(Region):
         """Draw (n, D) points, equally many in each pixel, to within one."""
         random = np.random.default_rng(rng)
         inside = np.flatnonzero(self.mask)
-        own = inside[((np.arange(n) + random.random()) / n * len(inside)).astype(np.intp)]
-        corners = np.stack(np.unravel_index(own, self.mask.shape)[::-1], axis=1)
+        chosen = inside[((np.arange(n) + random.random()) / n * len(inside)).astype(np.intp)]
+        corners = np.stack(np.unravel_index(chosen, self.mask.shape)[::-1], axis=1)
         return corners + random.random((n, self.n_dims))
 
     def _sides(self) -> tuple[Points, Indices]:

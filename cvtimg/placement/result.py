@@ -83,9 +83,9 @@ class Placement(ReadOnly):
         >>> [cell.area for cell in place_generators(Box([0, 0], [2, 2]), 1).cells()]
         [4.0]
         """
-        pieces, own = oriented_pieces(voronoi_cells(self.points, self.region))
+        pieces, labels = oriented_pieces(voronoi_cells(self.points, self.region))
         rings = (map(shapely.get_coordinates, shapely.get_rings(piece)) for piece in pieces)
-        return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(own, rings, strict=True))
+        return tuple(Polygon(int(label) + 1, tuple(each)) for label, each in zip(labels, rings, strict=True))
 
     def measures(self) -> CellMeasures:
         """Measure how regular the Voronoi cells are: exactly where they are polygons, else by samples."""

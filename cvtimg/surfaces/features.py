@@ -85,13 +85,13 @@ def _is_broad(
     # Faces around are on the side of that face at the crease to which the way from its middle leads.
     way = np.subtract(*(unit(centers[side] - middles) for side in sides))
     sums = [2 * areas[side, None] * normals[side] for side in sides]
-    for own, of, grain in grains.near(middles, _SEEN.breadth * apart):
+    for block, of, grain in grains.near(middles, _SEEN.breadth * apart):
         is_first = np.einsum("ij,ij->i", grains.centers[grain] - middles[of], way[of]) > 0
         for side, chosen, total in zip(sides, (is_first, ~is_first), sums, strict=True):
             # Faces of another sheet, turned away, are left out.
             chosen &= np.einsum("ij,ij->i", outward[grain], normals[side[of]]) > 0
             chosen &= grain != grains.of_face[side[of]]
-            total[own] += sum_by_label(of[chosen] - own.start, grains.vectors[grain[chosen]], len(total[own]))
+            total[block] += sum_by_label(of[chosen] - block.start, grains.vectors[grain[chosen]], len(total[block]))
     means = [unit(total) for total in sums]
     passes = np.einsum("ij,ij->i", *means) < np.cos(np.radians(_SEEN.broad * angle))
     lengths /= apart
@@ -127,8 +127,8 @@ class _Grains:
         places -= places.min(axis=1, keepdims=True)
         of_face = np.unique(np.ravel_multi_index(places, places.max(axis=1) + 1), return_inverse=True)[1].ravel()
         if not by_axis:
-            one = np.flatnonzero(mesh.twins.ravel() >= 0)
-            links = one // 3, mesh.twins.ravel()[one] // 3
+            sides = np.flatnonzero(mesh.twins.ravel() >= 0)
+            links = sides // 3, mesh.twins.ravel()[sides] // 3
             same = of_face[links[0]] == of_face[links[1]]
             of_face = connected_parts((links[0][same], links[1][same]), len(centers))[1].astype(np.intp)
         areas = np.linalg.norm(weighted, axis=1, keepdims=True)
@@ -142,10 +142,10 @@ class _Grains:
 
         tree = KDTree(self.centers)
         for first in range(0, len(places), _SEEN.block):
-            own = slice(first, first + _SEEN.block)
-            lists = tree.query_ball_point(places[own], reach[own], return_sorted=False)
+            block = slice(first, first + _SEEN.block)
+            lists = tree.query_ball_point(places[block], reach[block], return_sorted=False)
             of = first + np.arange(len(lists)).repeat([len(each) for each in lists])
-            yield own, of, np.concatenate(lists).astype(np.intp)
+            yield block, of, np.concatenate(lists).astype(np.intp)
 
 
 def _is_flat(mesh: SurfaceTriangulation, sizes: Floats, angle: float) -> Bools:
@@ -155,19 +155,19 @@ def _is_flat(mesh: SurfaceTriangulation, sizes: Floats, angle: float) -> Bools:
     outward, reach = unit(grains.vectors), np.zeros(len(grains.centers))
     np.maximum.at(reach, grains.of_face, _SEEN.breadth * apart)
     least = np.ones(len(reach))
-    for own, of, grain in grains.near(grains.centers, reach):
-        at, n, vectors = of - own.start, len(least[own]), grains.vectors[grain]
+    for block, of, grain in grains.near(grains.centers, reach):
+        at, n, vectors = of - block.start, len(least[block]), grains.vectors[grain]
         is_away, areas = np.einsum("ij,ij->i", outward[of], vectors) <= 0, np.linalg.norm(vectors, axis=1)
         away, all_of_it = (np.bincount(at, weights, n) for weights in (is_away * areas, areas))
         normal = unit(sum_by_label(at, vectors, n))
         x = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
-        way = grains.centers[grain] - grains.centers[own][at]
+        way = grains.centers[grain] - grains.centers[block][at]
         along = [np.einsum("ij,ij->i", way, axis[at]) for axis in (x, np.cross(normal, x))]
         for turn in np.arange(_SEEN.turns) * np.pi / _SEEN.turns:
             first = along[0] * np.cos(turn) + along[1] * np.sin(turn) > 0
             halves = [unit(sum_by_label(at[chosen], vectors[chosen], n)) for chosen in (first, ~first)]
-            least[own] = np.minimum(least[own], np.einsum("ij,ij->i", *halves))
-        least[own][away > _SEEN.away * all_of_it] = -1
+            least[block] = np.minimum(least[block], np.einsum("ij,ij->i", *halves))
+        least[block][away > _SEEN.away * all_of_it] = -1
     return np.asarray((least > np.cos(np.radians(angle)))[grains.of_face])
 
 

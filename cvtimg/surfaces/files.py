@@ -68,9 +68,9 @@ def read_surface(path: StrPath, weld: float | None = None) -> TriangulatedSurfac
     -------
     TriangulatedSurface
     """
-    found = _loaded(path)
+    mesh = _loaded(path)
     try:
-        return mended(found.vertices, found.faces, weld)
+        return mended(mesh.vertices, mesh.faces, weld)
     except ValueError as error:
         raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
 
@@ -127,12 +127,12 @@ def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
     """
     suffix = Path(path).suffix.lower()
     check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")
-    found = _loaded(path)
-    data = found.metadata["_ply_raw"]["vertex"]["data"]
+    mesh = _loaded(path)
+    data = mesh.metadata["_ply_raw"]["vertex"]["data"]
     names = [*(data if isinstance(data, dict) else data.dtype.names)]
     check_choice("vertex property", name, names)
     values = np.asarray(data[name], np.float64).ravel()
-    return VertexDensity(np.asarray(found.vertices, np.float64), np.asarray(found.faces, np.int64), values)
+    return VertexDensity(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), values)
 
 
 def _loaded(path: StrPath) -> Any:
@@ -141,9 +141,9 @@ def _loaded(path: StrPath) -> Any:
     check_choice("suffix", Path(path).suffix.lower(), SURFACE_SUFFIXES)
     with local_copy(path) as copy, copy.open("rb") as file:
         try:
-            found: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=False)
+            mesh: Any = trimesh.load_mesh(file, file_type=Path(path).suffix[1:].lower(), process=False)
         except Exception as error:  # trimesh's readers raise whatever a damaged file leads to
             raise OSError(f"{path}: cannot be read as a surface ({one_line(error)})") from error
-    if not len(found.faces):
+    if not len(mesh.faces):
         raise OSError(f"{path}: has no triangles")
-    return found
+    return mesh

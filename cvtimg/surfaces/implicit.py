@@ -81,8 +81,8 @@ class ImplicitSurface(Surface):
 
     def nearest(self, places: Points, faces: Triangles, fine: SurfaceTriangulation) -> tuple[Points, Points, Triangles]:
         """Move places to the surface; which triangles of `fine` are near does not matter."""
-        found = self.on_surface(places)
-        return found, unit(self.function.slopes(found)), faces
+        feet = self.on_surface(places)
+        return feet, unit(self.function.slopes(feet)), faces
 
     def _triangulate(self, spacing: float) -> SurfaceTriangulation:
         from skimage.measure import marching_cubes
@@ -97,9 +97,9 @@ class ImplicitSurface(Surface):
         crosses = values.min() < 0 < values.max()
         check_that("function", crosses, "be negative and positive within lower and upper: it has one sign")
         options: dict[str, Any] = {"spacing": tuple(sides / counts), "allow_degenerate": False}
-        found: Any = marching_cubes(values, 0.0, **options)  # type: ignore[no-untyped-call]
-        vertices = self.on_surface(lower + np.asarray(found[0], np.float64))
-        faces = np.ascontiguousarray(found[1], np.int32)
+        marched: Any = marching_cubes(values, 0.0, **options)  # type: ignore[no-untyped-call]
+        vertices = self.on_surface(lower + np.asarray(marched[0], np.float64))
+        faces = np.ascontiguousarray(marched[1], np.int32)
         return divided(vertices, faces)
 
 

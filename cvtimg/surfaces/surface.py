@@ -115,8 +115,8 @@ class TriangulatedSurface(Surface):
 
     def nearest(self, places: Points, faces: Triangles, fine: SurfaceTriangulation) -> tuple[Points, Points, Triangles]:
         """Walk over the triangles of `fine`, which are parts of those of the surface."""
-        found, faces = fine.nearest(places, faces)
-        return found, fine.face_normals(faces), faces
+        feet, faces = fine.nearest(places, faces)
+        return feet, fine.face_normals(faces), faces
 
 
 class VertexDensity:
@@ -153,9 +153,9 @@ class VertexDensity:
         """Return the density (N,) at (N, 3) places on the surface or near to it."""
         places = check_places("places", places, 3)
         start = self._face[self._used[self._tree.query(places)[1]]]
-        found, faces = self._mesh.nearest(places, start)
+        feet, faces = self._mesh.nearest(places, start)
         corners = self._mesh.triangles[faces]
         a, b, c = (self._mesh.points[corners[:, k]] for k in range(3))
         # Shares of a triangle opposite to its corners.
-        shares = np.stack([np.linalg.norm(np.cross(q - found, r - found), axis=1) for q, r in ((b, c), (c, a), (a, b))])
+        shares = np.stack([np.linalg.norm(np.cross(q - feet, r - feet), axis=1) for q, r in ((b, c), (c, a), (a, b))])
         return (shares * self._values[corners].T).sum(axis=0) / shares.sum(axis=0)

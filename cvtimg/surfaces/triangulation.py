@@ -58,9 +58,9 @@ class SurfaceTriangulation(HalfEdges):
 
     def nearest(self, places: Points, faces: Triangles) -> tuple[Points, Triangles]:
         """Walk from faces to the nearest points to places; return them and their faces."""
-        found, last = np.ascontiguousarray(places).copy(), faces.copy()
-        in_parts(partial(_surfaces.walk, self, found, last), len(found), 300.0 * len(found))  # steps of the kernel
-        return found, last
+        feet, last = np.ascontiguousarray(places).copy(), faces.copy()
+        in_parts(partial(_surfaces.walk, self, feet, last), len(feet), 300.0 * len(feet))  # steps of the kernel
+        return feet, last
 
     def cut(self, features: Bools) -> tuple[SurfaceTriangulation, Indices]:
         """Cut along half-edges (3 T,), so that each side has vertices of its own; return what these were, too."""
@@ -70,9 +70,9 @@ class SurfaceTriangulation(HalfEdges):
 
     def on_boundary(self) -> Bools:
         """Tell which vertices (N,) are on the boundary."""
-        found = np.zeros(len(self.points), np.bool_)
-        found[self.edges[self.twins.ravel() < 0]] = True
-        return found
+        is_outer = np.zeros(len(self.points), np.bool_)
+        is_outer[self.edges[self.twins.ravel() < 0]] = True
+        return is_outer
 
     def face_of_each(self) -> Triangles:
         """Return a triangle (N,) at each vertex; any number for vertices without one."""
@@ -116,10 +116,10 @@ def divide_fans(triangles: Triangles, edge: Triangles) -> tuple[Indices, Triangl
     following = halves.reshape(-1, 3)[:, [1, 2, 0]].ravel()
     order = np.argsort(edge, kind="stable")
     is_same = (edge[order[1:]] == edge[order[:-1]]) & (edge[order[1:]] >= 0)
-    one, other = order[:-1][is_same], order[1:][is_same]
-    turned = vertices[one] == vertices[other]
+    corner, other = order[:-1][is_same], order[1:][is_same]
+    turned = vertices[corner] == vertices[other]
     starts, ends = np.where(turned, other, following[other]), np.where(turned, following[other], other)
-    links = np.concatenate([one, following[one]]), np.concatenate([starts, ends])
+    links = np.concatenate([corner, following[corner]]), np.concatenate([starts, ends])
     n_fans, fan = connected_parts(links, len(halves))
     origin = np.empty(n_fans, np.intp)
     origin[fan] = vertices
@@ -140,15 +140,15 @@ def split_long_edges(
     allowed = limits(points)
     for _ in range(_ROUNDS):
         edge = number_edges(triangles, len(points))
-        own = np.flatnonzero(edge == np.arange(len(edge)))
-        a, b = triangles.ravel()[own], triangles[:, [1, 2, 0]].ravel()[own]
+        first = np.flatnonzero(edge == np.arange(len(edge)))
+        a, b = triangles.ravel()[first], triangles[:, [1, 2, 0]].ravel()[first]
         is_long = np.linalg.norm(points[a] - points[b], axis=1) > (allowed[a] + allowed[b]) / 2
         if not is_long.any():
             break
         a, b = a[is_long], b[is_long]
         middles = on_surface((points[a] + points[b]) / 2)
         number = np.full(triangles.size, -1, np.int32)
-        number[own[is_long]] = np.arange(len(points), len(points) + len(middles), dtype=np.int32)
+        number[first[is_long]] = np.arange(len(points), len(points) + len(middles), dtype=np.int32)
         triangles = _split(triangles, number[edge].reshape(-1, 3))
         points = np.concatenate([points, middles])
         allowed = np.concatenate([allowed, limits(middles)])

@@ -463,8 +463,8 @@ def _numbered(n_columns: int) -> list[str]:
 
 def _distinct(names: Sequence[str]) -> list[str]:
     """Give names that occur again a number, as pandas does: a, a.1, a.2."""
-    found: dict[str, None] = {}
+    names_so_far: dict[str, None] = {}
     for name in names:
         free = (f"{name}.{number}" if number else name for number in range(len(names)))
-        found[next(one for one in chain(free, [name]) if one not in found)] = None
-    return list(found)
+        names_so_far[next(candidate for candidate in chain(free, [name]) if candidate not in names_so_far)] = None
+    return list(names_so_far)

@@ -44,8 +44,8 @@ class _Box(NamedTuple):
 
 def _box(wanted: Bools, step: int = 1) -> _Box:
     """Return the bounding box of the true pixels, or one pixel; left and top are multiples of `step`."""
-    found = [np.flatnonzero(wanted.any(axis=axis)) if wanted.any() else np.zeros(1, int) for axis in (1, 0)]
-    (top, bottom), (left, right) = ((int(one[0]) // step * step, int(one[-1]) + 1) for one in found)
+    ranges = [np.flatnonzero(wanted.any(axis=axis)) if wanted.any() else np.zeros(1, int) for axis in (1, 0)]
+    (top, bottom), (left, right) = ((int(ends[0]) // step * step, int(ends[-1]) + 1) for ends in ranges)
     return _Box((slice(top, bottom), slice(left, right)), left, top, (right - left, bottom - top))
 
 

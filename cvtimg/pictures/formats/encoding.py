@@ -129,7 +129,7 @@ def encoder(
         mode = _WIDER[mode]
     picture = picture._replace(mode=mode)
     if mode not in form.modes:
-        able = ", ".join(name for name, one in _FORMATS.items() if mode in one.modes and one.lossless >= form.lossless)
+        able = ", ".join(name for name, it in _FORMATS.items() if mode in it.modes and it.lossless >= form.lossless)
         raise ValueError(f"{suffix} cannot hold {_CONTENT[mode]}; use one of {able}")
     if optimize and form.name != "PNG":
         raise ValueError(f"optimize is only for .png, not for {suffix}")

@@ -156,17 +156,17 @@ def _read(file: BinaryIO) -> ImageInfo:
 def _of_pages(file: BinaryIO, said: bool = True) -> dict[str, Any]:
     """Describe the pages of a TIFF and the size of their pixels, of which one page tells where something is `said`."""
     n_pages = count_pages(file)
-    found: dict[str, Any] = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
+    columns: dict[str, Any] = {"frames": n_pages, "axes": "QYX", "shape": (n_pages,)} if n_pages > 1 else {"frames": 1}
     if n_pages == 1 and not said:
-        return found
+        return columns
     import tifffile
 
     with suppress(Exception), tifffile.TiffFile(file) as tiff:  # Pillow reads damaged files that tifffile does not
         stack = stack_of(tiff, n_pages)
         if n_pages > 1:
-            found |= {"axes": f"{stack.axes}YX", "shape": stack.shape}
-        found |= {"channels": stack.channels, "pixel_size": PixelSize.of(scale_of(tiff))}
-    return found
+            columns |= {"axes": f"{stack.axes}YX", "shape": stack.shape}
+        columns |= {"channels": stack.channels, "pixel_size": PixelSize.of(scale_of(tiff))}
+    return columns
 
 
 def _of_picture(image: ImageFile.ImageFile, file: BinaryIO) -> ImageInfo:

@@ -137,7 +137,7 @@ def _to_xyz(chromaticities: tuple[float, ...]) -> Floats:
     x, y = np.reshape(chromaticities, (4, 2)).T
     white, *primaries = np.stack([x / y, np.ones(4), (1 - x - y) / y], axis=1)
     columns = np.stack(primaries, axis=1)
-    seen, wanted = (_BRADFORD @ one for one in (white, [_D65[0] / _D65[1], 1, (1 - sum(_D65)) / _D65[1]]))
+    seen, wanted = (_BRADFORD @ point for point in (white, [_D65[0] / _D65[1], 1, (1 - sum(_D65)) / _D65[1]]))
     to_d65 = np.linalg.inv(_BRADFORD) @ np.diag(wanted / seen) @ _BRADFORD
     return to_d65 @ columns * np.linalg.solve(columns, white)
 

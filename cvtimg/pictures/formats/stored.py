@@ -163,18 +163,18 @@ def _open_ngff(path: StrPath) -> StoredStack:
     zarr, said = optional("zarr", "zarr"), _said_of(Path(path))
     image = said["multiscales"][0]
     axes, level = image["axes"], image["datasets"][0]
-    letters = "".join(str(one["name"])[:1].upper() for one in axes)
+    letters = "".join(str(entry["name"])[:1].upper() for entry in axes)
     if not letters.endswith("YX") or len({*letters}) < len(letters):
         raise UnfitContentError(f"has the axes {letters}, which do not end in YX")
     sizes = np.ones(len(axes))
     for step in (*level.get("coordinateTransformations", ()), *image.get("coordinateTransformations", ())):
         if step.get("type") == "scale":
             sizes = sizes * np.asarray(step["scale"], np.float64)
-    units = {str(one.get("unit", "")) for one in axes if one["name"] in ("z", "y", "x")}
+    units = {str(entry.get("unit", "")) for entry in axes if entry["name"] in ("z", "y", "x")}
     size = dict(zip(letters, sizes.tolist(), strict=True))
     unit = units.pop() if len(units) == 1 else ""
     pixel_size = PixelSize.named(size["X"], size["Y"], unit, size.get("Z"))
-    named = [str(one.get("label", "")) for one in said.get("omero", {}).get("channels", ())]
+    named = [str(entry.get("label", "")) for entry in said.get("omero", {}).get("channels", ())]
     array = zarr.open_array(str(Path(path, level["path"])), mode="r")
     names = tuple(named) if "C" in letters and len({*named}) == array.shape[letters.index("C")] else ()
     return StoredStack(array, letters, names, pixel_size, "OME-Zarr")

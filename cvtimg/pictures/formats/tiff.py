@@ -163,7 +163,7 @@ def count_pages(file: BinaryIO) -> int:
 
             file.seek(0)
             with suppress(Exception), tifffile.TiffFile(file) as tiff:  # errors are reported when the file is read
-                n_pages = sum(one.size // one.keyframe.size for one in main_series(tiff))
+                n_pages = sum(part.size // part.keyframe.size for part in main_series(tiff))
                 size = n_pages if selected().series else max(size, n_pages)
     file.seek(0)
     return size
@@ -171,8 +171,8 @@ def count_pages(file: BinaryIO) -> int:
 
 def main_series(tiff: tifffile.TiffFile) -> list[tifffile.TiffPageSeries]:
     """List the series of a file, excluding reduced-size copies and masks; only the one that is chosen, if so."""
-    kinds = [one.keyframe.aspage().tags.valueof(Base.NewSubfileType, 0) for one in tiff.series]
-    series = [one for one, kind in zip(tiff.series, kinds, strict=True) if not kind & _SUBORDINATE]
+    kinds = [part.keyframe.aspage().tags.valueof(Base.NewSubfileType, 0) for part in tiff.series]
+    series = [part for part, kind in zip(tiff.series, kinds, strict=True) if not kind & _SUBORDINATE]
     if not (number := selected().series):
         return series
     if number > len(series):
@@ -228,8 +228,8 @@ def stack_of(tiff: tifffile.TiffFile, n_pages: int) -> Arrangement:
     shape = tuple(lengths[axis] for axis in axes)
     if tiff.is_ome:
         elements = [*_ome_elements(tiff.ome_metadata or "", "Channel")]
-        is_named = any(one.get("Name") for one in elements)
-        names = tuple(str(one.get("Name") or one.get("ID", "")) for one in elements) if is_named else ()
+        is_named = any(element.get("Name") for element in elements)
+        names = tuple(str(element.get("Name") or element.get("ID", "")) for element in elements) if is_named else ()
     else:
         names = _imagej_channels(tiff, axes, shape)
     n_channels = lengths.get("C", 1) * lengths.get("S", 1)
@@ -251,9 +251,9 @@ def _ome_elements(description: str, name: str) -> Iterator[Element]:
 
     with suppress(ElementTree.ParseError, ValueError):
         root = ElementTree.fromstring(description)
-        images = [one for one in root.iter() if one.tag.rpartition("}")[2] == "Pixels"]
+        images = [element for element in root.iter() if element.tag.rpartition("}")[2] == "Pixels"]
         pixels = next(islice(images, (selected().series or 1) - 1, None), root)
-        yield from (one for one in pixels.iter() if one.tag.rpartition("}")[2] == name)
+        yield from (element for element in pixels.iter() if element.tag.rpartition("}")[2] == name)
 
 
 def tiff_tags(page: tifffile.TiffPage) -> dict[int, Any]:
@@ -356,7 +356,7 @@ def _divide_by_alpha(values: Array) -> Array:
 
 
 def _numbers(value: Any) -> tuple[int, ...]:
-    return tuple(int(one) for one in value) if isinstance(value, tuple) else (int(value),)
+    return tuple(int(number) for number in value) if isinstance(value, tuple) else (int(value),)
 
 
 def _first(value: object) -> int:
