@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 #: Whether results prove themselves: with CVTIMG_CHECK=1 in the environment, as in the tests.
 PROVING = os.environ.get("CVTIMG_CHECK", "0") not in ("", "0")
-#: Figures that are summed in another order may differ by this share.
-_ROUNDING = 1e-9
+#: Figures that are summed in another order may differ by this share: half of the digits of double precision are alike.
+_ROUNDING = float(np.sqrt(np.finfo(np.float64).eps))
 
 #: What must hold of a result, in words, and whether it does.
 Claims = Iterator[tuple[str, Any]]
