@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from importlib import import_module
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,16 @@ N_CURVE = 64
 SMALL = 1 << 18
 #: What results import for a second or so, in the background before they are wanted.
 _IMPORTED = ("scipy.ndimage", "scipy.optimize", "scipy.spatial", "skimage.color", "skimage.measure", "scipy.stats")
+#: Colors of channels that are shown together, in the order of Fiji; of two they are those that all people tell apart.
+_TINTS = {
+    "red": (1, 0, 0),
+    "green": (0, 1, 0),
+    "blue": (0, 0, 1),
+    "white": (1, 1, 1),
+    "cyan": (0, 1, 1),
+    "magenta": (1, 0, 1),
+    "yellow": (1, 1, 0),
+}
 #: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
 _KEPT, _MOST_KEPT = 4, 1 << 24
 
@@ -225,24 +236,39 @@ class Picture:
         if wait_for:
             wait(list(self._curves.values()))
 
+    @property
+    def tints(self) -> Sequence[str]:
+        """Names of the colors in which all channels are shown together."""
+        n_channels = 0 if self.channel else len(self.channels)
+        return ("green", "magenta") if n_channels == 2 else [*islice(cycle(_TINTS), n_channels)]
+
     @cached_property
-    def _limits(self) -> tuple[float, float]:
+    def _limits(self) -> list[tuple[float, float]]:
+        """The range of all bands, or, of channels in colors, of each."""
         bands = self._bands(self.plain)
-        return natural_limits(bands if self.known is None else bands[self.known])
+        values = bands if self.known is None else bands[self.known]
+        return [natural_limits(values[..., [n]]) for n in range(len(self.tints))] or [natural_limits(values)]
+
+    def _shown(self, bands: Array) -> Bytes:
+        if not self.tints:
+            return shown(bands, self._limits[0])
+        levels = [np.interp(bands[..., n], limits, (0.0, 255.0)) for n, limits in enumerate(self._limits)]
+        colors = np.stack(levels, axis=-1) @ [_TINTS[name] for name in self.tints]
+        return np.rint(colors.clip(0, 255)).astype(np.uint8)
 
     def _bands(self, pixels: Array) -> Array:
         bands = pixels[..., None] if self.plain.ndim == 2 else pixels
-        return bands if self.has_alpha else bands[..., :3]
+        return bands if self.has_alpha or self.tints else bands[..., :3]
 
     def seen(self, window: Window) -> Pixels:
-        return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
+        return Pixels(self._shown(self._bands(window.of_array(self.plain))))
 
     def colors_seen(self, colors: Array, *, alpha: bool) -> Bytes:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
-        bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
-        if bands.shape[1] == 2:  # gray and alpha
+        bands = colors if alpha or self.tints or colors.shape[1] <= 3 else colors[:, :3]
+        if bands.shape[1] == 2 and not self.tints:  # gray and alpha
             bands = bands[:, [0, 0, 0, 1]]
-        rows = shown(np.ascontiguousarray(bands), self._limits)
+        rows = self._shown(np.ascontiguousarray(bands))
         rgba = np.full((len(rows), 4), 255, np.uint8)
         rgba[:, : rows.shape[1]] = rows
         return rgba
@@ -256,6 +282,7 @@ class Picture:
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
             "channels": self.channels,
+            "tints": self.tints,
             "durations": getattr(self.frames, "durations", None),
             "exact": self.array.dtype == np.uint8,
         }

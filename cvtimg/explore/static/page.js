@@ -131,10 +131,10 @@ function setFrame(number) {
 }
 
 function setChannel(number) { // from 1; 0 for all
-	const {channels} = state.picture;
+	const {channels, tints} = state.picture;
 	state.channel = number;
 	$("channels").hidden = !channels.length;
-	$("channel").replaceChildren(new Option("all", 0), ...channels.map((name, n) => new Option(name, n + 1)));
+	$("channel").replaceChildren(new Option(`all: ${channels.map((name, n) => `${name} ${tints[n]}`).join(", ")}`, 0), ...channels.map((name, n) => new Option(name, n + 1)));
 	$("channel").value = number;
 }
 
