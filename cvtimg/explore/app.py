@@ -7,6 +7,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from cvtimg._shared.choices import Json, SpaceName
 from cvtimg.colors import SPACES
 from cvtimg.explore.alternatives import WANTED, fitting, seen_quality
 from cvtimg.explore.channel import Channel
-from cvtimg.explore.collection import Collection
+from cvtimg.explore.collection import add_result
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
 from cvtimg.explore.opened import most_pixels
@@ -53,7 +54,6 @@ class Server:
 
     def __init__(self, credentials: Credentials, paths: Sequence[Path] = (), keep: bool = True) -> None:
         self.store = Store()
-        self.collection = Collection(self.store)
         self._own, self._paths, self._keep = credentials, paths, keep
         self._n_pages, self._last_used = 0, time.monotonic()
         files = static_files()
@@ -61,23 +61,32 @@ class Server:
         routes += [
             Route(ENTRANCE, self._enter),
             Route("/about", self._about),
-            Route("/picture", self._open_picture, methods=["POST"]),
-            Route("/picture/{key}", self._describe_picture),
-            Route("/distinct/{key}", self._count_colors),
-            Route("/palette", self._open_palette, methods=["POST"]),
             Route("/thumbnail/{key}", self._thumbnail),
-            Route("/all", self._add_to_all, methods=["POST"]),
             Route("/all.zip", self._all),
-            Route("/command", self._read_command, methods=["POST"]),
-            Route("/presets", self._change_presets, methods=["POST"]),
-            Route("/sample", self._open_sample, methods=["POST"]),
-            Route("/resize", self._resize, methods=["POST"]),
             Route("/forget", self._forget, methods=["POST"]),
-            Route("/given/{number:int}", self._open_given, methods=["POST"]),
-            Route("/curve/{picture}/{space}", self._curve),
             Route("/file/{result}/{output}", self._file),
             WebSocketRoute("/live", self._live),
         ]
+        store, described = self.store, self.store.described
+        asked: dict[str, Callable[..., Json]] = {
+            "/picture/{key}": described,
+            "/distinct/{key}": lambda key: {"distinct": store.picture(key).samples.n_colors},
+            "/given/{number:int}": self._given,
+            "/curve/{picture}/{space}": self._curve,
+        }
+        sent: dict[str, Callable[[str, bytes], Json]] = {
+            "/picture": lambda name, content: described(store.open_sent(name, content).key),
+            "/sample": lambda name, content: described(store.open_sent("sample.png", _sample()).key),
+            "/palette": store.open_palette,
+            "/command": lambda name, content: settings_of(content.decode(errors="replace")),
+            "/all": lambda name, content: add_result(store, _understood(content)),
+            "/presets": lambda name, content: self._presets(_understood(content)),
+            "/resize": lambda name, content: self._resized(_understood(content)),
+        }
+        routes += [
+            Route(address, partial(self._answer, make), methods=["GET", "POST"]) for address, make in asked.items()
+        ]
+        routes += [Route(address, partial(self._take, use), methods=["POST"]) for address, use in sent.items()]
         self.app = Guard(Starlette(routes=routes), credentials, files)
 
     @property
@@ -111,51 +120,24 @@ class Server:
         }
         return JSONResponse(about)
 
-    async def _open_picture(self, request: Request) -> Response:
-        return await self._sent(request, lambda name, content: self.store.open_sent(name, content).described())
-
-    async def _describe_picture(self, request: Request) -> Response:
-        return await _answered(lambda: self.store.described(request.path_params["key"]))
-
-    async def _count_colors(self, request: Request) -> Response:
-        key = request.path_params["key"]
-        return await _answered(lambda: {"distinct": self.store.picture(key).samples.n_colors})
-
-    async def _open_palette(self, request: Request) -> Response:
-        return await self._sent(request, self.store.open_palette)
-
     async def _thumbnail(self, request: Request) -> Response:
         try:
             return Response(self.store.thumbnail(request.path_params["key"]), media_type="image/png")
         except UnfitRequestError as error:
             return PlainTextResponse(str(error), 422)
 
-    async def _add_to_all(self, request: Request) -> Response:
-        """Add the result for a picture to the archive of all; the first empties it."""
-
-        def added(name: str, content: bytes) -> Json:
-            asked = _understood(content)
-            if asked.get("first"):
-                self.collection.begin()
-            return self.collection.add(asked)
-
-        return await self._sent(request, added)
-
     async def _all(self, request: Request) -> Response:
         return FileResponse(self.store.archive, media_type="application/zip")
 
-    async def _read_command(self, request: Request) -> Response:
-        return await self._sent(request, lambda name, content: settings_of(content.decode(errors="replace")))
+    def _presets(self, asked: Json) -> Json:
+        if not self._keep:
+            raise UnfitRequestError("with --no-store nothing is kept, and settings are not saved by name")
+        return change_presets(asked)
 
-    async def _change_presets(self, request: Request) -> Response:
-        def changed(name: str, content: bytes) -> Json:
-            if not self._keep:
-                raise UnfitRequestError("with --no-store nothing is kept, and settings are not saved by name")
-            return change_presets(_understood(content))
+    async def _answer(self, make: Callable[..., Json], request: Request) -> Response:
+        return await _answered(lambda: make(**request.path_params))
 
-        return await self._sent(request, changed)
-
-    async def _sent(self, request: Request, use: Callable[[str, bytes], Json]) -> Response:
+    async def _take(self, use: Callable[[str, bytes], Json], request: Request) -> Response:
         """Take a file that a page sends, up to the limit."""
         self._last_used = time.monotonic()
         most = f"{MOST_BYTES / 1e6:.0f} MB, more than the page takes; use the command line, or name it there to open it"
@@ -170,45 +152,28 @@ class Server:
                 return too_large
         return await _answered(lambda: use(request.query_params.get("name", "image"), bytes(content)))
 
-    async def _open_given(self, request: Request) -> Response:
-        number = request.path_params["number"]
+    def _given(self, number: int) -> Json:
         if number >= len(self._paths):
-            return PlainTextResponse("there is no such image", 404)
-        return await _answered(lambda: self.store.described(self.store.key_of(self._paths[number])))
+            raise UnfitRequestError("there is no such image")
+        return self.store.described(self.store.key_of(self._paths[number]))
 
-    async def _open_sample(self, request: Request) -> Response:
-        return await _answered(lambda: self.store.open_sent("sample.png", _sample()).described())
-
-    async def _resize(self, request: Request) -> Response:
-        """Open a picture of another size, and say how it is made."""
-
-        def resized(name: str, content: bytes) -> Json:
-            asked = _understood(content)
-            made = self.store.resized(opened(self.store, asked), asked.get("width"))
-            return self.store.described(made.key)
-
-        return await self._sent(request, resized)
+    def _resized(self, asked: Json) -> Json:
+        return self.store.described(self.store.resized(opened(self.store, asked), asked.get("width")).key)
 
     async def _forget(self, request: Request) -> Response:
         self.store.forget()
         return JSONResponse({})
 
-    async def _curve(self, request: Request) -> Response:
-        key, space = request.path_params["picture"], request.path_params["space"]
-
-        def measured() -> Json:
-            if space not in SPACES:
-                raise UnfitRequestError("there is no such color space")
-            name: SpaceName = space
-            curve = self.store.picture(key).curve(name, wait=True)
-            if curve is None:
-                raise UnfitRequestError("the energy curve cannot be computed")
-            psnr = None if curve.psnr is None else [round(float(value), 2) for value in curve.psnr if value < 1e3]
-            floor = curve.scale.floor(curve.energies) or 1.0
-            heights = [(float(energy) + floor) / (float(curve.energies[0]) + floor) for energy in curve.energies]
-            return {"heights": heights, "elbow": int(curve.elbow()), "psnr": psnr}
-
-        return await _answered(measured)
+    def _curve(self, picture: str, space: SpaceName) -> Json:
+        if space not in SPACES:
+            raise UnfitRequestError("there is no such color space")
+        curve = self.store.picture(picture).curve(space, wait=True)
+        if curve is None:
+            raise UnfitRequestError("the energy curve cannot be computed")
+        psnr = None if curve.psnr is None else [round(float(value), 2) for value in curve.psnr if value < 1e3]
+        floor = curve.scale.floor(curve.energies) or 1.0
+        heights = [(float(energy) + floor) / (float(curve.energies[0]) + floor) for energy in curve.energies]
+        return {"heights": heights, "elbow": int(curve.elbow()), "psnr": psnr}
 
     async def _file(self, request: Request) -> Response:
         outcome = self.store.result(request.path_params["result"])

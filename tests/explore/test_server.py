@@ -567,7 +567,7 @@ def test_pages_share_the_pictures_of_the_command_line(tmp_path: Path) -> None:
     first, second = (page.post("/given/0").json() for _ in range(2))
     assert first == second
     assert (first["name"], first["path"]) == ("a.png", str(tmp_path / "a.png"))
-    assert page.post("/given/1").status_code == 404
+    assert page.post("/given/1").status_code == 422
     server.store.close()
 
 

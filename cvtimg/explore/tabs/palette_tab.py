@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from cvtimg import find_palette
-from cvtimg._shared.choices import Json, Options, SpaceName
+from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.types import Bytes
-from cvtimg.colors import to_depth
-from cvtimg.explore.calls import Code, Line, call, evaluated, run
+from cvtimg.explore.calls import Code, Line, call, evaluated
 from cvtimg.explore.controls import (
     Choice,
     Colors,
@@ -26,10 +23,10 @@ from cvtimg.explore.controls import (
 )
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import SMALL
-from cvtimg.explore.outcomes import Outcome, Output, Recipe
+from cvtimg.explore.outcomes import Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 from cvtimg.explore.tabs.colors_tab import N_PIXELS, PALETTE, palette_files, read_as, rgb
-from cvtimg.quantization import Quantized, main_palette, map_to_palette
+from cvtimg.quantization import Quantized
 
 _FORMATS = {
     ".gpl": "GIMP, Krita … (.gpl)",
@@ -55,6 +52,7 @@ class PaletteTab(Tab):
     title = "Palette"
     about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
     verb = "palette"
+    most_drafted = SMALL
     controls: ClassVar[tuple[Control, ...]] = (
         *controls_of(
             "palette",
@@ -115,21 +113,6 @@ class PaletteTab(Tab):
         else:
             find = call("cvtimg.quantize", IMAGE, settings["k"], **keywords)
         return [*lines, Line("result", find), *_order_lines(settings)]
-
-    def draft(self, request: Request) -> Outcome | None:
-        """Map the window to the palette of the picture in a small size."""
-        settings, picture = request.settings, request.picture
-        space: SpaceName = {"image": settings["space"], "main": "oklab"}.get(settings["start"], "rgb")
-        if not _is_found(settings):
-            if settings["dither"] != "none" or settings["ramp"]:
-                return None
-            colors = to_depth(_given(request)[1], picture.array.dtype)
-        else:
-            locked = to_depth(rgb(settings["locked"]), picture.array.dtype) if settings["locked"] else None
-            finds = main_palette if settings["start"] == "main" else partial(find_palette, space=space)
-            colors = finds(picture.samples_in(picture.whole(SMALL)), settings["k"], locked=locked, effort="fast").colors
-        values = {"result": map_to_palette(picture.samples_in(request.window), colors, space=space)}
-        return Outcome(*self.seen(request, run(_order_lines(settings), values)), drawn=request.window)
 
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Quantized = values["result"]
