@@ -122,9 +122,11 @@ def region_table(
     Measured by ``skimage.measure.regionprops_table``, whose coordinates start at the center of the first pixel.
 
     Surfaces are counted: by Crofton's formula, the area is proportional to how often lines of all directions cross the
-    surface; 13 directions stand for all (G. Lehmann, D. Legland, The Insight Journal, 2012, hal-02811118). Balls of a
-    radius of 5 voxels or more are 1 % too small on average where planes are at most half a radius apart; a cube is 10 %
-    too small.
+    surface; 13 directions stand for all (G. Lehmann, D. Legland, The Insight Journal, 2012, hal-02811118). Lines miss
+    what is shorter than their steps; what they miss of a ball of the same volume is added. Balls of a radius of 5
+    voxels or more are right to 1.5 % on average, up to planes that are 6 voxels apart, and one of them with a standard
+    deviation of 1.5 % where planes are at most half a radius apart, of 8 % where they are 1.2 radii. A cube is 9 % too
+    small.
 
     Examples
     --------
@@ -203,14 +205,18 @@ def _surfaces(regions: NDArray[np.integer], spacing: tuple[float, ...]) -> Float
     shares = SphericalVoronoi(steps * spacing / lengths[:, None]).calculate_areas() / (2 * np.pi)
     padded = np.pad(regions, 1)
     areas = np.zeros(int(regions.max(initial=0)) + 1)
+    sizes = np.bincount(regions.ravel(), minlength=areas.size)
+    radii = np.cbrt(0.75 / np.pi * np.prod(spacing) * np.maximum(sizes, 1))
     for step, length, share in zip(steps[13:].tolist(), lengths[13:], shares[13:], strict=True):
         last = tuple(slice(max(-by, 0), side - max(by, 0)) for by, side in zip(step, padded.shape, strict=True))
         first = tuple(slice(max(by, 0), side - max(-by, 0)) for by, side in zip(step, padded.shape, strict=True))
         before, after = padded[last], padded[first]
         parted = before != after
         counts = sum(np.bincount(side[parted], minlength=areas.size) for side in (before, after))
-        areas += 2 * share * np.prod(spacing) / length * counts
-    return areas[np.flatnonzero(np.bincount(regions.ravel(), minlength=areas.size)[1:]) + 1]
+        step_over_radius = length / radii
+        met = np.where(step_over_radius < 2, 1 - step_over_radius**2 / 12, 4 / (3 * step_over_radius))
+        areas += 2 * share * np.prod(spacing) / length * counts / met
+    return areas[np.flatnonzero(sizes[1:]) + 1]
 
 
 def _property(segments: Ints, values: Array, *names: str) -> dict[str, Array]:

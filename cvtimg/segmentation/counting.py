@@ -454,7 +454,7 @@ def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[flo
         pieces, n_pieces = label(rest)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
-        levels = np.append(np.inf, median(contrast, pieces, np.arange(1, n_pieces + 1)))
+        levels = np.append(np.inf, median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
         core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
         found |= core
         # What is left counts where it is thick: in balls of this radius.

@@ -71,8 +71,8 @@ def surroundings(gray: Floats32, objects: Bools, inside: Bools, near: int) -> Bo
     if inside.all() and np.ptp(gray[corners]) == 0:
         candidates.append((gray != gray[0, 0], objects))
     for region, others in candidates:
-        field = _largest_part(region)
-        if field is None or field[corners].any() or (inside & ~field).sum() <= _LEAST_AROUND * inside.sum():
+        field = _largest_part(region, corners)
+        if field is None or (inside & ~field).sum() <= _LEAST_AROUND * inside.sum():
             continue
         if _is_view(field, others, inside, near):
             beyond[box] = inside & binary_dilation(~field, iterations=near)
@@ -80,19 +80,28 @@ def surroundings(gray: Floats32, objects: Bools, inside: Bools, near: int) -> Bo
     return None
 
 
-def _largest_part(region: Bools) -> Bools | None:
-    """Return the largest part of a region, its holes filled, without what hangs on by a narrow bridge."""
+def _largest_part(region: Bools, corners: tuple[slice, ...]) -> Bools | None:
+    """Return the largest part of a region, its holes filled, without what hangs on by a narrow bridge.
+
+    None if it is in a corner or less than a field.
+    """
     from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
 
     wide = max(_HANGING * min(region.shape), 2.0)
     filled = np.asarray(binary_fill_holes(region))
+    if np.bincount(label(filled)[0].ravel())[1:].max(initial=0) < _LEAST_FIELD * filled.size:
+        return None
     # Beyond the image lies neither.
     core, n_parts = label(distance_transform_edt(np.pad(filled, 1, mode="edge"))[1:-1, 1:-1] > wide)
     if not n_parts:
         return None
     sizes = np.bincount(core.ravel())
     sizes[0] = 0
-    return np.asarray(filled & (distance_transform_edt(core != sizes.argmax()) <= wide))
+    largest = core == sizes.argmax()
+    if largest[corners].any():
+        return None
+    field = np.asarray(filled & (distance_transform_edt(~largest) <= wide))
+    return None if field[corners].any() or field.mean() < _LEAST_FIELD else field
 
 
 def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bool:
@@ -104,7 +113,7 @@ def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bo
     rim = np.ones(field.shape, np.bool_)
     rim[1:-1, 1:-1] = False
     corners = around[:: len(around) - 1, :: around.shape[1] - 1]
-    if field.mean() < _LEAST_FIELD or np.isin(around[rim], corners).mean() < _LEAST_RIM:
+    if np.isin(around[rim], corners).mean() < _LEAST_RIM:
         return False
     hull = convex_hull_image(field)  # type: ignore[no-untyped-call]
     if field.sum() < (_CONVEX if others is None else _SMOOTH) * hull.sum():
