@@ -270,12 +270,30 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: ArrayLike = 1.
     """Triangulate points, and find the triangle of the center of each pixel in a picture of a shape and scale."""
     from scipy.spatial import Delaunay
 
-    mesh, labels = Delaunay(points), np.empty(shape, np.int32)
+    mesh, labels = Delaunay(points), np.zeros(shape, np.int32)  # some pixel may be in none by rounding
+    corners = np.sort(mesh.simplices, axis=1)  # so that an edge has the same bits from either side
+    x, y = np.moveaxis((points * scale)[corners], 2, 0)
     for top in range(0, shape[0], _ROWS):  # for the sake of memory
-        rows = labels[top : top + _ROWS]
-        y, x = np.indices(rows.shape) + 0.5
-        rows[:] = mesh.find_simplex(np.stack([x, y + top], axis=2) / scale)
-    return np.maximum(labels, 0), mesh  # in none by rounding
+        within = top, min(top + _ROWS, shape[0])
+        triangle, row = _ranges(np.clip(y.min(axis=1), *within), np.clip(y.max(axis=1), *within))
+        ends = np.full((2, len(row)), [[np.inf], [-np.inf]])
+        for one, other in ((0, 1), (0, 2), (1, 2)):
+            (x1, y1), (x2, y2) = ((x[triangle, corner], y[triangle, corner]) for corner in (one, other))
+            crosses = (y1 <= row + 0.5) != (y2 <= row + 0.5)
+            at = x1 + (row + 0.5 - y1) / np.where(crosses, y2 - y1, 1) * (x2 - x1)
+            ends[0] = np.minimum(ends[0], at, where=crosses, out=ends[0])
+            ends[1] = np.maximum(ends[1], at, where=crosses, out=ends[1])
+        span, column = _ranges(*np.clip(ends, 0, shape[1]))
+        labels[row[span], column] = triangle[span]
+    return labels, mesh
+
+
+def _ranges(low: Floats, high: Floats) -> tuple[Indices, Indices]:
+    """List the pixels whose middles lie between the ends of intervals: the interval and the pixel of each."""
+    first, stop = (np.ceil(end - 0.5).astype(np.intp) for end in (low, high))
+    counts = np.maximum(stop - first, 0)
+    interval = np.repeat(np.arange(len(counts)), counts)
+    return interval, np.arange(len(interval)) + (first - np.cumsum(counts) + counts)[interval]
 
 
 #: Tiles that follow from points.

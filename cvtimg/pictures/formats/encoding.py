@@ -12,6 +12,7 @@ from PIL import Image
 
 from cvtimg._shared.checks import check_choice, check_that, check_within
 from cvtimg._shared.pixels import says_alpha
+from cvtimg._shared.records import PROVING, prove
 from cvtimg._shared.types import Array, Bytes
 from cvtimg.pictures.formats.geotiff import extra_tags
 from cvtimg.pictures.formats.metadata import Metadata
@@ -22,7 +23,8 @@ from cvtimg.pictures.formats.tiff import write_tiff
 _DEEP = ("RGB;16", "RGBA;16")
 _OTHER = "other"
 _ALL = ("icc_profile", "dpi", "exif")
-_PLAIN = ("1", "L", "I;16", "RGB", "RGBA", *_DEEP)
+_EIGHT_BITS = ("1", "L", "RGB", "RGBA")
+_PLAIN = (*_EIGHT_BITS, "I;16", *_DEEP)
 
 
 class _Picture(NamedTuple):
@@ -139,6 +141,8 @@ def encoder(
         _write(buffer if optimize else file, picture, form, metadata or Metadata(), smallest)
         if optimize:
             file.write(optimized(buffer.getvalue()))
+        if PROVING and form.lossless and form.name != "NPY" and mode in (*_EIGHT_BITS, "P"):
+            prove(form.name, iter([("what is read is what was written", _reads_back(file, picture))]))
 
     return write
 
@@ -187,6 +191,16 @@ def _write(file: BinaryIO, picture: _Picture, form: _Format, metadata: Metadata,
         )
     else:
         _by_pillow(picture).save(file, form.name, **form.options, **kept)
+
+
+def _reads_back(file: BinaryIO, picture: _Picture) -> bool:
+    """Whether a file has the pixels of a picture; colors of clear ones do not count."""
+    written = picture.values if picture.colors is None else picture.colors[picture.values]
+    file.seek(0)
+    with Image.open(file) as image:
+        after, before = (np.asarray(one.convert("RGBA")) for one in (image, Image.fromarray(written)))
+    is_clear = (after[..., 3] == 0) & (before[..., 3] == 0)
+    return bool(((after == before).all(axis=2) | is_clear).all())
 
 
 def _by_pillow(picture: _Picture) -> Image.Image:
