@@ -199,22 +199,6 @@ def join(
     return n_joined
 
 
-def walk(
-    const int32_t[:, ::1] links,  # IN (N, 2): of one path through all points
-    int32_t start,                # IN: one of its ends
-    int32_t[::1] tour,            # OUT (N,): the points in order
-):
-    """Follow a path from one end to the other."""
-    cdef int32_t before = -1, point = start, following
-    cdef Py_ssize_t i
-    with nogil:
-        for i in range(tour.shape[0]):
-            tour[i] = point
-            following = links[point, 0] if links[point, 0] != before else links[point, 1]
-            before = point
-            point = following
-
-
 cdef inline void reverse(int32_t[::1] tour, int32_t[::1] places, int32_t low, int32_t high) noexcept nogil:
     cdef int32_t a, b
     while low < high:

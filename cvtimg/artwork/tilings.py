@@ -14,7 +14,6 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
@@ -266,7 +265,7 @@ class DelaunayTiling:
         return np.where(self._low, 0, np.where(self._high, self._size, inside))
 
 
-def find_triangles(points: Floats, shape: tuple[int, ...], scale: ArrayLike = 1.0) -> tuple[Ints, Any]:
+def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats = 1.0) -> tuple[Ints, Any]:
     """Triangulate points, and find the triangle of the center of each pixel in a picture of a shape and scale."""
     from scipy.spatial import Delaunay
 

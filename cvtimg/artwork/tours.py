@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_rows, check_shape
 from cvtimg._shared.threads import n_threads
 from cvtimg._shared.types import Floats, Indices, Ints
-from cvtimg.artwork._artwork import improve, join, walk
+from cvtimg.artwork._artwork import improve, join
 
 #: Neighbors among which better connections are looked for.
 _N_NEAR = 8
@@ -95,6 +95,9 @@ def _within_steps(tree: Any, tour: Ints, among: Indices) -> tuple[Ints, Indices]
 
 def _greedy_path(points: Floats) -> tuple[Ints, Ints]:
     """Join the ends of paths, the nearest first, until one is left; return it and the neighbors of each point."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import depth_first_order
+
     n_points = len(points)
     links = np.full((n_points, 2), -1, np.int32)
     parents = np.arange(n_points, dtype=np.int32)
@@ -108,9 +111,9 @@ def _greedy_path(points: Floats) -> tuple[Ints, Ints]:
         # Each end has at most one other of its own path, so that some pair can always be joined.
         pairs = np.stack([np.repeat(ends, others.shape[1]), ends[others.ravel()]], axis=1)
         n_paths -= join(pairs[np.argsort(distances, axis=None, kind="stable")], links, parents)
-    tour = np.empty(n_points, np.int32)
-    walk(links, int(np.flatnonzero(links[:, 1] < 0)[0]), tour)
-    return tour, near
+    point, side = np.nonzero(links >= 0)
+    steps = csr_array((np.ones(len(point)), (point, links[point, side])), shape=(n_points, n_points))
+    return depth_first_order(steps, np.flatnonzero(links[:, 1] < 0)[0], return_predecessors=False), near
 
 
 def _nearest(points: Floats) -> tuple[Floats, Ints]:
