@@ -82,23 +82,13 @@ def _measure(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     samples, image, weights, left_out = _read(task.source, given)
     stopwatch.lap("read")
     result = energy_curve(samples, density=weights, **given.arguments)
-    k = result.elbow(given.rule, given.target)
+    row = result.summary(given.rule, given.target)
     stopwatch.lap("cluster")
-    psnr = None if result.psnr is None else [value if math.isfinite(value) else None for value in result.psnr.tolist()]
     shown = image if given.plot else None
     return {
-        "k": k,
-        "rule": given.rule,
-        "energy": float(result.energies[k - 1]),
-        "explained": float(result.explained[k - 1]),
-        "psnr": psnr[k - 1] if psnr else None,
-        "elbow": result.elbows(),
-        "clear": result.is_clear,
-        "verdict": result.verdict,
-        "n_max": result.n_max,
-        "energies": result.energies.tolist(),
+        **row,
         **told_left_out(left_out),
-        "_plotted": Plotted(task.source.stem, result, k, shown, given.space),
+        "_plotted": Plotted(task.source.stem, result, row["k"], shown, given.space),
     }
 
 

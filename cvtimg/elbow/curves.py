@@ -7,6 +7,7 @@ in `cvtimg.elbow.rules` say where.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -23,7 +24,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
     raise_unsupported,
 )
-from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.choices import EffortName, Row, SpaceName
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of, peak
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
@@ -159,6 +160,23 @@ class EnergyCurve(ReadOnly):
                 with suppress(TargetMissedError, ImportError):
                     picks[rule] = self.elbow(rule)
         return picks
+
+    def summary(self, rule: str = "chord", target: float | None = None) -> Row:
+        """Return the number of generators that a rule picks, and the figures that commands and reports show."""
+        k = self.elbow(rule, target)
+        decibels = math.inf if self.psnr is None else float(self.psnr[k - 1])
+        return {
+            "k": k,
+            "rule": rule,
+            "energy": float(self.energies[k - 1]),
+            "explained": float(self.explained[k - 1]),
+            "psnr": decibels if math.isfinite(decibels) else None,  # JSON has no infinity
+            "elbow": self.elbows(),
+            "clear": self.is_clear,
+            "verdict": self.verdict,
+            "n_max": self.n_max,
+            "energies": self.energies.tolist(),
+        }
 
 
 @hints_at_keywords
