@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from functools import reduce
+from functools import cache, reduce
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -186,19 +186,28 @@ def _linear(image: Array, ground: float) -> Floats32:
     if image.ndim not in (2, 3) or 0 in image.shape or image.shape[2:] > (4,):
         raise ValueError(f"image of shape {image.shape} must have shape (H, W) or (H, W, C), with C in 1..4")
     bands = image[:, :, None] if image.ndim == 2 else image
-    white, light = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32)
-    levels = to_space(np.arange(256, dtype=np.uint8)[:, None], "linear")[:, 0].astype(np.float32)
+    white, light, alpha = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32), has_alpha(bands.shape[2])
 
-    def kernel(stripe: slice) -> None:
-        rows = bands[stripe]
-        if has_alpha(rows.shape[2]):
+    def kernel(own: slice) -> None:
+        rows = bands[own]
+        if rows.dtype == np.uint8:
+            share = rows[:, :, -1:].astype(np.int32)  # products are in steps of half a level of 16 bits
+            mixed = 2 * share * rows[:, :, :-1] + (255 - share) * round(510 * ground) if alpha else rows
+            linear = _light_of(2 * 255**2 if alpha else 255)[mixed]
+        else:
             share = rows[:, :, -1:] / white
-            rows = share * (rows[:, :, :-1] / white) + (1 - share) * ground
-        linear = levels[rows] if rows.dtype == np.uint8 else to_space(rows.reshape(-1, 1), "linear").reshape(rows.shape)
-        light[:, stripe] = linear.transpose(2, 0, 1)
+            mixed = share * (rows[:, :, :-1] / white) + (1 - share) * ground if alpha else rows
+            linear = to_space(mixed.reshape(-1, 1), "linear").reshape(mixed.shape)
+        light[:, own] = linear.transpose(2, 0, 1)
 
     in_stripes(kernel, len(bands), 8 * light.size)
     return light
+
+
+@cache
+def _light_of(n: int) -> Floats32:
+    """Return the light of the levels 0 to n, of which n is white."""
+    return to_space(np.arange(n + 1)[:, None] / n, "linear")[:, 0].astype(np.float32)
 
 
 def _scale(linear: Floats32) -> _Scale:
