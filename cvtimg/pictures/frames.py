@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from PIL import ImageFile
 
 from cvtimg._shared.checks import check_choice, check_in_range, check_that
 from cvtimg._shared.types import Array, Bytes
@@ -91,8 +90,31 @@ def decode_frames(file: BinaryIO) -> Frames | None:
     except OSError:  # a format that Pillow does not read
         return None
     with image:
-        animated = image.format in ANIMATED and getattr(image, "is_animated", False)
-        return _decode_frames(file, image) if animated else None
+        if image.format not in ANIMATED or not getattr(image, "is_animated", False):
+            return None
+        size = image.size
+        check_size(image.width * image.height)
+        plays = image.info.get("loop", 1)
+        if image.format == "GIF" and "loop" in image.info:
+            plays = plays + 1 if plays else 0  # GIF counts repetitions
+        first = int(getattr(image, "default_image", False))
+        images: list[Array] = []
+        durations: list[float] = []
+        turn = orientation(image)
+        n_frames = getattr(image, "n_frames", 1)
+        drawn: Iterator[Array | None] | None = composed(file) if image.format == "GIF" else None
+        for number in range(first, n_frames):
+            image.seek(number)
+            if drawn is None:
+                image.load()
+                whole: Array | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
+            else:
+                whole = next(drawn, None)
+            if whole is None:
+                raise OSError("the last frame is cut off")
+            images.append(upright(whole, turn))
+            durations.append(float(image.info.get("duration", 0)))
+        return Frames(tuple(alike(images)), tuple(durations), int(plays))
 
 
 def write_frames(
@@ -136,32 +158,6 @@ def encode_frames(
     cels = _cels(frames.images, palettes, indexed_png=suffix == ".png")
     FRAME_WRITERS[suffix](buffer, cels, frames.durations, frames.plays, metadata or Metadata())
     return buffer.getvalue()
-
-
-def _decode_frames(file: BinaryIO, image: ImageFile.ImageFile) -> Frames:
-    size = image.size
-    check_size(image.width * image.height)
-    plays = image.info.get("loop", 1)
-    if image.format == "GIF" and "loop" in image.info:
-        plays = plays + 1 if plays else 0  # GIF counts repetitions
-    first = int(getattr(image, "default_image", False))
-    images: list[Array] = []
-    durations: list[float] = []
-    turn = orientation(image)
-    n_frames = getattr(image, "n_frames", 1)
-    drawn: Iterator[Array | None] | None = composed(file) if image.format == "GIF" else None
-    for number in range(first, n_frames):
-        image.seek(number)
-        if drawn is None:
-            image.load()
-            whole: Array | None = np.asarray(to_srgb(image))[: size[1], : size[0]]
-        else:
-            whole = next(drawn, None)
-        if whole is None:
-            raise OSError("the last frame is cut off")
-        images.append(upright(whole, turn))
-        durations.append(float(image.info.get("duration", 0)))
-    return Frames(tuple(alike(images)), tuple(durations), int(plays))
 
 
 def alike(images: list[Array]) -> list[Array]:

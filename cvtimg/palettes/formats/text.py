@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import struct
-from typing import Any
 
 import numpy as np
 
@@ -159,14 +158,10 @@ def _json_color(entry: object) -> tuple[int, ...]:
 
 def write_json(swatches: Swatches) -> bytes:
     """Write the colors, and the share of each if it is known."""
-    entries: list[dict[str, Any]] = []
-    for number, (color, code) in enumerate(zip(swatches.colors.tolist(), swatches.hexes(), strict=True)):
-        entry: dict[str, Any] = {"hex": code, "rgb": color[:3]}
-        if len(color) == 4:
-            entry["alpha"] = color[3]
-        if swatches.shares is not None:
-            entry["share"] = swatches.shares[number]
-        entries.append(entry)
+    shares = swatches.shares or [None] * len(swatches.colors)
+    rows = zip(swatches.colors.tolist(), swatches.hexes(), shares, strict=True)
+    full = ({"hex": code, "rgb": color[:3], "alpha": (*color, None)[3], "share": share} for color, code, share in rows)
+    entries = [{name: value for name, value in entry.items() if value is not None} for entry in full]
     # One line per color is easy to read and to diff.
     lines = ",\n".join("    " + json.dumps(entry) for entry in entries)
     return f'{{\n  "name": {json.dumps(swatches.name)},\n  "colors": [\n{lines}\n  ]\n}}\n'.encode()

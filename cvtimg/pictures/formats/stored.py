@@ -129,8 +129,7 @@ def is_stored(path: object) -> TypeGuard[StrPath]:
 
 def _is_array(path: Any) -> bool:
     """Whether a path is a plain array of Zarr whose axes are said; without letters, it is an image."""
-    is_path = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr"
-    return is_path and selected().axes is not None and Path(path).is_dir() and not is_ngff(path)
+    return _suffix_of(path) == ".zarr" and selected().axes is not None and Path(path).is_dir() and not is_ngff(path)
 
 
 def open_stored(path: StrPath) -> StoredStack:
@@ -142,8 +141,12 @@ def open_stored(path: StrPath) -> StoredStack:
 
 def is_ngff(path: Any) -> TypeGuard[StrPath]:
     """Whether a path is a folder of OME-Zarr, and not of a plain array."""
-    is_path = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".zarr"
-    return is_path and bool(_said_of(Path(path)))
+    return _suffix_of(path) == ".zarr" and bool(_said_of(Path(path)))
+
+
+def _suffix_of(path: Any) -> str:
+    """Return the suffix of a path; nothing of other sources."""
+    return Path(path).suffix.lower() if isinstance(path, (str, os.PathLike)) else ""
 
 
 def _said_of(folder: Path) -> Options:
@@ -181,7 +184,7 @@ def _open_ngff(path: StrPath) -> StoredStack:
 
 
 def _is_of_microscope(path: object) -> TypeGuard[StrPath]:
-    return isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in MICROSCOPE_SUFFIXES
+    return _suffix_of(path) in MICROSCOPE_SUFFIXES
 
 
 def _open_microscope(path: StrPath) -> StoredStack:
