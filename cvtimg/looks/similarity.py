@@ -189,13 +189,14 @@ def _linear(image: Array, ground: float) -> Floats32:
     white, light, alpha = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32), has_alpha(bands.shape[2])
 
     def kernel(own: slice) -> None:
-        rows = bands[own]
+        rows: Array = bands[own]
+        share: Array = rows[:, :, -1:]
         if rows.dtype == np.uint8:
-            share = rows[:, :, -1:].astype(np.int32)  # products are in steps of half a level of 16 bits
+            share = share.astype(np.int32)  # products are in steps of half a level of 16 bits
             mixed = 2 * share * rows[:, :, :-1] + (255 - share) * round(510 * ground) if alpha else rows
             linear = _light_of(2 * 255**2 if alpha else 255)[mixed]
         else:
-            share = rows[:, :, -1:] / white
+            share = share / white
             mixed = share * (rows[:, :, :-1] / white) + (1 - share) * ground if alpha else rows
             linear = to_space(mixed.reshape(-1, 1), "linear").reshape(mixed.shape)
         light[:, own] = linear.transpose(2, 0, 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -158,7 +159,7 @@ def _json_color(entry: object) -> tuple[int, ...]:
 
 def write_json(swatches: Swatches) -> bytes:
     """Write the colors, and the share of each if it is known."""
-    shares = swatches.shares or [None] * len(swatches.colors)
+    shares: Sequence[float | None] = swatches.shares or [None] * len(swatches.colors)
     rows = zip(swatches.colors.tolist(), swatches.hexes(), shares, strict=True)
     full = ({"hex": code, "rgb": color[:3], "alpha": (*color, None)[3], "share": share} for color, code, share in rows)
     entries = [{name: value for name, value in entry.items() if value is not None} for entry in full]
