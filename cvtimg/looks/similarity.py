@@ -188,8 +188,8 @@ def _linear(image: Array, ground: float) -> Floats32:
     bands = image[:, :, None] if image.ndim == 2 else image
     white, light, alpha = peak(image.dtype), np.empty((3, *image.shape[:2]), np.float32), has_alpha(bands.shape[2])
 
-    def kernel(own: slice) -> None:
-        rows: Array = bands[own]
+    def kernel(stripe: slice) -> None:
+        rows: Array = bands[stripe]
         share: Array = rows[:, :, -1:]
         if rows.dtype == np.uint8:
             share = share.astype(np.int32)  # products are in steps of half a level of 16 bits
@@ -199,7 +199,7 @@ def _linear(image: Array, ground: float) -> Floats32:
             share = share / white
             mixed = share * (rows[:, :, :-1] / white) + (1 - share) * ground if alpha else rows
             linear = to_space(mixed.reshape(-1, 1), "linear").reshape(mixed.shape)
-        light[:, own] = linear.transpose(2, 0, 1)
+        light[:, stripe] = linear.transpose(2, 0, 1)
 
     in_stripes(kernel, len(bands), 8 * light.size)
     return light
