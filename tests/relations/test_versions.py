@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from conftest import SAMPLES
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
-from relations.test_pictures import gray_picture
+from skimage.filters import gaussian
 
 from cvtimg import denoise, read_image, restore
 from cvtimg._shared.types import Array, Bytes
@@ -100,8 +100,9 @@ def as_shorts(case: Case) -> Array:
 
 
 def flat_versions(rng: np.random.Generator) -> Case:
-    """Return a picture of a few flat colors, and three versions of it."""
-    levels = (gray_picture(rng, (40, 48)) // 60 * 60).astype(np.uint8)
+    """Return a picture of four flat colors in equal parts, for a rare one may be missed, and three versions of it."""
+    light = gaussian(rng.normal(size=(40, 48)), 4)
+    levels = (60 * np.digitize(light, np.quantile(light, (0.25, 0.5, 0.75)))).astype(np.uint8)
     clean = np.dstack([levels, 255 - levels, levels // 2])
     noisy = [clean + rng.normal(0, 10, clean.shape) for _ in range(3)]
     return clean, [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in noisy]
@@ -109,12 +110,17 @@ def flat_versions(rng: np.random.Generator) -> Case:
 
 def error_in_flat_colors(case: Case) -> float:
     """Mean squared error of what is restored in flat colors, in squared levels."""
-    return error_of(restore(case[1], 5).image, case)
+    return error_of(restore(case[1], 4).image, case)
 
 
 def in_flat_colors(case: Case) -> Array:
     """(H, W, C) what is restored in flat colors."""
-    return restore(case[1], 5).image
+    return restore(case[1], 4).image
+
+
+def but_for_ties(before: Array, after: Array) -> None:
+    """Assert that images differ by a level, as means are rounded, but for a pixel of a hundred between two colors."""
+    assert (np.abs(after.astype(int) - before).max(axis=2) > 1).mean() <= 0.01
 
 
 def backwards(case: Case) -> Case:
@@ -122,8 +128,6 @@ def backwards(case: Case) -> Case:
 
 
 SINCE, LATER = "2026-11-27", "2026-11-28"
-#: Five segments of four colors may cut the noise of one, of 6 levels, elsewhere.
-MAY_CUT = close(0, 3.0)
 ONE, GRAY, THREE = spoiled(1), spoiled(1, gray=True), spoiled(3)
 RELATIONS = [
     Relation("denoise", "bands repeated", GRAY, first_band, each(lambda v: np.dstack([v] * 3)), equal, SINCE),
@@ -144,7 +148,7 @@ RELATIONS = [
     ),
     Relation("denoise", "three versions: their mean", THREE, error, as_it_is, not_above(), SINCE, rival=error_of_mean),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
-    Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, MAY_CUT, LATER),
+    Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
     Relation(
         "restore",
         "versions: their mean",

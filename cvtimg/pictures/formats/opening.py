@@ -21,6 +21,7 @@ from PIL.ExifTags import Base
 
 from cvtimg._shared.extras import needs
 from cvtimg._shared.messages import one_line
+from cvtimg._shared.records import UnprovenError
 from cvtimg.files.finding import NOT_RASTER
 from cvtimg.files.remote import check_name, local_copy, url_of
 from cvtimg.files.whole import StrPath, whole_file
@@ -120,7 +121,7 @@ def writing(path: StrPath, *, overwrite: bool, through: type[Exception] = Module
     with whole_file(path, overwrite=overwrite) as file:
         try:
             yield file
-        except through:
+        except (through, UnprovenError):
             raise
         except Exception as error:
             why = error

@@ -18,6 +18,7 @@ from images import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
 from PIL import Image
 
 from cvtimg import quantize
+from cvtimg._shared.records import UnprovenError
 from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.files import Metadata, encode_image, image_info, read_image, read_metadata, write_image
 
@@ -223,3 +224,13 @@ def test_an_alpha_of_10_at_the_end_is_read_by_pillow(n_opaque: int) -> None:
     palette[:, 0], palette[:, 3] = np.arange(len(palette)), [0, 10, *[255] * n_opaque]
     file = encode_image(".png", np.arange(len(palette))[None], palette=palette)
     assert np.asarray(Image.open(BytesIO(file)).convert("RGBA"))[0].tolist() == palette.tolist()
+
+
+def test_a_file_without_the_pixels_that_were_written_is_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = encode_image(".png", np.ones((2, 3), np.uint8))
+    monkeypatch.setattr("cvtimg.pictures.formats.encoding._write", lambda file, *_: file.write(wrong))
+    with pytest.raises(UnprovenError, match="what is read is what was written"):
+        write_image(tmp_path / "a.png", np.zeros((2, 3), np.uint8))
+    assert not (tmp_path / "a.png").exists()
