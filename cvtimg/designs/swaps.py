@@ -16,8 +16,6 @@ doi 10.1016/0021-9991(90)90201-B): swaps that lose at most a threshold are taken
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cvtimg._shared.types import Floats, Ints64
@@ -31,22 +29,14 @@ CRITERIA = {"discrepancy": _designs.DISCREPANCY, "maximin": _designs.MAXIMIN, "p
 _GAIN = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class _Neighbors:
-    """Swaps of neighbors along an axis."""
-
-    apart: float = 1.15  # none brings two points nearer than this times the least distance, so that cells stay round
-    tries: int = 10  # of each pair
-
-
-@dataclass(frozen=True, slots=True)
-class _Annealing:
-    """Swaps of any two points, in rounds: the threshold is a quantile of the losses of the round before."""
-
-    rounds: int = 60
-    share: float = 0.03  # of losses that are taken at first; their share falls as the square of the rounds left
-    last_part: float = 0.1  # of the rounds, in which only gains count
-    tries: tuple[int, int] = (10, 10_000)  # for each coordinate: with fewer only gains count, and more gain nothing
+#: No swap of neighbors brings two points nearer than this times the least distance, so that cells stay round; and the
+#: tries of each pair.
+_APART, _TRIES = 1.15, 10
+#: Rounds of swaps of any two points, whose threshold is a quantile of the losses of the round before: the share that is
+#: taken at first, which falls as the square of the rounds left; and the last part, in which only gains count.
+_ROUNDS, _SHARE, _LAST_PART = 60, 0.03, 0.1
+#: Tries for each coordinate: with fewer only gains count, and more gain nothing.
+_FEWEST_TRIES, _MOST_TRIES = 10, 10_000
 
 
 def even_out(points: Floats, existing: Floats, periodic: bool, work: int, rng: np.random.Generator) -> Floats:
@@ -59,11 +49,10 @@ def even_out(points: Floats, existing: Floats, periodic: bool, work: int, rng: n
     n_points, n_dims = points.shape
     if n_points == 1:
         return points
-    how = _Neighbors()
-    n_tries = min(how.tries * points.size, work // ((n_points + len(existing)) * n_dims))
+    n_tries = min(_TRIES * points.size, work // ((n_points + len(existing)) * n_dims))
     axes, first = rng.integers(n_dims, size=n_tries), rng.integers(n_points - 1, size=n_tries)
     swaps = _Swaps(points, existing, points[:0], "discrepancy", periodic)
-    swaps.run(np.stack([axes, first, first + 1], axis=1), -_GAIN, least=how.apart * swaps.least_distance)
+    swaps.run(np.stack([axes, first, first + 1], axis=1), -_GAIN, least=_APART * swaps.least_distance)
     return swaps.points
 
 
@@ -80,15 +69,14 @@ def anneal(
     if n_movable.max() == 1:
         return points
     swaps = _Swaps(points, existing, free, criterion, periodic)
-    how, threshold = _Annealing(), 0.0
-    few, many = (number * points.size for number in how.tries)
-    n_tries = min(many, work // ((n_points + len(existing)) * n_dims))
-    for left in np.linspace(1, -how.last_part, how.rounds):
-        axes = rng.choice(np.flatnonzero(n_movable > 1), size=n_tries // how.rounds)
+    threshold = 0.0
+    n_tries = min(_MOST_TRIES * points.size, work // ((n_points + len(existing)) * n_dims))
+    for left in np.linspace(1, -_LAST_PART, _ROUNDS):
+        axes = rng.choice(np.flatnonzero(n_movable > 1), size=n_tries // _ROUNDS)
         first, by = rng.integers(n_movable[axes]), rng.integers(1, n_movable[axes])
         changes = swaps.run(np.stack([axes, first, (first + by) % n_movable[axes]], axis=1), threshold)
         losses = changes[changes > 0]
-        taken = how.share * max(left, 0) ** 2 if n_tries > few else 0.0
+        taken = _SHARE * max(left, 0) ** 2 if n_tries > _FEWEST_TRIES * points.size else 0.0
         threshold = float(np.quantile(losses, taken)) if len(losses) and taken else 0.0
     return swaps.points
 
