@@ -52,7 +52,7 @@ class Evolution(NamedTuple):
     @property
     def of_sample(self) -> Evolution:
         """The same on a sample: what more elders and children gain there is less than what it does not know."""
-        return self._replace(n_random=0, most=self.most // 16, operations=self.operations / 4)
+        return self._replace(n_random=self.n_random // 2, most=self.most // 16, operations=self.operations / 4)
 
 
 def evolve(
