@@ -179,17 +179,21 @@ class Server:
         outcome = self.store.result(request.path_params["result"])
         if outcome is None:
             return PlainTextResponse("this result is gone; change a setting to make it again", 404)
+        output = request.path_params["output"]
+        is_weighed = request.method == "HEAD" and re.match(r"o\.|\d", output) and fitting(outcome.image)
         try:
-            named = await run_in_threadpool(outcome.file, request.path_params["output"])
+            named = await run_in_threadpool(outcome.file, output)
+            quality = await run_in_threadpool(seen_quality, outcome.image, named[1]) if named and is_weighed else None
         except (OSError, ValueError, ImportError) as error:
             return PlainTextResponse(str(error), 422)
+        except asyncio.CancelledError:
+            return _ended()
         if named is None:
             return PlainTextResponse("there is no such file", 404)
         name, content = named
         sent = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
-        is_image = re.match(r"o\.|\d", request.path_params["output"])
-        if request.method == "HEAD" and is_image and fitting(outcome.image):
-            sent["x-quality"] = f"{await run_in_threadpool(seen_quality, outcome.image, content):.0f}"
+        if quality is not None:
+            sent["x-quality"] = f"{quality:.0f}"
         return Response(content, media_type="application/octet-stream", headers=sent)
 
     async def _live(self, socket: WebSocket) -> None:
@@ -228,6 +232,11 @@ async def _answered(make: Callable[[], Json]) -> Response:
         made = await run_in_threadpool(make)
     except UnfitRequestError as error:
         return PlainTextResponse(str(error), 422)
-    except asyncio.CancelledError:  # the server ends, and waits no longer
-        return PlainTextResponse("the server ends", 503)
+    except asyncio.CancelledError:
+        return _ended()
     return Response(json.dumps(made, allow_nan=False), media_type="application/json")
+
+
+def _ended() -> Response:
+    """Return the answer of a server that ends, and waits no longer for what is computed."""
+    return PlainTextResponse("the server ends", 503)
