@@ -71,10 +71,8 @@ def without_background(versions: Versions, noise: Floats, *, moved: bool = False
     """Leave out each version that shows the background where another shows something else."""
     # Everything that any version shows is then kept, even if others hide it: the union of all. The background is the
     # most frequent color: the mean of the fullest of boxes, as many for each channel.
-    boxes, rows = (
-        16,
-        np.concatenate([versions.bands(s)[known] for s, known in enumerate(np.moveaxis(versions.known, 2, 0))]),
-    )
+    boxes, known = 16, np.moveaxis(versions.known, 2, 0)
+    rows = np.concatenate([versions.bands(s)[inside] for s, inside in enumerate(known)])
     low, high = rows.min(axis=0), rows.max(axis=0)
     places = np.minimum((rows - low) * (boxes / np.maximum(high - low, 1e-30)), boxes - 1).astype(np.int64)[:, :3]
     number = places @ boxes ** np.arange(places.shape[1])
@@ -230,6 +228,12 @@ class Suspicion:
         evident = (shares > _SHARE) & (n_judged >= _JUDGED)
         return cls(np.where(evident, np.minimum(shares, 0.5), 0.0), noise) if evident.any() else None
 
+    def first_kept(self, versions: Versions, fused: Floats32) -> Versions:
+        """Leave out what the median of near pixels does not explain, which additions to single pixels do not reach."""
+        from scipy.ndimage import median_filter
+
+        return self.kept(versions, median_filter(fused, (3, 3, 1)))
+
     def kept(self, versions: Versions, estimate: Floats32) -> Versions:
         """Leave out values of suspected versions that the estimate and its errors nearby do not explain."""
         known, span = versions.known.copy(), max(float(np.ptp(estimate)), 1e-30)
@@ -261,10 +265,3 @@ class Suspicion:
         share = uniform_filter(seen.astype(np.float32), around, mode="constant")
         mean = uniform_filter(usual.astype(np.float32), around, mode="constant")
         return np.maximum(np.divide(mean, share, out=mean, where=share > 0), least)
-
-
-def first_estimate(fused: Floats32) -> Floats32:
-    """(H, W, C) median of near pixels, which additions to single pixels do not reach."""
-    from scipy.ndimage import median_filter
-
-    return median_filter(fused, (3, 3, 1))

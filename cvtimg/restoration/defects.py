@@ -81,10 +81,8 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
         return None
     ends, hits = (bands == black, bands == white), np.zeros(known.shape, np.bool_)
     is_between = np.isfinite(around) & (around != black) & (around != white)
-    low, high = (
-        np.min(around, axis=0, initial=np.inf, where=is_between),
-        np.max(around, axis=0, initial=-np.inf, where=is_between),
-    )
+    low = np.min(around, axis=0, initial=np.inf, where=is_between)
+    high = np.max(around, axis=0, initial=-np.inf, where=is_between)
     judged = is_between.sum(axis=0) >= _BETWEEN
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
     # What stands out does so by more than the range of what is around.

@@ -15,7 +15,6 @@ from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.threads import in_stripes, side_by_side
 from cvtimg._shared.types import Bools, Floats32
-from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
@@ -51,7 +50,7 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         effort = next((name for name, most in _AFFORDABLE.items() if n_pixels <= most), "fast")
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
-    kept = suspicion.kept(versions, first_estimate(fused)) if suspicion else versions
+    kept = suspicion.first_kept(versions, fused) if suspicion else versions
     values, weights = fuse(kept, trust)
     estimate = gaussian_filter(values, _BLUR, axes=(0, 1))
     axes = Axes.of(evidence.noise.bands, estimate)

@@ -17,7 +17,6 @@ from cvtimg._shared.progress import each
 from cvtimg._shared.types import Bools, Floats, Floats32, Ints
 from cvtimg.colors.spaces import from_space
 from cvtimg.elbow.curves import auto_count
-from cvtimg.restoration.agreement import first_estimate
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Restoration
@@ -42,7 +41,7 @@ def merge_versions(
     """Find segments of pixels whose stacked values are alike, and one color for each; None picks their number."""
     versions, trust = evidence.versions, evidence.trust
     if evidence.suspicion:
-        versions = evidence.suspicion.kept(versions, first_estimate(fuse(versions, trust)[0]))
+        versions = evidence.suspicion.first_kept(versions, fuse(versions, trust)[0])
     unit, cost = versions.level(space) ** 2, edge_weight
     if cost is None:  # half or twice as much serves nearly as well
         cost = 0.5 * max(evidence.variances(versions)) / unit

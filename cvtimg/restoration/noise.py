@@ -42,7 +42,8 @@ _CLASSES, _CHANCE = 8, 1e-3
 #: last; and shares of them, from quiet to loud, that end groups.
 _BLOCK, _GROUPS, _LAGS = 16, (0.03, 0.1, 0.25), 6
 #: Texture is, in each of the rings of frequencies (12 for a cycle per pixel), three times what grows from the first to
-#: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white.
+#: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white
+#: and does not fall as many times from _HIGH to twice that frequency, as grain does that is blurred by .6 pixels.
 _RINGS, _TIMES, _GROWS, _COMMON = 12, 3.0, 1.1, 0.9
 #: Noise is shared where it has twice the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
@@ -132,7 +133,7 @@ class Noise:
                 bands = [np.sqrt(line[1]) * ratio for ratio in ratios]
                 if _is_shared(across):
                     across = _mean_of(_covariances(versions, in_place=in_place), ratios)
-            shared = shared_noise(versions, in_place=in_place)
+            shared = shared_noise(versions, in_place=in_place, blurred=not _is_shared(across))
             pairs = [*zip(versions.roundings, versions.stack, strict=False)]
             lost = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
             # What JPEG files have lost is noise, too; what versions in place differ by has it already.
@@ -407,14 +408,15 @@ def _line(levels: Floats, told: Floats) -> tuple[Floats, float]:
 # louder ones is texture: that much of it, and more, is taken away, but nothing of the white noise that is there.
 
 
-def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
+def shared_noise(versions: Versions, *, in_place: bool, blurred: bool = True) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
-    looks = side_by_side(lambda numbers: _shared_in(versions, numbers), _looks(versions, in_place=in_place))
+    # `blurred` tells that all that bands have in common may be noise, as grain of film is: no white noise is.
+    looks = side_by_side(lambda numbers: _shared_in(versions, numbers, blurred), _looks(versions, in_place=in_place))
     found = [one for one in looks if one is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
+def _shared_in(versions: Versions, numbers: tuple[int, ...], blurred: bool) -> Floats | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
     found, level = look.patches(_BLOCK, per_value=1), _levels_of(look).min()
@@ -438,7 +440,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies)
+        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies, blurred)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
@@ -449,7 +451,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats) -> Floats:
+def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats, blurred: bool) -> Floats:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
@@ -460,14 +462,18 @@ def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats
     together = quiet.sum(axis=(2, 3)).real / n_bands
     common = by_ring(together)
     apart = (first - common) / max(n_bands - 1, 1)
-    noise = np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1) * np.maximum(common - apart, 0)
-    noise += np.minimum(common, apart)
+    steady = np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1)
+    noise = steady * np.maximum(common - apart, 0) + np.minimum(common, apart)
     if n_bands > 1:
         beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
         if beyond[1] > _COMMON * n_bands * beyond[0]:
-            noise[:] = 0.0
-        # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
-        ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
-        ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
-        noise = np.minimum(noise, ratios * apart)
+            # What bands differ by tells nothing, as where there is one. Grain is blurred, so it falls with frequency.
+            noise = steady * common
+            middle, high = (noise / np.bincount(rings.ravel()))[(np.array([1, 2]) * _HIGH * _RINGS).astype(np.intp)]
+            noise *= blurred and middle > _TIMES * high
+        else:
+            # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
+            ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
+            ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
+            noise = np.minimum(noise, ratios * apart)
     return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]

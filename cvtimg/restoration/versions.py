@@ -149,19 +149,15 @@ class Versions:
         n_bands = self.stack[0].shape[2]
         if any(values.shape[2] != n_bands for values in self.stack):
             return self, np.arange(n_bands)
-        chosen, places = list[int](), np.full(n_bands, -1)
+        numbers, places = dict[bytes, int](), np.full(n_bands, -1)
         for band in range(n_bands):
             inside = [values[:, :, band][self.known[:, :, s]] for s, values in enumerate(self.stack)]
             if any(np.ptp(values) > 0 for values in inside if len(values)):
-                equal = (
-                    k
-                    for k, other in enumerate(chosen)
-                    if all(np.ptp(v[:, :, [band, other]], axis=2).max() == 0 for v in self.stack)
-                )
-                places[band] = next(equal, len(chosen))
-                chosen += [band] if places[band] == len(chosen) else []
-        if len(chosen) in (0, n_bands):
+                told = b"".join(values[:, :, band].tobytes() for values in self.stack)  # 0 where unknown
+                places[band] = numbers.setdefault(told, len(numbers))
+        if len(numbers) in (0, n_bands):
             return self, np.arange(n_bands)
+        chosen = [places.tolist().index(number) for number in range(len(numbers))]
         stack, tones = tuple(values[:, :, chosen] for values in self.stack), self.tones
         version_of = np.repeat(np.arange(self.n_versions), len(chosen))
         tones, lines = (None if one is None else one[..., chosen, :] for one in (tones, self.lines))
@@ -346,12 +342,8 @@ def fuse(
     for version in some:
         weight += np.float32(trust[version]) * versions.known[:, :, version]
         total += np.float32(trust[version]) * versions.bands(version)
-    sums = (
-        (gaussian_filter(total, sigma, axes=(0, 1)), gaussian_filter(weight, sigma, axes=(0, 1)))
-        if sigma
-        else (total, weight)
-    )
-    return fill(*sums), weight
+    total, near = (gaussian_filter(one, sigma, axes=(0, 1)) if sigma else one for one in (total, weight))
+    return fill(total, near), weight
 
 
 def fill(total: Floats32, weight: Floats32) -> Floats32:
