@@ -43,7 +43,7 @@ _CLASSES, _CHANCE = 8, 1e-3
 _BLOCK, _GROUPS, _LAGS = 16, (0.03, 0.1, 0.25), 6
 #: Texture is, in each of the rings of frequencies (12 for a cycle per pixel), three times what grows from the first to
 #: the third group by more than chance; and all that bands have in common, if that is such a part of what is not white
-#: and does not fall as many times from _HIGH to twice that frequency, as grain does that is blurred by .6 pixels.
+#: and does not fall as many times to twice, and again to three times, the frequency below, as grain of .6 pixels does.
 _RINGS, _TIMES, _GROWS, _COMMON = 12, 3.0, 1.1, 0.9
 #: Noise is shared where it has twice the power of white noise from this frequency on, below which texture
 #: prevails, and this part of the range of levels, for a picture may have less of its own.
@@ -133,7 +133,7 @@ class Noise:
                 bands = [np.sqrt(line[1]) * ratio for ratio in ratios]
                 if _is_shared(across):
                     across = _mean_of(_covariances(versions, in_place=in_place), ratios)
-            shared = shared_noise(versions, in_place=in_place, blurred=not _is_shared(across))
+            shared = shared_noise(versions, in_place=in_place)
             pairs = [*zip(versions.roundings, versions.stack, strict=False)]
             lost = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
             # What JPEG files have lost is noise, too; what versions in place differ by has it already.
@@ -408,15 +408,14 @@ def _line(levels: Floats, told: Floats) -> tuple[Floats, float]:
 # louder ones is texture: that much of it, and more, is taken away, but nothing of the white noise that is there.
 
 
-def shared_noise(versions: Versions, *, in_place: bool, blurred: bool = True) -> SharedNoise | None:
+def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
-    # `blurred` tells that all that bands have in common may be noise, as grain of film is: no white noise is.
-    looks = side_by_side(lambda numbers: _shared_in(versions, numbers, blurred), _looks(versions, in_place=in_place))
+    looks = side_by_side(lambda numbers: _shared_in(versions, numbers), _looks(versions, in_place=in_place))
     found = [one for one in looks if one is not None]
     return SharedNoise(np.mean(found, axis=0)) if found else None
 
 
-def _shared_in(versions: Versions, numbers: tuple[int, ...], blurred: bool) -> Floats | None:
+def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
     found, level = look.patches(_BLOCK, per_value=1), _levels_of(look).min()
@@ -440,7 +439,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...], blurred: bool) -> F
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies, blurred)
+        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
@@ -451,7 +450,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...], blurred: bool) -> F
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats, blurred: bool) -> Floats:
+def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats) -> Floats:
     """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
@@ -467,10 +466,10 @@ def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats
     if n_bands > 1:
         beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
         if beyond[1] > _COMMON * n_bands * beyond[0]:
-            # What bands differ by tells nothing, as where there is one. Grain is blurred, so it falls with frequency.
+            # What bands differ by tells nothing, as where there is one. Grain is blurred: it falls, and falls again.
             noise = steady * common
-            middle, high = (noise / np.bincount(rings.ravel()))[(np.array([1, 2]) * _HIGH * _RINGS).astype(np.intp)]
-            noise *= blurred and middle > _TIMES * high
+            falling = (noise / np.bincount(rings.ravel()))[(np.arange(1, 4) * _HIGH * _RINGS).astype(np.intp)]
+            noise *= np.all(falling[:-1] > _TIMES * falling[1:])
         else:
             # Texture grows toward low frequencies; there, noise has no more in common than at middle ones.
             ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3

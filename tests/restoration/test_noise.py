@@ -167,7 +167,15 @@ def test_gray_texture_is_not_taken_for_what_bands_share_of_noise() -> None:
     found = found_in(128 + blurred_noise((192, 192, 3), 10, 0.8, 1) + 0.5 * gray)
     assert found is not None
     assert found.bands[0, 2] / found.bands[0, 0] == pytest.approx(0, abs=0.25)
-    assert found_in(128 + gray + np.zeros(3)) is None  # all in common: it may be texture
+
+
+@pytest.mark.parametrize("grows", [False, True])
+def test_grain_that_bands_have_in_common_is_noise_where_it_does_not_grow_as_texture(grows: bool) -> None:
+    shown, strength = np.linspace([100], [160, 130, 110], 192)[:, None], np.linspace(1 - grows, 1 + grows, 192)
+    grain = strength[:, None, None] * blurred_noise((192, 192, 1), 10, 0.8)
+    found = Noise.of(stack_versions([as_bytes(shown + grain)]), white=False).shared
+    assert (found is None) == grows
+    assert found is None or np.sqrt(np.diag(found.bands)) == pytest.approx(10, rel=0.2)
 
 
 def test_versions_in_place_tell_shared_noise_from_texture_and_fit(part: Array) -> None:
