@@ -9,13 +9,16 @@ fading fold has a crease that ends within a face. How far from the surface resul
 directions and by the diagonal. Edge lengths of pymeshlab and mmgs are found by trial, and the seconds of the trial that
 was taken are shown. Needs pyacvd, pymeshlab, mmgpy, trimesh and manifold3d.
 
-    python benchmarks/surfaces.py [--quick] [--effort best] [--only cube gear]
+With --scans FOLDER, its surfaces get what scanners leave: noise, or doubled faces and holes. Beside is pymeshlab alone.
+
+    python benchmarks/surfaces.py [--quick] [--effort best] [--only cube gear] [--scans FOLDER]
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,6 +116,23 @@ def models() -> dict[str, Mesh]:
         "dome": dome,
     }
     return arrays(solids) | {"fading fold": sheet(1.0)}
+
+
+def scans(folder: Path) -> dict[str, Mesh]:
+    """Read surfaces twice: with noise of a tenth of the edges around, and with doubled faces and five holes."""
+    import trimesh
+
+    found, random = {}, np.random.default_rng(0)
+    for path in sorted(folder.iterdir()):
+        mesh = trimesh.load_mesh(path)
+        points, faces = np.array(mesh.vertices), np.array(mesh.faces, np.int32)
+        edges, lengths = mesh.edges_unique.ravel(), mesh.edges_unique_length.repeat(2)
+        around = np.bincount(edges, lengths, len(points)) / np.maximum(np.bincount(edges, minlength=len(points)), 1)
+        found[f"{path.stem}, noise"] = points + around[:, None] / 10 * random.normal(size=points.shape), faces
+        spots = points[random.choice(faces.ravel(), 5)]
+        kept = np.linalg.norm(points[faces].mean(axis=1)[:, None] - spots, axis=2).min(axis=1) > 4 * np.median(lengths)
+        found[f"{path.stem}, holes"] = points, np.concatenate([faces[kept], faces[kept][::100]])
+    return found
 
 
 def samples(mesh: Mesh, n: int) -> Points:
@@ -255,19 +275,21 @@ def main() -> None:
     read = parser(__doc__)
     read.add_argument("--effort", default="balanced", choices=("fast", "balanced", "best"))
     read.add_argument("--only", nargs="*", help="names of surfaces, all by default")
+    read.add_argument("--scans", type=Path, help="folder of surfaces that get noise, doubled faces and holes")
     options = read.parse_args()
     pin_threads(1)
     rows = []
-    surfaces = {"torus": torus(), "blob": blob()} | shapes() | models()
+    surfaces = scans(options.scans) if options.scans else {"torus": torus(), "blob": blob()} | shapes() | models()
     surfaces = {name: mesh for name, mesh in surfaces.items() if name in (options.only or surfaces)}
     methods = {
         "cvtimg": lambda mesh, n: ours(mesh, n, options.effort), "pyacvd": pyacvd, "pymeshlab": pymeshlab, "mmgs": mmgs
     }  # fmt: skip
+    methods = {name: methods[name] for name in ("cvtimg", "pymeshlab")} if options.scans else methods
     for make in methods.values():
         make(torus(), 100)  # imports and compiles
     for name, mesh in surfaces.items():
         places = samples(mesh, SAMPLES // 10 if options.quick else SAMPLES)
-        counts = COUNTS if name in ("torus", "blob") else (2_000,)
+        counts = COUNTS if name in ("torus", "blob") else (5_000,) if options.scans else (2_000,)
         for n in counts[:1] if options.quick else counts:
             for method, make in methods.items():
                 rows.append(measure(name, method, n, lambda make=make, mesh=mesh, n=n: make(mesh, n), mesh, places))

@@ -243,6 +243,13 @@ def test_details_below_the_least_size_are_left_out() -> None:
     teeth = np.stack([np.arange(0, 10, 0.01), np.where(np.arange(1000) % 2, 0.0, 0.01)], axis=1)
     comb = [[0.0, 5.0], *teeth.tolist(), [10.0, 5.0]]
     assert len(mesh_region(comb, edge_length=0.5, min_size=0.1).points) < 400
+    spit = mesh_region([[0, 0], [1, 0], [1, 0.4], [3, 0.5], [1, 0.6], [1, 1], [0, 1]], min_size=0.1, effort="fast")
+    assert spit.points[:, 0].max() == pytest.approx(2, abs=0.1)  # as far as it is 0.1 wide
+
+
+def test_corners_get_no_sharper_by_edges_that_cut_off_curves_beside_them() -> None:
+    horn = [[0, 0], [0.06, -0.02], [0.25, -0.03], [1, -0.3], [1, 0.3], [0.25, 0.02], [0.06, 0.012]]  # of 29.7 degrees
+    assert mesh_region(horn, edge_length=0.2).measures().least_angle > 24  # 21 if they did
 
 
 @pytest.mark.slow
