@@ -147,7 +147,7 @@ quantize a.png --quality 98-99 -k 8 --effort fast | at its lower end, which 8 co
 quantize film.png -k 5 --depth 16 | film.png: is an animation, which --depth 16 cannot be used for
 quantize film.png -k auto | is an animation, which -k auto cannot be used for
 quantize film.png -k 5 --optimize | is an animation, which --optimize cannot be used for
-quantize pages.tif -k 3 | has several pages: name an output that can hold them, -o FILE.tif
+quantize pages.tif -k 3 -o p.png | has several pages: name an output that can hold them, -o FILE.tif
 quantize pages.tif -k 3 --depth 8 -o b.tif | --depth cannot be used for
 quantize pages.tif -k 4 --page 4 -o none.png | pages.tif: has 3 pages, and no page 4
 quantize pages.tif -k 4 --mask two.tif -o out.tif | needs a mask of 1 or 3 pages or frames, and two.tif has 2
