@@ -19,10 +19,8 @@ from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
 
-#: Numbers from this size on are sorted: a table of them would take more time and memory.
+#: Numbers from this size on are sorted: tables of them would take more time and memory.
 _OF_TABLE = 1 << 24
-#: Sorting fewer pixels is faster than a table, of which the places that are read are far apart.
-_SORTED = 1 << 15
 #: Pixels whose numbers stay in the cache while bands are added.
 _BLOCK = 1 << 15
 #: The `inverse` of colors without their pixels.
@@ -202,19 +200,34 @@ def _rows_of(numbers: Array, dtype: np.dtype[np.generic], n_bands: int) -> Array
 
 def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     """Return the distinct numbers, the rank of each of (N,) among them, and how often each of them occurs."""
-    size = int(numbers.max()) + 1 if numbers.dtype == np.uint32 else _OF_TABLE + 1
-    if size > _OF_TABLE or len(numbers) < _SORTED:
+    if numbers.dtype != np.uint32 or int(numbers.max()) >= _OF_TABLE:
         distinct, ranks, counts = np.unique(numbers, return_inverse=True, return_counts=True)
         return distinct, ranks.astype(np.int32), counts.astype(np.float64)
-    is_there = np.zeros(size, np.bool_)
-    is_there[numbers] = True
-    distinct = np.flatnonzero(is_there)
-    rank_of = np.empty(size, np.int32)
-    rank_of[distinct] = np.arange(len(distinct), dtype=np.int32)
-    inverse = np.empty(len(numbers), np.int32)
+    # Colors fill few of the runs of 256 numbers. A table of these runs alone is small, and stays in the cache.
+    is_used = np.zeros(_OF_TABLE >> 8, np.bool_)
+    start_of = np.zeros(_OF_TABLE >> 8, np.intp)
+    places, inverse = np.empty(len(numbers), np.uint32), np.empty(len(numbers), np.int32)
+
+    def use(block: slice) -> None:
+        is_used[(numbers[block] >> np.uint32(8)).astype(np.intp)] = True
+
+    def place(block: slice) -> None:
+        wide = numbers[block].astype(np.intp)  # which NumPy takes as indices without a copy
+        wide = np.take(start_of, wide >> 8) | wide & 255
+        is_there[wide] = True
+        places[block] = wide
 
     def rank(block: slice) -> None:
-        np.take(rank_of, numbers[block], out=inverse[block], mode="clip")  # which needs no copy of what comes out
+        np.take(rank_of, places[block], out=inverse[block], mode="clip")  # which needs no copy of what comes out
 
+    in_stripes(use, len(numbers), len(numbers), _BLOCK)
+    used = np.flatnonzero(is_used)
+    start_of[used] = np.arange(len(used)) << 8
+    is_there = np.zeros(len(used) << 8, np.bool_)
+    in_stripes(place, len(numbers), len(numbers), _BLOCK)
+    taken = np.flatnonzero(is_there)
+    rank_of = np.empty(len(is_there), np.int32)
+    rank_of[taken] = np.arange(len(taken), dtype=np.int32)
     in_stripes(rank, len(numbers), len(numbers), _BLOCK)
-    return distinct.astype(np.uint32), inverse, np.bincount(inverse).astype(np.float64)
+    distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
+    return distinct, inverse, np.bincount(inverse).astype(np.float64)
