@@ -194,7 +194,8 @@ def _check_fits(outline: Outline, wanted: Wanted, n_least: int) -> None:
     if wanted.n is None or n_least <= wanted.n:
         return
     size = outline.detail_for(int(_SEARCH.fitting * wanted.n))
-    hint = f"; or give min_size={size:.1g}, to leave out details of the border" if size > wanted.least else ""
+    details = f"; or give min_size={size:.1g}, or simplify={size / 2:.1g}, to leave out details of the border"
+    hint = details if size > wanted.least else ""
     refuse("n", wanted.n, f"at least {n_least}, the vertices that the border needs{hint}")
 
 
@@ -208,9 +209,7 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
     used = np.unique(frame.triangles).astype(np.int32)
     tree = cKDTree(frame.points[used])
     part = _SEARCH.gap
-    wanted = n + np.pi / 2 * part**2 * PER_AREA * len(
-        used
-    )  # for half of a disk around each vertex on a border stays free
+    wanted = n + np.pi / 2 * part**2 * PER_AREA * len(used)  # half of a disk around each on a border stays free
     for _ in range(_SEARCH.draws):
         points = field.seeds(round(wanted), rng)
         near = tree.query(points)[1]

@@ -238,7 +238,8 @@ class Given(SimpleNamespace):
 
     def worded(self, message: str) -> str:
         """Return a message about arguments of the Python function in the words of the command line."""
-        return reworded(message, {name: option.flag for name, option in self.keywords.items()}, " ")
+        options = {**self.options, **self.keywords}
+        return reworded(message, {name: option.flag for name, option in options.items() if option.words}, " ")
 
     def condition(self, text: str) -> str:
         """Return an argument, such as ``optimize`` or ``n_colors='auto'``, in the words of the command line."""
