@@ -59,6 +59,7 @@ class Settings:
     n_peels: int = 3  # how often brighter objects are taken away
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     convex: float = 0.93  # of its hull, what one object fills; two discs that overlap by a sixth of their width do
+    full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
     depth: float = 0.015  # of saddles, in the logarithm of the distance ...
     offset: float = 0.7  # ... plus this, in pixels
     blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
@@ -473,9 +474,22 @@ def _whole(objects: Bools) -> Bools:
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
     for region in regionprops(pieces * with_holes[pieces]):  # type: ignore[no-untyped-call]
-        if region.solidity > SETTINGS.convex:
+        if region.solidity > SETTINGS.convex and not _are_discs(objects[region.slice] & region.image):
             whole[region.slice] |= region.image
     return whole
+
+
+def _are_discs(piece: Bools) -> bool:
+    """Tell whether a piece with pores is a clump of discs, each of which fills its part, and no object with holes."""
+    from scipy.ndimage import distance_transform_edt, gaussian_filter, label
+
+    piece = np.pad(piece, 1)
+    if piece.ndim != 2 or label(~piece)[1] <= SEVERAL:  # what is around, and pores; a ring has one
+        return False
+    distance = gaussian_filter(distance_transform_edt(piece), SETTINGS.blur_of_distance)
+    parts = split_at_saddles(np.log(distance + SETTINGS.offset), piece, SETTINGS.depth)
+    shares = np.pi * largest_by_label(distance, parts)[1:] ** 2 / np.bincount(parts.ravel())[1:]
+    return bool(len(shares) > SEVERAL and np.quantile(shares, 0.25) > SETTINGS.full)
 
 
 def _ground(objects: Bools) -> Bools:

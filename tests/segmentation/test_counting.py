@@ -158,6 +158,14 @@ def test_objects_with_holes_and_texture_stay_whole(kind: str) -> None:
             assert abs(count_objects(polarity).n_segments - n) <= 1
 
 
+@pytest.mark.parametrize("n_rings", [2, 3])
+def test_discs_of_a_clump_are_counted_however_round_it_is(n_rings: int) -> None:
+    steps = np.arange(-n_rings, n_rings + 1)
+    places = [(110 + 17.3 * b, 110 + 20 * a + 10 * b, 10) for a in steps for b in steps if abs(a + b) <= n_rings]
+    clump = ndimage.gaussian_filter(np.float64(discs(places, (220, 220)) > 0), 0.8)
+    assert count_objects(noisy(clump, 0.06)).n_segments == len(places)
+
+
 def test_the_coins_of_scikit_image_are_24() -> None:
     data = pytest.importorskip("skimage.data")
     assert abs(count_objects(data.coins()).n_segments - 24) <= 2
