@@ -101,5 +101,5 @@ def test_colors_themselves_are_a_palette() -> None:
     assert read_palette("#102030,#F0e0d0").tolist() == [[16, 32, 48], [240, 224, 208]]
     assert read_palette("#10203040").tolist() == [[16, 32, 48, 64]]
     for wrong in ("#102030,#f0e0d0ff", "#1020", "102030,f0e0d0"):
-        with pytest.raises(OSError, match="is no file, and no known palette: pico-8"):
+        with pytest.raises(OSError, match="is no file, and no known palette: cga, game-boy"):
             read_palette(wrong)
