@@ -142,7 +142,7 @@ def small_png(images: Sequence[Image.Image], **options: Any) -> bytes:
         form = _Form.of(image, **options)
         forms += form.of_indices(image) if image.mode == "P" else [form]
     # Level 1 misses the long repetitions of filtered drawings, and tells too little of their size.
-    sizes = [form.size + len(deflate.zlib_compress(form.rows, 6)) for form in forms]
+    sizes = [form.size + len(deflate.zlib_compress(form.rows, 6)) for form in forms] if forms[1:] else [0]
     first = forms[sizes.index(min(sizes))]
     if len(deflate.zlib_compress(first.rows, 1)) < _DEFLATE.flat * len(first.rows):
         level, likely = _DEFLATE.levels_of_flat[large], [first]  # this takes long
