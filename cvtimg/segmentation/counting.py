@@ -425,25 +425,38 @@ def split(
     contrast: Floats32, inside: Bools, threshold: float, radius: float, size: tuple[float, ...], necks: Necks
 ) -> Ints:
     """Return labels of the objects, touching ones split at their necks."""
-    from scipy.ndimage import distance_transform_edt, gaussian_filter, label, zoom
+    from scipy.ndimage import label, zoom
 
     fine = 2 if radius < SETTINGS.small and contrast.ndim == 2 else 1
     if fine > 1:
         contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
     objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine * SETTINGS.thin, 1), size)
-    sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
-    distance = gaussian_filter(distance_transform_edt(objects, size).astype(np.float32), sigmas, mode="nearest") / fine
+    distance = _distance(objects, size, fine)
     if necks.depth == np.inf:
         parts = np.asarray(label(objects)[0], np.int32)
     elif necks.depth is not None:
         parts = split_at_saddles(np.where(objects, distance, np.float32(0)), objects, necks.depth)
     else:
-        height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
-        parts = split_at_saddles(height, objects, SETTINGS.depth)
+        parts = _at_necks(distance, objects)
         if parts.ndim == 2:
             parts = join_at_ripples(parts, distance * fine, necks.ripples, fine)
     return parts[(slice(None, None, fine),) * contrast.ndim]
+
+
+def _distance(objects: Bools, size: tuple[float, ...], fine: int = 1) -> Floats32:
+    """Return the distance to the background, blurred, in pixels of which each is `fine` of those of the objects."""
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    sigmas = [SETTINGS.blur_of_distance * fine / side for side in size]
+    away = distance_transform_edt(objects, size).astype(np.float32)
+    return np.asarray(gaussian_filter(away, sigmas, mode="nearest") / fine)
+
+
+def _at_necks(distance: Floats32, objects: Bools) -> Ints:
+    """Label the parts of objects between necks that are narrow for their own size."""
+    height = np.log(np.where(objects, distance, np.float32(0)) + np.float32(SETTINGS.offset))
+    return split_at_saddles(height, objects, SETTINGS.depth)
 
 
 def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[float, ...]) -> Bools:
@@ -481,13 +494,13 @@ def _whole(objects: Bools) -> Bools:
 
 def _are_discs(piece: Bools) -> bool:
     """Tell whether a piece with pores is a clump of discs, each of which fills its part, and no object with holes."""
-    from scipy.ndimage import distance_transform_edt, gaussian_filter, label
+    from scipy.ndimage import label
 
     piece = np.pad(piece, 1)
     if piece.ndim != 2 or label(~piece)[1] <= SEVERAL:  # what is around, and pores; a ring has one
         return False
-    distance = gaussian_filter(distance_transform_edt(piece), SETTINGS.blur_of_distance)
-    parts = split_at_saddles(np.log(distance + SETTINGS.offset), piece, SETTINGS.depth)
+    distance = _distance(piece, (1.0, 1.0))
+    parts = _at_necks(distance, piece)
     shares = np.pi * largest_by_label(distance, parts)[1:] ** 2 / np.bincount(parts.ravel())[1:]
     return bool(len(shares) > SEVERAL and np.quantile(shares, 0.25) > SETTINGS.full)
 
