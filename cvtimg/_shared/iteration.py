@@ -28,6 +28,11 @@ class Stopping:
     tolerance: float
     max_iterations: int
 
+    @classmethod
+    def after(cls, n_steps: int) -> Stopping:
+        """Stop after this many steps, unless the energy is 0 before."""
+        return cls(0.0, n_steps)
+
     def converged(self, energies: list[float]) -> bool:
         """Whether the last step changed next to nothing."""
         if energies[-1] == 0:

@@ -73,9 +73,6 @@ class DotLayer:
     energy: float
 
 
-_NO_DOTS = DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)
-
-
 class _Pen:
     """One of several pens: the ink of its dots, the (H, W) area of disks that each pixel asks for, which is not 0."""
 
@@ -105,7 +102,7 @@ class _Pen:
         with part(0, 1 / 2):
             points = place_generators(None, self.n_dots, density=self.density, effort="fast").points
         with part(1 / 2, 1):
-            terms = Terms(Stopping(0.0, BALANCE.moves), project=self.into_ink)
+            terms = Terms(Stopping.after(BALANCE.moves), project=self.into_ink)
             for _ in each(range(BALANCE.rounds if balanced else 0)):
                 points = DESCENTS["l-bfgs"](self.correct(points), points, terms).generators
         return points
@@ -131,7 +128,7 @@ def place_pens(inks: Sequence[Floats32], counts: Sequence[int], how: Dots) -> li
 
     An ink is the (H, W) area of disks that each pixel asks for.
     """
-    layers = [_NO_DOTS] * len(counts)
+    layers = [DotLayer(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)] * len(counts)
     pens = {number: _Pen(inks[number], count, how) for number, count in enumerate(counts) if count}
     is_alone = len(pens) < 2
     balanced = not is_alone or how.dots != "sized" or how.radius_range is not None

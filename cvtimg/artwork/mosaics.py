@@ -66,8 +66,6 @@ _LINES = "#202020"
 #: tiles are drawn twice, below with sharp edges; a stroke in the color of the tile covers what is left.
 _SEAM = 'stroke-width="0.4"'
 _SHARP_BELOW = '<use href="#tiles" shape-rendering="crispEdges"/>\n'
-#: Channels of gray, gray with alpha and so on as those of RGB and RGBA.
-_CHANNELS = {1: [0, 0, 0], 2: [0, 0, 0, 1], 3: [0, 1, 2], 4: [0, 1, 2, 3]}
 #: Formats without alpha.
 _OPAQUE = (".jpg", ".jpeg")
 #: What vectors are written in.
@@ -182,7 +180,7 @@ class Mosaic(ReadOnly):
         n_channels = self.colors.shape[1]
         check_channels("a mosaic", n_channels, (1, 2, 3, 4), "to have colors to draw")
         colors = to_depth(self.colors, np.dtype(np.uint8))
-        return np.ascontiguousarray(colors[:, _CHANNELS[n_channels]])
+        return np.repeat(colors, [3, 1][:n_channels], axis=1) if n_channels < 3 else colors
 
     def _seen(self) -> Iterator[tuple[int, Floats, Bytes]]:
         """Yield the number, corners and color of each tile that is not clear."""

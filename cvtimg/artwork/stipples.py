@@ -22,14 +22,14 @@ from cvtimg.files.whole import StrPath, write_text
 from cvtimg.labels.contours import Polygon
 from cvtimg.labels.formats.geojson import write_geojson
 from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
+from cvtimg.pictures.formats.pixel_size import INCHES
 from cvtimg.placement.cells import Polygons, picture_cells
 
-#: Lines in a row of pixels by which its coverage is measured, and rows that are drawn at a time.
-_FINE, _STRIPE = 8, 64
+#: Lines in a row of pixels by which its coverage is measured.
+_FINE = 8
 #: Pixels between dots in a drawing by default, and the most pixels of one.
 _SPACING, _MOST_PIXELS = 8.0, 1 << 25
 _BYTE = np.dtype(np.uint8)
-_INCH = 25.4
 MARKS = ("disks", "circles", "points", "line")
 FILLS = ("solid", "spiral")
 #: Widths of the lines of circles, where none is given, and of cells, in millimeters.
@@ -100,7 +100,7 @@ def draw_dots(points: Floats, radii: Floats, shape: tuple[int, int], scale: floa
         met = (tops < rows.stop) & (ends > rows.start)
         return _covered(centers[met] - [0, rows.start], sizes[met], rows.stop - rows.start, width)
 
-    return np.concatenate(in_stripes(cover, height, 64.0 * height * width, _STRIPE))
+    return np.concatenate(in_stripes(cover, height, 64.0 * height * width))
 
 
 def _covered(centers: Floats, radii: Floats, height: int, width: int) -> Floats32:
@@ -304,7 +304,7 @@ class Stipples(ReadOnly):
             whole = np.rint(np.array(sheet.size[::-1]) * per_mm).astype(int) - drawn.shape[:2]
             around = [(int(more) // 2, int(more) - int(more) // 2) for more in np.maximum(whole, 0)]
             page = np.pad(drawn, [*around, (0, 0)][: drawn.ndim], constant_values=int(self.paper[0]))
-            metadata = Metadata(dpi=(per_mm * _INCH, per_mm * _INCH))
+            metadata = Metadata(dpi=(per_mm / INCHES["mm"],) * 2)
             write_image(path, page, metadata=metadata, overwrite=overwrite)
 
     def save_cells(self, path: StrPath, *, overwrite: bool = False, **fitted: Any) -> None:

@@ -131,7 +131,7 @@ def stipple(
         coverages = pen_coverages(image, colors, white_cutoff, max_ink, tones)
     elif layers is not None:
         check_choice("layers", layers, ("cmyk",))
-        coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), PROCESS_COLORS
+        coverages, inked = process_coverages(image, white_cutoff, max_ink, tones), _colors_of(PROCESS_COLORS)
     else:
         coverages = [ink_coverage(image, white_cutoff=white_cutoff, invert=invert, tones=tones) * np.float32(max_ink)]
         inked = {"white": (255, 255, 255)} if invert else {"black": (0, 0, 0)}

@@ -17,7 +17,7 @@ import numpy as np
 
 from cvtimg._shared.progress import part, tell
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.threads import of_each
+from cvtimg._shared.threads import in_stripes, of_each
 from cvtimg._shared.types import Floats, Floats32, Indices, Ints
 from cvtimg.artwork import _artwork
 from cvtimg.placement import pixel_labels, place_generators
@@ -26,8 +26,6 @@ from cvtimg.placement import pixel_labels, place_generators
 _PARTS = 16
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
-#: Rows of pixels whose triangles are looked for at a time.
-_ROWS = 64
 #: Side of an equilateral triangle of area 1.
 _TRIANGLE_SIDE = 2 / 3**0.25
 
@@ -41,11 +39,8 @@ class Descent:
     step: float = 0.25  # length of a first step, in sides of a tile,
     later: float = 0.1  # and where a smaller image came first, as they do
     coarsest: float = 8.0  # while tiles have this side there, in pixels
-    every: int = 8  # steps between relocations at least, for cells that are moved need steps to settle
-    share: float = 0.05  # of all steps between relocations
-    until: float = 0.7  # part of the steps in which they happen
+    every: int = 8  # steps between relocations, for cells that are moved need steps to settle
     at_most: float = 0.05  # of the cells at a time: estimates hold only while few neighbors change
-    worth: float = 0.7  # what a relocation costs must be less than this part of its gain, as both are estimates
 
 
 DESCENT = Descent()
@@ -95,7 +90,7 @@ def relocate(image: Floats32, points: Floats, painted: Painted) -> tuple[Floats,
     costs, (gains, middles, offsets) = removal_costs(painted), division_gains(image, painted)
     n_most = max(1, int(DESCENT.at_most * len(points)))
     removed, divided = np.argsort(costs, kind="stable")[:n_most], np.argsort(-gains, kind="stable")[:n_most]
-    worth = (costs[removed] < DESCENT.worth * gains[divided]) & ~np.isin(removed, divided)
+    worth = (costs[removed] < gains[divided]) & ~np.isin(removed, divided)
     removed, divided = removed[worth], divided[worth]
     points = points.copy()
     points[removed] = middles[divided] + offsets[divided]
@@ -272,9 +267,9 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats
     mesh, labels = Delaunay(points), np.zeros(shape, np.int32)  # some pixel may be in none by rounding
     corners = np.sort(mesh.simplices, axis=1)  # so that an edge has the same bits from either side
     x, y = np.moveaxis((points * scale)[corners], 2, 0)
-    for top in range(0, shape[0], _ROWS):  # for the sake of memory
-        within = top, min(top + _ROWS, shape[0])
-        triangle, row = _ranges(np.clip(y.min(axis=1), *within), np.clip(y.max(axis=1), *within))
+
+    def fill(rows: slice) -> None:
+        triangle, row = _ranges(*(np.clip(end(y, axis=1), rows.start, rows.stop) for end in (np.min, np.max)))
         ends = np.full((2, len(row)), [[np.inf], [-np.inf]])
         for one, other in ((0, 1), (0, 2), (1, 2)):
             (x1, y1), (x2, y2) = ((x[triangle, corner], y[triangle, corner]) for corner in (one, other))
@@ -284,6 +279,8 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats
             ends[1] = np.maximum(ends[1], at, where=crosses, out=ends[1])
         span, column = _ranges(*np.clip(ends, 0, shape[1]))
         labels[row[span], column] = triangle[span]
+
+    in_stripes(fill, shape[0], 64.0 * labels.size)
     return labels, mesh
 
 
@@ -338,7 +335,6 @@ def descend_error(
     direction, scale = np.zeros_like(points), np.zeros((len(points), 1))
     best, least, energies = points, np.inf, []
     how = DESCENT
-    between = max(how.every, round(how.share * n_steps))
     for step in range(n_steps + 1):
         painted = paint(image, tiling.labels(points), tiling.n_tiles)
         energies.append(painted.energy)
@@ -349,7 +345,7 @@ def descend_error(
         if step == n_steps or painted.energy == 0:
             break
         # Several triangles share each corner, so that none can move by itself.
-        if isinstance(tiling, VoronoiTiling) and step % between == 0 and 0 < step < how.until * n_steps:
+        if isinstance(tiling, VoronoiTiling) and step and step % how.every == 0:
             points, moved = relocate(image, points, painted)
             direction[moved] = scale[moved] = 0
             if len(moved):

@@ -29,8 +29,8 @@ TABLE_SIZE = 4096
 _GRID, _LEAST_INK = 33, 1e-4
 #: Ways to come from an image to the tones of a drawing.
 TONES = ("light", "true")
-#: Pens of process colors: what each name draws.
-PROCESS_COLORS = {"cyan": (0, 255, 255), "magenta": (255, 0, 255), "yellow": (255, 255, 0), "black": (0, 0, 0)}
+#: Pens of process colors.
+PROCESS_COLORS = ("cyan", "magenta", "yellow", "black")
 
 
 @dataclass(frozen=True, slots=True)

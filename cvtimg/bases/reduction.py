@@ -21,9 +21,9 @@ from cvtimg._shared.checks import (
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg._shared.types import Array, Floats, Ints64
-from cvtimg.bases.sketch import Sketch, sketch
+from cvtimg.bases.sketch import EXACT_RANK, Sketch, sketch
 from cvtimg.bases.snapshots import as_snapshots
-from cvtimg.elbow.rules import chord_linear
+from cvtimg.elbow.rules import CHORD_ENDS, chord_linear
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.arrays import load_arrays, save_arrays
@@ -35,10 +35,6 @@ _KIND = "reduced basis"
 
 #: Kinds of bases, by the names of `kind`.
 KINDS = ("pod", "cvt", "cvod")
-#: Modes that "auto" chooses from.
-_MOST_AUTO_MODES = 32
-#: Modes at most that explain a share of the variance.
-_MOST_BY_SHARE = 1000
 #: Coordinates beyond those that are used, which make these precise.
 _OVERSAMPLING = 24
 #: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
@@ -272,7 +268,7 @@ def reduced_basis(
         (N, ...) frames, fields or images, as `as_snapshots` takes them. They may be larger than memory.
     n_modes : int, float or "auto"
         Modes n, at most N - 1 and D (for "cvt" at most N). A number in 0..1, both excluded, takes as few modes of "pod"
-        as explain this share of the variance, at most 1000. "auto" takes the elbow of the energy, at most 32.
+        as explain this share of the variance, at most 1024. "auto" takes the elbow of the energy, at most 32.
     kind : {"pod", "cvt", "cvod"}
         "pod", proper orthogonal decomposition: principal components, the modes that leave the least energy. "cvt":
         generators of a tessellation of the snapshots, orthonormalized, the heaviest cell first. "cvod": a tessellation
@@ -320,11 +316,11 @@ def reduced_basis(
     check_in_range("passes", passes, passes % 2 == 0, "an even number in 2..64")
     given = as_snapshots(snapshots)
     most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
-    asked = min(_MOST_AUTO_MODES, most)
+    asked = min(CHORD_ENDS, most)
     share = float(n_modes) if isinstance(n_modes, float) and 0 < n_modes < 1 else None
     if share:
         check_in_range("n_modes", n_modes, kind == "pod", "a whole number or 'auto', unless kind is 'pod'")
-        asked = min(_MOST_BY_SHARE, most)
+        asked = min(EXACT_RANK, most)
     elif n_modes != "auto":
         asked = check_count(
             "n_modes", cast("int", n_modes), most, f"for {given.n_snapshots} snapshots of {given.n_dims} values"

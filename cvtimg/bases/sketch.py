@@ -18,7 +18,7 @@ from cvtimg.bases.snapshots import Snapshots
 
 #: Snapshots or values in each, the fewer of them, and values in all, up to which all directions are found: the cost of
 #: at most 2^45 products, some seconds.
-_EXACT_RANK, _EXACT_VALUES = 1 << 10, 1 << 25
+EXACT_RANK, _EXACT_VALUES = 1 << 10, 1 << 25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ def sketch(
     """
     whole = min(snapshots.n_snapshots, snapshots.n_dims)
     rank = min(rank, whole)
-    is_exact = whole <= _EXACT_RANK and snapshots.n_snapshots * snapshots.n_dims <= _EXACT_VALUES
+    is_exact = whole <= EXACT_RANK and snapshots.n_snapshots * snapshots.n_dims <= _EXACT_VALUES
     width, dtype = (whole, np.dtype(np.float64)) if is_exact else (rank, snapshots.dtype)
     directions = rng.standard_normal((snapshots.n_dims, width), np.float32).astype(dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.

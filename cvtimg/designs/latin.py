@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.designs.cells import check_unit_points
 
-#: What a move costs to where no point may be: more than all others together.
-_FORBIDDEN = 1e6
-
 
 def latinize(points: ArrayLike) -> Floats:
     """Move points to the middles of slices, one in each of n slices of each axis, where their order is kept.
@@ -82,7 +79,9 @@ class Slices:
             there = np.repeat(moved[:, None], len(middles), axis=1)
             there[..., axis] = middles
             fits = allowed(there.reshape(-1, n_dims)).reshape(n_points, -1)
-            rows, columns = linear_sum_assignment(np.where(fits, (moved[:, axis, None] - middles) ** 2, _FORBIDDEN))
+            # A move to where no point may be costs more than all others together.
+            squares = np.where(fits, (moved[:, axis, None] - middles) ** 2, n_points + 1)
+            rows, columns = linear_sum_assignment(squares)
             fit = fits[rows, columns]
             moved[rows[fit], axis] = middles[columns[fit]]
         return moved

@@ -17,10 +17,9 @@ from cvtimg._shared.checks import check_shape, check_that
 from cvtimg._shared.types import Floats, Indices, Ints
 from cvtimg.designs import _designs
 from cvtimg.designs.cells import MOST_EXACT_DIMS, Cube, check_unit_points, exact_cells, nearest_distances, sobol_samples
+from cvtimg.designs.regions import MANY_SAMPLES
 from cvtimg.placement.cells import regularity
 
-#: Number of samples of the cube in more dimensions.
-_N_SAMPLES = 1 << 20
 #: Walks from box to box, as they end in different corners; comparisons of points with boxes in each, about a tenth of a
 #: second; and its fewest and most steps, whatever the points are.
 _WALKS, _COMPARISONS, _STEPS = 10, 20_000_000, (1000, 50_000)
@@ -176,7 +175,7 @@ def point_measures(points: ArrayLike, *, periodic: bool = False, rng: int | np.r
     if exact := array.shape[1] <= MOST_EXACT_DIMS:
         cells = exact_cells(array, periodic)
     else:
-        cells = Cube(sobol_samples(_N_SAMPLES, array.shape[1], rng), periodic=periodic).cells(array)
+        cells = Cube(sobol_samples(MANY_SAMPLES, array.shape[1], rng), periodic=periodic).cells(array)
     return PointMeasures(
         discrepancy=discrepancy,
         **regularity(cells, nearest),

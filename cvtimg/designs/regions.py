@@ -13,7 +13,7 @@ from cvtimg.designs.cells import sobol_samples
 from cvtimg.designs.factors import Factor
 
 #: The least and the most samples in all.
-_FEW_SAMPLES, _MANY_SAMPLES = 1 << 14, 1 << 20
+_FEW_SAMPLES, MANY_SAMPLES = 1 << 14, 1 << 20
 #: Where fewer of the samples are feasible, they are spread over a smaller box.
 _ENOUGH = 0.1
 
@@ -31,7 +31,7 @@ class Region:
 
     def samples(self, n: int, rng: np.random.Generator) -> tuple[Floats32, Floats | None]:
         """Draw about the given number of samples (m, d), and their weights, if they differ."""
-        n = int(np.clip(n, _FEW_SAMPLES, _MANY_SAMPLES))
+        n = int(np.clip(n, _FEW_SAMPLES, MANY_SAMPLES))
         samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
         if self._density is None or not len(samples):
             return samples, None
@@ -71,8 +71,8 @@ def _feasible_samples(samples: Floats32, is_feasible: Callable[[Any], Bools], rn
     while True:
         places = (start + tried * size).astype(np.float32)
         feasible = places[is_feasible(places)]
-        if len(feasible) == 0 and len(tried) < _MANY_SAMPLES:
-            tried = sobol_samples(_MANY_SAMPLES, n_dims, rng)
+        if len(feasible) == 0 and len(tried) < MANY_SAMPLES:
+            tried = sobol_samples(MANY_SAMPLES, n_dims, rng)
             continue
         if len(feasible) == 0 or len(feasible) > _ENOUGH * len(tried):
             return feasible

@@ -15,7 +15,7 @@ import numpy as np
 
 from cvtimg._shared.progress import each, part
 from cvtimg.engine.methods import Conditions, Iterate, Iteration, Method, Stopping
-from cvtimg.engine.methods.breathing import add, breathe, remove
+from cvtimg.engine.methods.breathing import RESTING, add, breathe, remove
 from cvtimg.engine.methods.transfer import weighted_energy
 from cvtimg.engine.points import SMALL_ENERGY, Points, cell_energies, cell_moments
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, fewer_points, search
@@ -24,9 +24,6 @@ from cvtimg.engine.seeding import TooFewSamplesError, split
 _FEWER = 36, 1 << 11
 #: Little moves from one number of generators to the next.
 _LINK = Stopping(tolerance=2e-3, max_iterations=8)
-_FRESH = Stopping(tolerance=1e-3, max_iterations=100)
-#: On all points, from generators found with fewer.
-_LAST = Stopping(tolerance=0, max_iterations=1)
 
 
 def chain(
@@ -36,16 +33,17 @@ def chain(
     # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
     # better end kept.
     ends: list[Iteration] = []
+    last = conditions.until(Stopping.after(1))  # on all points, from generators found with fewer
     with part(0, SEARCHED if effort is None else 0.0):
         links = _over_fewer(points, n_max, method, conditions)
-    for found in each(links):
-        end = _measured(points, method(points, found.generators, conditions.until(_LAST)), conditions)
+    for link in each(links):
+        end = _measured(points, method(points, link.generators, last), conditions)
         if effort is not None:
-            alone = _measured(points, _alone(points, len(found.generators), method, conditions, effort), conditions)
+            alone = _measured(points, _alone(points, len(link.generators), method, conditions, effort), conditions)
             end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
             start = add(points, ends[-1], 1, 0)
-            end = _measured(points, method(points, start, conditions.until(_LAST)), conditions)
+            end = _measured(points, method(points, start, last), conditions)
             end = min(end, ends[-1], key=lambda some: some.energies[-1])
         ends[-1:] = [replace(last, labels=None) for last in ends[-1:]]  # one for each point
         ends.append(end)
@@ -84,7 +82,7 @@ def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions)
             start = split(points, number, conditions.rng)
         except TooFewSamplesError:
             break  # steps upwards will reach the last number there is
-        offer(breathe(points, start, iterate, conditions.until(_FRESH), EFFORTS["balanced"].breaths))
+        offer(breathe(points, start, iterate, conditions.until(RESTING), EFFORTS["balanced"].breaths))
         if conditions.watch.stopped:
             break
     for few, many in [*pairwise(numbers), (1, n_max)]:

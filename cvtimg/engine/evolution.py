@@ -10,16 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvtimg._shared.iteration import Stopping
 from cvtimg._shared.progress import tell
 from cvtimg._shared.types import Bools, Floats
 from cvtimg.engine.methods import Conditions, Ends
+from cvtimg.engine.methods.breathing import RESTING
 from cvtimg.engine.methods.transfer import transfer_of_sets
 from cvtimg.engine.points import Points
 from cvtimg.engine.seeding import SEEDINGS, Seeding, random, seed_sets
 
-#: When children rest: those that are left descend further afterwards.
-_RESTING = Stopping(tolerance=1e-3, max_iterations=100)
 #: Energies nearer to each other than this fraction, of sets at rest, are taken to be of the same tessellation.
 _SAME = 1e-6
 
@@ -60,7 +58,7 @@ def evolve(
 ) -> Floats:
     """Return the (K, D) generators of lowest energy, the fixed ones first, among descendants of those of seedings."""
     # Ends of transfers are fewer than those of Lloyd's method, and lower.
-    resting = conditions.until(_RESTING)
+    resting = conditions.until(RESTING)  # those that are left descend further afterwards
     n_products = points.tiles.size * (n_generators + _MOVING)
     most = effort.most + int((effort.operations / n_products) ** effort.power)
     patience = effort.patience * min(max(n_generators, 8), 16)

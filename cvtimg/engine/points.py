@@ -25,7 +25,7 @@ _CENTER_ROWS = 1 << 20
 #: Energies below this fraction of the energy about the origin are rounding errors of means of float32 samples.
 _ROUNDING = 1e-24
 #: Largest rounding errors, by the number that is rounded.
-_UNIT, _EXACT_UNIT = 2.0**-24, 2.0**-53
+_UNIT, _EXACT_UNIT = (float(np.finfo(dtype).epsneg) for dtype in (np.float32, np.float64))
 #: float32 gives labels whose energy is at most this fraction, squared, above that of the true ones: see
 #: `float32_suffices`.
 _LOSS = 1e-3

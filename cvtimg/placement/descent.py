@@ -268,7 +268,7 @@ def _moved(moments: CellMoments, at: _State, step: Points, terms: Terms) -> _Sta
 
 def each_with_cell(moments: CellMoments, generators: Points, project: Projection) -> tuple[Points, Moments]:
     """Place generators whose cells have no mass anew, in the heaviest cells, as long as that lowers the energy."""
-    terms = Terms(Stopping(0.0, 0), project=project)
+    terms = Terms(Stopping.after(0), project=project)
     at: _State | None = _State(generators, moments(generators))
     while at is not None:
         last, at = at, _refilled(moments, at, terms)

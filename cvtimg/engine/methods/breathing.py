@@ -16,9 +16,9 @@ from cvtimg.engine.methods._iteration import Conditions, Iterate, Iteration
 from cvtimg.engine.points import Points, assign_next, cell_energies
 from cvtimg.engine.seeding import halves
 
-#: After adding generators the iteration need not converge; after removing them, nearly.
+#: After adding generators the iteration need not converge; wherever ends are compared, nearly.
 _IN = Stopping(tolerance=1e-2, max_iterations=5)
-_OUT = Stopping(tolerance=1e-3, max_iterations=100)
+RESTING = Stopping(tolerance=1e-3, max_iterations=100)
 #: A breath helps if it lowers the energy by more than this fraction.
 _WORTHWHILE = 1e-4
 
@@ -32,14 +32,14 @@ def breathe(
         return descend(points, generators, conditions)
     breath, smallest = (max(1, int(share * len(generators))) for share in breaths)
     n_locked = conditions.n_locked
-    best = descend(points, generators, conditions.until(_OUT))
+    best = descend(points, generators, conditions.until(RESTING))
     energies = list(best.energies)
     while breath >= smallest and energies[-1] > 0 and not conditions.watch.stopped:
         more = descend(points, add(points, best, breath, n_locked), conditions.until(_IN))
         n_added = len(more.generators) - len(best.generators)
         if not n_added:
             break  # every cell is a single point
-        fewer = descend(points, remove(points, more, n_added, n_locked), conditions.until(_OUT))
+        fewer = descend(points, remove(points, more, n_added, n_locked), conditions.until(RESTING))
         if fewer.energies[-1] < energies[-1] * (1 - _WORTHWHILE):
             best = fewer
             energies.append(fewer.energies[-1])

@@ -19,9 +19,6 @@ from cvtimg.engine.methods.lloyd import Cells
 from cvtimg.engine.points import Points, assign, cell_energies, cell_moments
 from cvtimg.engine.seeding import refill
 
-_ONCE = Stopping(tolerance=0, max_iterations=1)
-_NEVER = Stopping(tolerance=0, max_iterations=0)
-
 
 def transfer(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
     """Sweep over the points until transfers lower the energy by next to nothing. No cell loses its last point."""
@@ -42,8 +39,8 @@ def transfer(points: Points, generators: Floats, conditions: Conditions) -> Iter
         return weighted_energy(masses, parts, conditions.volume_power)
 
     def step() -> float | None:
-        n_moved = _sweep(points, labels[None], masses[None], means[None], parts[None], conditions.until(_ONCE))
-        return measure() if n_moved else None
+        state = labels[None], masses[None], means[None], parts[None]
+        return measure() if _sweep(points, *state, conditions.until(Stopping.after(1))) else None
 
     history = iterate(measure(), step, conditions.stopping, conditions.watch)
     return Iteration(means, *history, labels)
@@ -53,7 +50,7 @@ def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> En
     """Sweep over the points from each of (n, K, D) sets of generators, until each rests; empty cells may fill."""
     # Lloyd's method does most of the way in less time, but cells that are weighted it would take astray.
     power = conditions.volume_power
-    cells = Cells.after(points, sets, _NEVER if power else conditions.stopping, conditions.n_locked)
+    cells = Cells.after(points, sets, Stopping.after(0) if power else conditions.stopping, conditions.n_locked)
     masses = cells.sums[:, :, -1].copy()
     free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
     means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=cells.ends.generators, where=free[:, :, None])
