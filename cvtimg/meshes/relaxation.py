@@ -37,12 +37,12 @@ class Relaxed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """The energy, Lloyd's steps, what multiplies by the mass matrices and by their inverse, and wanted edge lengths."""
+    """The energy, Lloyd's steps, what multiplies by the mass matrices, their inverses, and wanted edge lengths."""
 
     energy: float
     steps: Points
     masses: Callable[[Points], Points]
-    to_lloyd: Callable[[Points], Points]
+    to_lloyd: Floats  # (N, 3)
     sizes: Floats
 
 
@@ -57,13 +57,14 @@ def relax(mesh: PlaneTriangulation, metric: Metric, *, isotropic: bool, most: in
     memory = StepMemory()
     rested = False
     while len(energies) <= most and not rested:
-        done = mesh.move(_capped(memory.times(at.masses(at.steps), at.to_lloyd), at.sizes))
+        before, pulls = mesh.points.copy(), at.masses(at.steps)
+        mesh.move(_capped(memory.step(pulls, at.to_lloyd), at.sizes))
         there = _state(mesh, metric, isotropic)
         if len(memory) and there.energy > at.energy * (1 + _RISE):
             memory.clear()  # a rise is small, and the way goes on from there
         else:
             # The masses here, for both: with a density, that learns better than the change of the gradient.
-            memory.learn(done, there.masses(at.steps - there.steps))
+            memory.learn(mesh.points, before, there.masses(at.steps), there.masses(there.steps))
         at = there
         energies.append(at.energy)
         tell((len(energies) - 1) / most)
@@ -80,7 +81,7 @@ def _state(mesh: PlaneTriangulation, metric: Metric, isotropic: bool) -> _State:
     size = xx * yy - xy * xy
     per_size = np.divide(1, size, out=np.zeros_like(size), where=moves & (size > 0) & (xx > 0))
     inverse = inertia[:, ::-1] * [1, -1, 1] * per_size[:, None]
-    return _State(energy, _times(inverse, pull), partial(_times, inertia), partial(_times, inverse), _longest(values))
+    return _State(energy, _times(inverse, pull), partial(_times, inertia), inverse, _longest(values))
 
 
 def _times(matrices: Points, steps: Points) -> Points:

@@ -89,8 +89,8 @@ class PlaneTriangulation(HalfEdges):
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
         return _meshes.sum_cells(self, metric)
 
-    def move(self, steps: Points, moving: Bools | None = None, *, whole: bool = False) -> Points:
-        """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over; return what was done.
+    def move(self, steps: Points, moving: Bools | None = None, *, whole: bool = False) -> None:
+        """Move vertices by (N, 2) steps, or by parts of them where a triangle would turn over.
 
         Those that are `moving` (N,) do, by default the free ones; if asked by the whole step or not at all.
         """
@@ -102,7 +102,6 @@ class PlaneTriangulation(HalfEdges):
                 break
             part[bad] = np.where((part[bad] > 0.5**_HALVINGS) & (not whole), part[bad] / 2, 0)
         self.points += part * steps
-        return part * steps
 
     def _areas(self, points: Points) -> Floats:
         """Return twice the areas of triangles between points (N, 2)."""

@@ -10,17 +10,18 @@ Programming 45 (1989) 503-528, doi 10.1007/BF01589116.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from operator import mul
 from typing import Any
 
 import numpy as np
 
 from cvtimg._shared.iteration import Stopping, Watch, iterate
 from cvtimg._shared.threads import in_parts
-from cvtimg._shared.types import Array, Bools, Floats, Points
+from cvtimg._shared.types import Bools, Floats, Points
+from cvtimg.placement import _descent
 from cvtimg.placement.moments import CellMoments, Moments
 
 #: Where generators (K, D) that have moved may be, given where they came from.
@@ -28,61 +29,78 @@ Projection = Callable[[Points, Points], Points]
 
 #: A step is kept if it lowers the energy by this part of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
-#: Steps of a kernel that NumPy needs for each number that it is given.
-_STEPS = 8
+#: Steps of the kernels of a descent for each number and vector.
+_STEPS = 1
+#: Rows of a block: a dozen vectors of them stay in a cache of the second level.
+_BLOCK = 1024
 
 
 class StepMemory:
     """The inverse Hessian of limited-memory BFGS: the last 5 steps, and how they changed the gradient.
 
-    On surfaces figures hardly change from 5 to 10 steps; in the plane from 4 to 12, and 3 need more moves.
+    On surfaces figures hardly change from 5 to 10 steps; in the plane from 4 to 12, and 3 need more moves. `pulls` are
+    the gradient (N, D) with the other sign. Rows are in blocks, so that sums do not depend on the number of threads.
     """
 
     def __init__(self) -> None:
-        self._pairs: deque[tuple[Points, Points, float]] = deque(maxlen=5)  # steps, changes, and their products
+        self._kept: list[int] = []  # places of steps, from old to new
+        self._steps = self._changes = np.empty((0, 0))  # (6, N D), one of them for a step that may not be kept
+        self._products = np.zeros((6, 6))  # of changes with the steps up to their own
+        self._along: list[float] = []  # products of steps with the last pulls
 
     def __len__(self) -> int:
-        return len(self._pairs)
+        return len(self._kept)
 
     def clear(self) -> None:
         """Forget all steps."""
-        self._pairs.clear()
+        self._kept = []
 
-    def learn(self, step: Points, change: Points) -> None:
-        """Remember a step and the change of the gradient, unless the energy is not convex along it."""
-        along = product_of(step, change)
-        if along > 1e-12 * (product_of(step, step) * product_of(change, change)) ** 0.5:
-            self._pairs.append((step, change, along))
+    def learn(self, after: Points, before: Points, old: Points, new: Points) -> None:
+        """Remember a step and how pulls changed from old to new, unless the energy is not convex along it."""
+        if not len(self._steps):
+            self._steps, self._changes = np.empty((2, 6, after.size))
+        kept = [*self._kept, min({*range(6)} - {*self._kept})]
+        arrays = *map(np.ravel, (after, before, old, new)), self._steps, self._changes, np.array(kept, np.int32)
+        *products, size, square = _sums(_descent.learn, arrays, len(after), 2 * len(kept) + 2)
+        along, ahead = products[: len(kept)], products[len(kept) :]
+        if along[-1] > 1e-12 * (size * square) ** 0.5:
+            self._products[kept[-1], kept] = along
+            self._kept, self._along = kept[-5:], ahead[-5:]
+        else:
+            self._along = ahead[:-1]
 
-    def times(self, gradient: Points, start: Callable[[Points], Points]) -> Points:
-        """Multiply a gradient by the inverse Hessian, which starts as `start`, at a scale that is learned."""
-        rest, factors = gradient, list[float]()
-        for step, change, along in reversed(self._pairs):
-            factors.append(product_of(step, rest) / along)
-            rest = rest - factors[-1] * change
-        rest = start(rest)
-        if self._pairs:
-            _, change, along = self._pairs[-1]
-            rest = (along / product_of(start(change), change)) * rest
-        for (step, change, along), factor in zip(self._pairs, reversed(factors), strict=True):
-            rest = rest + (factor - product_of(change, rest) / along) * step
-        return rest
+    def step(self, pulls: Points, inverse: Floats) -> Points:
+        """Multiply the pulls that were learned last by the inverse Hessian.
+
+        It starts as `inverse` at a scale that is learned: a factor (N, 1) of each vector, or matrices of those with two
+        columns (N, 3), xx, xy and yy.
+        """
+        lower, kept = self._products[np.ix_(self._kept, self._kept)], np.array(self._kept, np.int32)
+        # Both loops of the two-loop recursion, each solved for its factors.
+        factors = _solved(lower.T[::-1, ::-1], self._along[::-1])[::-1] if kept.size else np.empty(0)
+        out = np.empty(pulls.size)
+        arrays = out, 1.0, pulls.ravel(), -factors, self._changes, kept, np.ascontiguousarray(inverse)
+        *across, square = _sums(_descent.combine, arrays, len(pulls), len(kept) + 1)
+        if kept.size:
+            scale = lower[-1, -1] / square
+            ends = _solved(lower, lower.diagonal() * factors - np.multiply(scale, across))
+            _sums(_descent.combine, (out, scale, out, ends, self._steps, kept, None), len(pulls), len(kept) + 1)
+        return out.reshape(pulls.shape)
 
 
-def by_rows(function: Callable[..., Points], first: Array, *others: Array, **options: Any) -> Points:
-    """Return what a function makes of the rows of arrays, each row by itself, in the shape of the first array."""
-    arrays, result = (first, *others), np.empty(first.shape)
-
-    def compute(start: int, stop: int) -> None:
-        result[start:stop] = function(*(array[start:stop] for array in arrays), **options)
-
-    in_parts(compute, len(result), _STEPS * sum(array.size for array in arrays))
-    return result
+def _sums(kernel: Callable[..., None], arrays: tuple[Any, ...], n_vectors: int, n: int) -> list[float]:
+    """Return n sums over all vectors of what a kernel fills in for each block of them."""
+    sums = np.zeros((-(-n_vectors // _BLOCK), n))
+    in_parts(partial(kernel, *arrays, n_vectors, sums), len(sums), _STEPS * n * arrays[0].size)
+    return list(sums.sum(axis=0).tolist())
 
 
-def product_of(first: Points, second: Points) -> float:
-    """Sum the products of two (N, D) arrays. The threads of a BLAS would change bits."""
-    return float(np.einsum("nd,nd", first, second))
+def _solved(lower: Floats, right: Sequence[float] | Floats) -> Floats:
+    """Solve a lower triangular system; a library's bits depend on the processor."""
+    values: list[float] = []
+    for row, value in zip(lower.tolist(), right, strict=True):
+        values.append((value - sum(map(mul, row, values))) / row[len(values)])
+    return np.array(values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,39 +244,33 @@ class _QuasiNewton:
         self._next: _State | None = None
 
     def __call__(self, at: _State) -> _State:
-        gradient = -2 * at.moments.masses[:, None] * at.to_centroids
+        pulls = 2 * at.moments.masses[:, None] * at.to_centroids
         if self._terms.free is not None:
-            gradient[~self._terms.free] = 0
-        self._learn(at, gradient)
-        self._last = at, gradient
-        self._next = self._search(at, gradient)
+            pulls[~self._terms.free] = 0
+        if self._last is None or at is not self._next:  # others have moved generators
+            self._memory.clear()
+        else:
+            before, old = self._last
+            self._memory.learn(at.generators, before.generators, old, pulls)
+        self._last = at, pulls
+        self._next = self._search(at, pulls)
         return self._next
 
-    def _learn(self, at: _State, gradient: Points) -> None:
-        """Remember the last move and how it changed the gradient; forget all when others have moved generators."""
-        if self._last is None or at is not self._next:
-            self._memory.clear()
-            return
-        before, old = self._last
-        self._memory.learn(at.generators - before.generators, gradient - old)
-
-    def _search(self, at: _State, gradient: Points) -> _State:
-        directions = [self._step(gradient, at.moments.masses)] if self._memory else []
-        for direction in (*directions, at.to_centroids):
+    def _search(self, at: _State, pulls: Points) -> _State:
+        masses, directions = at.moments.masses, [at.to_centroids]
+        if self._memory:
+            to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)
+            directions.insert(0, self._memory.step(pulls, to_lloyd[:, None]))
+        for direction in directions:
             length = 1.0
             while length > _SHORTEST:
                 there = _moved(self._moments, at, length * direction, self._terms)
-                promised = min(product_of(gradient, there.generators - at.generators), 0.0)
-                if there.energy <= at.energy + _ENOUGH * promised:
+                promised = max(float(np.einsum("nd,nd", pulls, there.generators - at.generators)), 0.0)
+                if there.energy <= at.energy - _ENOUGH * promised:
                     return there
                 length /= 2
             self._memory.clear()
         return _moved(self._moments, at, at.to_centroids, self._terms)
-
-    def _step(self, gradient: Points, masses: Floats) -> Points:
-        """Multiply the gradient by the inverse Hessian, which starts from Lloyd's steps."""
-        to_lloyd = np.divide(0.5, masses, out=np.zeros_like(masses), where=masses > 0)[:, None]
-        return -self._memory.times(gradient, lambda vectors: to_lloyd * vectors)
 
 
 def _moved(moments: CellMoments, at: _State, step: Points, terms: Terms) -> _State:

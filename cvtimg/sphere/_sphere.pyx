@@ -6,6 +6,7 @@ start..stop of what they are given.
 """
 import numpy as np
 
+from libc.math cimport sqrt
 from libc.stdint cimport int32_t, uint8_t
 
 from cvtimg.halfedges.half_edges cimport half_edges, seen
@@ -33,6 +34,11 @@ cdef extern from "corners.h" nogil:
     int add_corner_slopes(
         const half_edges *mesh, int32_t t, double least_cosine, double largest_cosine, double *slopes,
     )
+
+
+cdef inline double square3(const double *vector) noexcept nogil:
+    return vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]
+
 
 def fill_half_arcs(
     const double[:, ::1] points, const int32_t[:, ::1] triangles, double[:, ::1] arcs, Py_ssize_t start, Py_ssize_t stop
@@ -115,6 +121,53 @@ def sum_weighted(
                 &c_mesh, &centers[0, 0], &at_points[0], &at_centers[0], firsts[i], &masses[i], &moments[i, 0],
                 &energies[i],
             )
+
+
+def level(
+    const double[:, ::1] points, double[:, ::1] moments, double[::1] masses, at_points, double[::1] areas, free,
+    Py_ssize_t start, Py_ssize_t stop,
+):
+    """Take the parts along points out of moments (N, 3); return the sum of these, and that of the squared distances to
+    centers of mass, by areas, of points that are free (N,) or all; the others have no moments then.
+
+    Areas are filled in: masses by the density at points; without one, the lengths of moments, which are masses then.
+    """
+    cdef const double[::1] density = at_points
+    cdef const uint8_t[::1] marks = free
+    cdef bint is_uniform = density is None, are_all = marks is None
+    cdef Py_ssize_t i, k
+    cdef double along, all_along = 0, squares = 0
+    cdef double *moment
+    with nogil:
+        for i in range(start, stop):
+            moment = &moments[i, 0]
+            along = moment[0] * points[i, 0] + moment[1] * points[i, 1] + moment[2] * points[i, 2]
+            if is_uniform:
+                masses[i] = areas[i] = sqrt(square3(moment))
+            else:
+                areas[i] = masses[i] / density[i]
+            for k in range(3):
+                moment[k] = moment[k] - along * points[i, k] if are_all or marks[i] else 0
+            all_along += along
+            squares += square3(moment) / (masses[i] * masses[i] * areas[i])
+    return all_along, squares
+
+
+def move(
+    const double[:, ::1] points, const double[:, ::1] steps, const double[::1] areas, double part, double longest,
+    double[:, ::1] there, Py_ssize_t start, Py_ssize_t stop,
+):
+    """Move points (N, 3) by a part of steps, which are shortened to `longest` times the roots of areas."""
+    cdef Py_ssize_t i, k
+    cdef double factor, length
+    with nogil:
+        for i in range(start, stop):
+            factor = part * longest / max(longest, sqrt(square3(&steps[i, 0]) / areas[i]))
+            for k in range(3):
+                there[i, k] = points[i, k] + factor * steps[i, k]
+            length = sqrt(square3(&there[i, 0]))
+            for k in range(3):
+                there[i, k] /= length
 
 
 def find_corners(mesh, double least_cosine, double largest_cosine, uint8_t[::1] out, Py_ssize_t start, Py_ssize_t stop):

@@ -112,7 +112,7 @@ def coastal_grid(
         even = sphere_grid(n, density=density, effort=effort, rng=rng, callback=callback)
         return _coastal(even, on_coast, coast)
     for move in range(settings.moves):
-        cells = sums(mesh)
+        cells = sums(mesh, None)
         if watch(cells.energy):
             break
         there = unit(mesh.points + cells.pulls / cells.masses[:, None])
@@ -127,7 +127,7 @@ def coastal_grid(
             there[aside] = unit(there[aside] + (_HOW.aside * sizes[aside] / lengths)[:, None] * ways)
             on_coast &= ~aside
         mesh.replace(there)
-    on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh).areas))
+    on_coast = _settled(mesh, coast, on_coast, np.sqrt(sums(mesh, None).areas))
     return _coastal(as_grid(mesh, sums, ~on_coast), on_coast, coast)
 
 

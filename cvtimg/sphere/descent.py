@@ -9,10 +9,11 @@ from itertools import count
 import numpy as np
 
 from cvtimg._shared.iteration import Watch
+from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Points
-from cvtimg.placement.descent import Projection, StepMemory, by_rows
+from cvtimg.placement.descent import Projection, StepMemory
 from cvtimg.sphere import _sphere
-from cvtimg.sphere.triangulation import Cells, SphereTriangulation, SumCells, counted, unit
+from cvtimg.sphere.triangulation import WORK, Cells, SphereTriangulation, SumCells, counted, unit
 
 #: No point moves farther than this part of the size of its cell.
 _LONGEST = 0.3
@@ -47,28 +48,28 @@ def descend(
     memory, offset, watch = StepMemory(), np.inf, Watch() if watch is None else watch
     before, pulls = mesh.points, np.empty(0)
     for n_moves in count():
-        cells = sum_cells(mesh).moving(free)
+        cells = sum_cells(mesh, free)
         if n_moves == 0:
             # A point of a centroidal tessellation has a cell of mass density^(1/2), and that is its stiffness.
             stiffness = np.sqrt(cells.masses / cells.areas)
-            loose = np.broadcast_to((stiffness.mean() / cells.masses.mean() / stiffness)[:, None], mesh.points.shape)
+            loose = (stiffness.mean() / cells.masses.mean() / stiffness)[:, None]
         else:
-            memory.learn(by_rows(np.subtract, mesh.points, before), by_rows(np.subtract, pulls, cells.pulls))
-        last, offset = offset, cells.offset_of(free)
+            memory.learn(mesh.points, before, pulls, cells.pulls)
+        last, offset = offset, cells.offset
         if offset > _WORSE * last:
             memory.clear()
         if n_moves == most or offset <= tolerance or watch(cells.energy):
             break
         before, pulls = mesh.points, cells.pulls
-        step = memory.times(pulls, partial(by_rows, np.multiply, loose))
-        _move(mesh, partial(by_rows, _moved, before, step, cells.areas), free, project)
+        _move(mesh, partial(_moved, before, memory.step(pulls, loose), cells.areas), free, project)
     return cells
 
 
 def _moved(points: Points, step: Points, areas: Floats, part: float) -> Points:
     """Move points by a part of a step, no farther than their cells allow."""
-    lengths = np.sqrt(np.einsum("ij,ij->i", step, step) / areas)
-    return unit(points + (part * _LONGEST / np.maximum(lengths, _LONGEST))[:, None] * step)
+    there = np.empty(points.shape)
+    in_parts(partial(_sphere.move, points, step, areas, part, _LONGEST, there), len(there), WORK * len(there))
+    return there
 
 
 def _move(

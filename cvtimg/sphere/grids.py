@@ -202,7 +202,7 @@ class _Plan:
                 mesh = in_order(mesh)
             sums = self._sums(n)
             if noise and level:
-                step = noise * np.sqrt(sums(mesh).areas)[:, None]
+                step = noise * np.sqrt(sums(mesh, None).areas)[:, None]
                 mesh.replace(unit(mesh.points + step * self.rng.normal(size=mesh.points.shape)))
             self._descend(mesh, sums)
         return mesh
@@ -239,13 +239,13 @@ class _Plan:
     def _finished(self, mesh: SphereTriangulation) -> SphereGrid:
         sums = self._sums(len(mesh.points))
         if self.polish:
-            polish_angles(mesh, np.sqrt(sums(mesh).areas), self.effort.polishing)
+            polish_angles(mesh, np.sqrt(sums(mesh, None).areas), self.effort.polishing)
         return as_grid(mesh, sums, None)
 
 
 def as_grid(mesh: SphereTriangulation, sums: SumCells, free: Bools | None) -> SphereGrid:
     """Sum the cells of a triangulation at its end."""
-    cells = sums(mesh)
+    cells = sums(mesh, free)
     weight = sums.density if isinstance(sums, WeightedCells) else None
     unit = weight.unit if isinstance(weight, Scaled) else 1.0
     return SphereGrid(
@@ -254,6 +254,6 @@ def as_grid(mesh: SphereTriangulation, sums: SumCells, free: Bools | None) -> Sp
         areas=mesh.areas(),
         density=np.ones(len(mesh.points)) if weight is None else unit * weight(mesh.points),
         energy=unit * cells.energy,
-        offset=cells.offset_of(free),
+        offset=cells.offset,
         fixed=np.zeros(len(mesh.points), bool) if free is None else ~free,
     )

@@ -6,7 +6,7 @@ Its cells, and integrals over them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_places, check_that, refuse
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg._shared.types import Bools, Floats, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
 from cvtimg.halfedges import HalfEdges, find_twins, half_edges_out
-from cvtimg.placement.descent import by_rows
 from cvtimg.sphere import _sphere
 from cvtimg.sphere.densities import SphereDensity
 
@@ -30,6 +29,8 @@ _OFF_THE_SPHERE = 1e-6
 _MOST_FLIPS = 100
 #: Steps of the kernels, for each triangle or cell, by which their work is divided among threads.
 WORK = 100
+#: Cells of a stripe, which stay in the cache until their sums are made.
+_ROWS = 2048
 
 
 class SphereTriangulation(HalfEdges):
@@ -69,12 +70,15 @@ class SphereTriangulation(HalfEdges):
 
     def uniform_moments(self) -> Points:
         """Integrate x over each cell, exactly: (N, 3)."""
+        moments = np.empty_like(self.points)
+        in_parts(self.fills_uniform(moments), len(moments), WORK * len(moments))
+        return moments
+
+    def fills_uniform(self, moments: Points) -> Callable[[int, int], None]:
+        """Return what integrates x over cells, for rows of moments (N, 3)."""
         if self._arcs is None:
             self._arcs = self._arcs_of(self.points)[0]
-        moments = np.empty_like(self.points)
-        kernel = partial(_sphere.sum_uniform, self, self._arcs, self.first_edges(), moments)
-        in_parts(kernel, len(moments), WORK * len(moments))
-        return moments
+        return partial(_sphere.sum_uniform, self, self._arcs, self.first_edges(), moments)
 
     def weighted_moments(self, at_points: Points, centers: Points, at_centers: Points) -> tuple[Points, Points, Points]:
         """Integrate a density over each cell: masses (N,), and those of the density times x (N, 3) and the energy (N,).
@@ -238,44 +242,22 @@ class Cells:
 
     masses: Floats  # (N,): integral of the density
     # (N, 3): integral of the density times x, without its part along the point: mass times the way to the center of
-    # mass.
+    # mass. No pull at points that are not free.
     pulls: Points
     areas: Floats  # (N,): by which steps are measured
     energy: float  # integral of the density times the squared distance to the points
-
-    def offset_of(self, free: Bools | None) -> float:
-        """Return the root mean square of the distances to centers of mass, by the sizes of cells, of free points."""
-        squares = by_rows(lambda m, a, p: np.einsum("ij,ij->i", p, p) / (m**2 * a), self.masses, self.areas, self.pulls)
-        return float(np.sqrt((squares if free is None else squares[free]).mean()))
-
-    def moving(self, free: Bools | None) -> Cells:
-        """Return the cells with no pull at points that are not free; None lets all move."""
-        return self if free is None else replace(self, pulls=np.where(free[:, None], self.pulls, 0.0))
+    offset: float  # root mean square of the distances of free points to centers of mass, by the sizes of cells
 
 
-#: Integrates over the cells of a triangulation.
-SumCells = Callable[[SphereTriangulation], Cells]
+#: Integrates over the cells of a triangulation; of the points only some may be free (N,).
+SumCells = Callable[[SphereTriangulation, Bools | None], Cells]
 
 
-def uniform_cells(mesh: SphereTriangulation) -> Cells:
+def uniform_cells(mesh: SphereTriangulation, free: Bools | None = None) -> Cells:
     """Integrate over cells for the density 1, exactly but for areas, which are lengths of moments."""
-    pulls = mesh.uniform_moments()
-    areas, along = _leveled(mesh.points, pulls)
-    return Cells(areas, pulls, areas, 8 * np.pi - 2 * float(along.sum()))
-
-
-def _leveled(points: Points, moments: Points) -> Floats:
-    """Take the parts of moments along points out of them; return (2, N) lengths before, and of these parts."""
-    parts = np.empty((2, len(points)))
-
-    def level(start: int, stop: int) -> None:
-        part = slice(start, stop)
-        parts[0, part] = np.sqrt(np.einsum("ij,ij->i", moments[part], moments[part]))
-        parts[1, part] = np.einsum("ij,ij->i", moments[part], points[part])
-        moments[part] -= parts[1, part, None] * points[part]
-
-    in_parts(level, len(points), WORK * len(points))
-    return parts
+    pulls, areas = np.empty_like(mesh.points), np.empty(len(mesh.points))
+    along, offset = _leveled(mesh, pulls, areas, None, areas, free, mesh.fills_uniform(pulls))
+    return Cells(areas, pulls, areas, 8 * np.pi - 2 * along, offset)
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,9 +266,35 @@ class WeightedCells:
 
     density: SphereDensity
 
-    def __call__(self, mesh: SphereTriangulation) -> Cells:
+    def __call__(self, mesh: SphereTriangulation, free: Bools | None = None) -> Cells:
         """Sum cells."""
         centers, at_points = mesh.circumcenters(), self.density(mesh.points)
         masses, pulls, energies = mesh.weighted_moments(at_points, centers, self.density(centers))
-        _leveled(mesh.points, pulls)
-        return Cells(masses, pulls, masses / at_points, float(energies.sum()))
+        areas = np.empty_like(masses)
+        _, offset = _leveled(mesh, pulls, masses, at_points, areas, free, lambda *_: None)
+        return Cells(masses, pulls, areas, float(energies.sum()), offset)
+
+
+def _leveled(
+    mesh: SphereTriangulation,
+    moments: Points,
+    masses: Floats,
+    at_points: Floats | None,
+    areas: Floats,
+    free: Bools | None,
+    fill: Callable[[int, int], None],
+) -> tuple[float, float]:
+    """Take the parts along points out of moments that are filled in; return the sum of these, and the offset.
+
+    Areas are filled in, too: masses by the density at points, or lengths of moments without one.
+    """
+    marks = None if free is None else free.view(np.uint8)
+
+    def level(rows: slice) -> tuple[float, float]:
+        fill(rows.start, rows.stop)
+        ends = rows.start, rows.stop
+        sums: tuple[float, float] = _sphere.level(mesh.points, moments, masses, at_points, areas, marks, *ends)
+        return sums
+
+    along, squares = np.sum(in_stripes(level, len(masses), WORK * len(masses), _ROWS), axis=0).tolist()
+    return along, (squares / (len(masses) if free is None else np.count_nonzero(free))) ** 0.5

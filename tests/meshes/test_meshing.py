@@ -197,10 +197,10 @@ def test_vertices_move_as_far_as_triangles_keep_area() -> None:
     points = np.random.default_rng(5).random((400, 2))
     mesh = PlaneTriangulation(points, np.arange(400) % 7 == 0, delaunay(points), np.empty((0, 2), np.int32))
     before = mesh.points.copy()
-    done = mesh.move(np.random.default_rng(6).normal(0, 0.02, (400, 2)))
+    mesh.move(np.random.default_rng(6).normal(0, 0.02, (400, 2)))
+    done = mesh.points - before
     assert (signed_areas(mesh) > 0).all()
     assert (done[mesh.fixed == FIXED] == 0).all()
-    assert np.allclose(mesh.points, before + done, rtol=0, atol=1e-12)
     assert (done != 0).any(axis=1).mean() > 0.5
 
 
