@@ -13,7 +13,7 @@ from PIL import Image, features
 
 from cvtimg._shared.types import Array
 from cvtimg.explore.controls import Control, controls_of
-from cvtimg.looks.similarity import content_measure
+from cvtimg.looks.similarity import Qualities
 
 #: Lossy formats of Pillow by the ends of their names; it may be built without some.
 _FORMATS = {"jpg": "JPEG", "webp": "WEBP", "avif": "AVIF"}
@@ -37,14 +37,14 @@ def lossy(image: Any, end: str, quality: float) -> bytes:
     sides = [int(side / step) for side in image.shape[:2]]
     down, right = ((whole - side) // 2 for whole, side in zip(image.shape, sides, strict=False))
     middle = np.ascontiguousarray(image[down : down + sides[0], right : right + sides[1]])
-    measure = content_measure(middle)
+    measure = Qualities(middle).content
     reached = cache(lambda setting: measure(_decoded(_encoded(middle, end, setting), middle)))
     return _encoded(image, end, 1 + bisect_left(range(1, 100), quality, key=reached))
 
 
 def seen_quality(image: Any, content: bytes) -> float:
     """Return how alike to an image the content of a file looks, as `content_quality`."""
-    return content_measure(image)(_decoded(content, image))
+    return Qualities(image).content(_decoded(content, image))
 
 
 def _encoded(image: Array, end: str, setting: int) -> bytes:

@@ -40,6 +40,8 @@ _FAR, _LEAST = 1e15, 1e-12
 #: By how much a squared level of variance raises the squared step that is hardly seen in grain: with 4, photographs get
 #: 1 % larger, and smooth areas keep a few more of their tones.
 _GRAIN = 16.0
+#: Pixels that a Gaussian window of `visibility` reaches.
+REACH = 20
 #: Shortest step between entries.
 _LEAST_STEP = 1e-3
 
@@ -76,8 +78,8 @@ def visibility(brightness: Array, bits: float = 0.0) -> Floats32:
     it must not buy more than one that is hardly seen, of a level; the square of what is seen grows in a line with the
     power of grain (Z.-L. Lu, B. A. Dosher, J. Opt. Soc. Am. A 16 (1999) 764-778, doi:10.1364/JOSAA.16.000764).
     """
-    # Squares of less are rounded less. Four blurs of sigma 1.5 are one of 3, and reach 20 pixels.
-    levels = np.pad(np.asarray(brightness, np.float32) - 128, ((0, 0), (20, 20)), "symmetric")
+    # Squares of less are rounded less. Four blurs of sigma 1.5 are one of 3.
+    levels = np.pad(np.asarray(brightness, np.float32) - 128, ((0, 0), (REACH, REACH)), "symmetric")
     planes = [levels, levels * levels]
     for _ in range(4):
         planes = blurred(planes)
@@ -86,7 +88,7 @@ def visibility(brightness: Array, bits: float = 0.0) -> Floats32:
     slopes = [np.gradient(mean, axis=axis) for axis in range(2) if mean.shape[axis] > 1]
     variance = square - mean * mean
     rest = variance - sum(np.float32(9) * slope * slope for slope in slopes)
-    variance, rest = (np.maximum(some[:, 20:-20], np.float32(0)) for some in (variance, rest))
+    variance, rest = (np.maximum(some[:, REACH:-REACH], np.float32(0)) for some in (variance, rest))
     hidden = 1 / (1 + np.sqrt(variance) / np.float32(3))
     return np.maximum(hidden, np.float32(bits) / (1 + np.float32(_GRAIN) * rest))
 

@@ -6,11 +6,9 @@ J. Sneyers, SSIMULACRA 2, Cloudinary (2022), https://github.com/cloudinary/ssimu
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from functools import cache, reduce
-from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +80,7 @@ class VisualQuality:
         for level, (original, n_busy, linear) in enumerate(
             zip(self._scales, self._counts, _pyramid(image, self._ground), strict=True)
         ):
-            sums = _sums_of_errors(original, _scale(linear))
+            sums = _sums_of_errors(original, _planes(linear))
             for of_what, count in enumerate((linear[0].size, n_busy)):
                 errors = sums / count
                 errors[:, 1] **= 0.25
@@ -94,13 +92,24 @@ class VisualQuality:
         return whole, content
 
 
-def content_measure(original: Array) -> Callable[[Array], float]:
-    """Return what measures the `content_quality` of images against an original, which is prepared once."""
-    bands = np.asarray(original)
-    seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
-    # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
-    grounds = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
-    return lambda image: min(quality.judged(image)[1] for quality in grounds)
+class Qualities:
+    """The `content_quality` and the `visual_quality` of images against an original, which is prepared once."""
+
+    def __init__(self, original: Array) -> None:
+        bands = np.asarray(original)
+        seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
+        # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
+        self._of_grounds = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
+        self._original = bands
+
+    def content(self, image: Array) -> float:
+        """Return the quality of the content of an image."""
+        return min(quality.judged(image)[1] for quality in self._of_grounds)
+
+    def whole(self, image: Array) -> float:
+        """Return the quality of an image with its canvas, on gray."""
+        on_gray, *others = self._of_grounds
+        return VisualQuality(self._original)(image) if others else on_gray(image)
 
 
 def visual_quality(original: Array, image: Array) -> float:
@@ -144,7 +153,7 @@ def content_quality(original: Array, image: Array) -> float:
     >>> cvtimg.content_quality(canvas, canvas // 32 * 36) < cvtimg.visual_quality(canvas, canvas // 32 * 36) - 5
     True
     """
-    return content_measure(original)(image)
+    return Qualities(original).content(image)
 
 
 def _score(total: float) -> float:
@@ -212,6 +221,12 @@ def _light_of(n: int) -> Floats32:
 
 
 def _scale(linear: Floats32) -> _Scale:
+    planes = _planes(linear)
+    return _Scale(planes, blurred(planes), blurred(planes, planes))
+
+
+def _planes(linear: Floats32) -> Floats32:
+    """Return linear light in XYB."""
     planes = np.empty_like(linear)
 
     def to_xyb(rows: slice) -> None:
@@ -223,21 +238,36 @@ def _scale(linear: Floats32) -> _Scale:
         planes[2, rows] = roots[2] - brightness + np.float32(0.55)
 
     in_stripes(to_xyb, linear.shape[1], 40 * linear.size)
-    return _Scale(planes, blurred(planes), blurred(planes, planes))
+    return planes
 
 
 def blurred(*factors: list[Floats32] | Floats32) -> list[Floats32]:
     """Blur planes, or the products of planes, by a Gaussian of sigma 1.5; beyond the sides are zeros."""
 
     def blur(channel: int) -> Floats32:
-        return _looks.blur(reduce(np.multiply, (planes[channel] for planes in factors)), _BLUR)
+        return _looks.blur(np.ascontiguousarray(reduce(np.multiply, (planes[channel] for planes in factors))), _BLUR)
 
     return of_each(blur, len(factors[0]), 20 * len(factors[0]) * factors[0][0].size)
 
 
-def _sums_of_errors(original: _Scale, other: _Scale) -> Floats:
+def _sums_of_errors(original: _Scale, planes: Floats32) -> Floats:
     """Return the sums of each error and of its fourth power, (3, 2, 3) by channel."""
-    products = blurred(original.planes, other.planes)
-    given: list[Any] = [*chain.from_iterable(zip(original, other, strict=True)), products]
-    sums = of_each(lambda channel: _looks.errors(*(bands[channel] for bands in given)), 3, 20 * original.planes.size)
-    return np.reshape(sums, (3, 3, 2)).transpose(0, 2, 1)
+    differs, reach = (original.planes != planes).any(axis=0), len(_BLUR) // 2
+    inner, wide = list[slice](), list[slice]()
+    for axis in range(2):  # there are errors only in windows with differences, which are part of many drawings
+        places = np.flatnonzero(differs.any(axis=1 - axis))
+        first, stop = (max(places[0] - reach, 0), places[-1] + reach + 1) if len(places) else (0, 0)
+        wide.append(slice(max(first - reach, 0), stop + reach))
+        inner.append(slice(first - wide[-1].start, stop - wide[-1].start))
+    if not differs.any():
+        return np.zeros((3, 2, 3))
+    seen = original.planes[:, *wide], planes[:, *wide]
+    others = blurred(seen[1]), blurred(seen[1], seen[1]), blurred(*seen)
+
+    def errors(channel: int) -> Floats:
+        means, squares, products = (some[channel][*inner] for some in others)
+        whole = [some[channel][*wide][*inner] for some in (original.planes, original.means, original.squares)]
+        bands = whole[0], seen[1][channel][*inner], whole[1], means, whole[2], squares, products
+        return _looks.errors(*map(np.ascontiguousarray, bands))
+
+    return np.reshape(of_each(errors, 3, 20 * seen[0].size), (3, 3, 2)).transpose(0, 2, 1)

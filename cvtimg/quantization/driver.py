@@ -514,6 +514,7 @@ class _Palettes:
         if self._has_all:
             self.most = max(len(one.colors) for one in found)
         self._found = {self.most: found}
+        self._unmixed: dict[int, Any] = {}
 
     @cached_property
     def _merged(self) -> list[Merged]:
@@ -530,13 +531,18 @@ class _Palettes:
 
     def unmixed(self, source: Source, n_colors: int) -> Any:
         """Map pixels to the nearest of a number of colors, and see how good that is."""
-        return _seen(source, source.mapped(self._of(n_colors), replace(self._how, dither=None)))
+        if n_colors not in self._unmixed:
+            result = source.mapped(self._of(n_colors), replace(self._how, dither=None))
+            self._unmixed[n_colors] = _seen(source, result)
+        return self._unmixed[n_colors]
 
     def exact(self, source: Source) -> Any:
         """Return the image as it is, where the palette has all its colors or its file may be small; or None."""
-        result = source.mapped(self._of(self.most), replace(self._how, dither=None)) if self._has_all else None
-        result = result or (source.exact(self._how) if self._how.palette is None else None)
-        return None if result is None or result.energy else _seen(source, result)
+        if self._has_all:
+            result = self.unmixed(source, self.most)
+            return None if result.energy else result
+        result = source.exact(self._how) if self._how.palette is None else None
+        return result and _seen(source, result)
 
     def _of(self, n_colors: int) -> list[Palette]:
         """Return the palettes of a number of colors."""

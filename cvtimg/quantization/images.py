@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, Unpack
@@ -19,7 +19,7 @@ from cvtimg._shared.types import Array, ImageLike
 from cvtimg.colors.places import CLEAR, kinds_of, with_alpha, without_idle_alpha
 from cvtimg.colors.samples import color_samples
 from cvtimg.elbow.curves import EnergyCurve, auto_count
-from cvtimg.looks.similarity import content_measure
+from cvtimg.looks.similarity import Qualities
 from cvtimg.pictures.formats.encoding import as_stored, encode_image
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.formats.png import roughness
@@ -184,6 +184,7 @@ class PictureSource(Source):
         in_png = array.dtype in (np.uint8, np.uint16) and n_channels in (1, 3, 4)
         self._suffix, self._metadata = suffix or (".png" if in_png else ".npy"), metadata
         self._smallest = smallest and suffix == ".png"
+        self._sizes: dict[Quantized, int] = {}
 
     def sample(self, small: bool) -> PictureSource:
         """Return pieces from all over an image, one beside the other, or itself if it is small."""
@@ -195,18 +196,24 @@ class PictureSource(Source):
         return PictureSource(_pieces(self.images[0], n), self._samples.alpha, inside, None)
 
     @cached_property
-    def _measure(self) -> Callable[[Array], float]:
-        return content_measure(self.images[0])
+    def _qualities(self) -> Qualities:
+        return Qualities(self.images[0])
 
     def quality(self, result: Quantized) -> float:
         """Return the quality of the content of a result."""
-        return self._measure(result.image)
+        return self._qualities.content(result.image)
+
+    def visual_quality(self, result: Quantized) -> float:
+        """Return the visual quality of a result."""
+        return self._qualities.whole(result.image)
 
     def size(self, result: Quantized) -> int:
-        """Return the bytes of its file."""
-        stored = self._content(result)
-        pixels = as_stored(stored.pop("images")[0], self._suffix)[0]
-        return len(encode_image(self._suffix, pixels, **stored))
+        """Return the bytes of its file, which are counted once: the smallest of a flat picture takes long."""
+        if result not in self._sizes:
+            stored = self._content(result)
+            pixels = as_stored(stored.pop("images")[0], self._suffix)[0]
+            self._sizes[result] = len(encode_image(self._suffix, pixels, **stored))
+        return self._sizes[result]
 
     def stored(self, result: Quantized) -> dict[str, Any]:
         """Return what a file of it holds."""

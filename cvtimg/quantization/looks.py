@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,10 @@ import numpy as np
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.types import Array, Bools, Floats, Ints
-from cvtimg.colors.places import allowed_for, kinds_of
+from cvtimg.colors.places import CLEAR, allowed_for, kinds_of
 from cvtimg.colors.samples import ColorSamples
 from cvtimg.colors.spaces import to_space
-from cvtimg.looks.rate import Rate, map_by_rate, visibility
+from cvtimg.looks.rate import REACH, Rate, map_by_rate, visibility
 
 #: Largest palette of a .gif or .png, in which an index is a byte.
 MAX_ENTRIES = 256
@@ -44,6 +45,15 @@ def map_for_eyes(
         return samples.at_pixels(nearest)
     places, entries = (_seen_places(colors, samples.alpha).astype(np.float32) for colors in (samples.colors, palette))
     kinds, kinds_of_entries = kinds_of(samples.colors, samples.alpha), kinds_of(palette, samples.alpha)
+    labels = samples.at_pixels(np.where(kinds == CLEAR, -1, np.arange(len(kinds))))
+    canvas, box = samples.inverse[0, 0], _content_box(labels)
+    if below is None and labels[box].size < labels.size and (entries[nearest[canvas]] == places[canvas]).all():
+        # Canvas in its own color needs no search: it hands no errors on.
+        indices = samples.at_pixels(nearest)
+        inside = None if samples.inside is None else samples.inside[box]
+        content = replace(samples, inverse=np.ascontiguousarray(samples.inverse[box]), inside=inside)
+        indices[box] = map_for_eyes(content, palette, nearest, rate, strength)
+        return indices
     bits = rate.price * np.log2(len(palette))
     grounds = (0, 255) if samples.alpha else (0,)
     levels = [samples.at_pixels(_brightness(samples.colors, samples.alpha, ground)) for ground in grounds]
@@ -65,6 +75,15 @@ def map_for_eyes(
         return indices.astype(np.int32)
     allowed = allowed_for(kinds_of_entries)[samples.at_pixels(kinds), indices]
     return np.where(allowed, indices, samples.at_pixels(nearest))
+
+
+def _content_box(labels: Ints) -> tuple[slice, slice]:
+    """Return the box of the (H, W) labels that differ from the first one, and of what `visibility` sees around them."""
+    differs, sides = labels != labels[0, 0], list[slice]()
+    for axis in range(2):
+        places = np.flatnonzero(differs.any(axis=1 - axis))
+        sides.append(slice(max(places[0] - REACH, 0), places[-1] + REACH + 1) if len(places) else slice(0, 1))
+    return sides[0], sides[1]
 
 
 def _seen_places(colors: Array, alpha: bool) -> Floats:
