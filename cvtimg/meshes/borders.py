@@ -40,7 +40,8 @@ class Spacing:
     least_passes: int = 3
     passes: int = 12  # at most, that divide steps
     rounds: int = 12  # of making crowded edges shorter,
-    few: float = 1e-3  # until no more than this part of them is left
+    few: float = 1e-3  # until no more than this part of them is left,
+    few_crowded: float = 1e-2  # or this where angles are given up anyway
     last_rounds: int = 5  # only where they cross
 
     @classmethod
@@ -83,7 +84,8 @@ def place_on_borders(
         if round_ >= spacing.rounds - spacing.last_rounds:
             near[:] = False
         halved = crossed | near & (lengths > 2 * min_size)
-        if not crossed.any() and halved.sum() <= spacing.few * len(halved) and round_ > 0:
+        few = spacing.few if nearness == 1 else spacing.few_crowded
+        if not crossed.any() and halved.sum() <= few * len(halved) and round_ > 0:
             return borders, field
         middles = borders.points[borders.edges].mean(axis=1)
         wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
@@ -188,7 +190,9 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
     # Boxes are compared by the tree, and the rest by NumPy: the tree's own predicates take 10 times as long.
     one, other = tree.query(segments)
-    apart = (one < other) & (edges[one][:, :, None] != edges[other][:, None]).all(axis=(1, 2))
+    one, other = one[one < other], other[one < other]
+    (a, b), (c, d) = edges[one].T, edges[other].T
+    apart = (a != c) & (a != d) & (b != c) & (b != d)
     one, other = one[apart], other[apart]
     crosses = _cross(*points[edges[one]].transpose(1, 0, 2), *points[edges[other]].transpose(1, 0, 2))
     crossed[one[crosses]] = crossed[other[crosses]] = True
@@ -199,7 +203,7 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
         np.maximum.at(reach, edges[:, end], lengths)
     low, high = (points + sign * spacing.near * reach[:, None] for sign in (-1, 1))
     point, edge = tree.query(shapely.box(*low.T, *high.T))
-    apart = (edges[edge] != point[:, None]).all(axis=1)
+    apart = (edges[edge, 0] != point) & (edges[edge, 1] != point)
     point, edge = point[apart], edge[apart]
     a, b = points[edges[edge]].transpose(1, 0, 2)
     along = np.clip(((points[point] - a) * (b - a)).sum(axis=1) / np.maximum(lengths[edge] ** 2, 1e-300), 0, 1)

@@ -35,6 +35,8 @@ class Smoothing:
 SMOOTHING = Smoothing()
 #: Where a closed line turns by more, in degrees, at its start, that is a corner.
 _CLOSED_CORNER = 10.0
+#: The nearest part of a line is looked for in boxes first that reach this part of the usual length of such parts.
+_REACH = 0.1
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
 ON_LINE = 1e-9
 
@@ -129,9 +131,25 @@ class StraightParts:
 
     def nearest(self, points: Points) -> tuple[Indices, Floats]:
         """Return where the parts nearest to points (N, 2) start, and how far along them these are, from 0 to 1."""
-        first = self.first[self.tree.nearest(shapely.points(points))]
+        # Points are near to lines mostly, and boxes are compared ten times as fast as distances.
+        steps = self.places[self.first + 1] - self.places[self.first]
+        reach = _REACH * float(np.median(np.hypot(*steps.T)))
+        own, part = self.tree.query(shapely.box(*(points - reach).T, *(points + reach).T))
+        gaps = self._along(points[own], self.first[part])[1]
+        order = np.lexsort((part, gaps, own))
+        best = order[np.unique(own[order], return_index=True)[1]]
+        nearest = np.full(len(points), -1)
+        nearest[own[best]] = np.where(gaps[best] <= reach, part[best], -1)
+        far = nearest < 0
+        nearest[far] = self.tree.nearest(shapely.points(points[far]))
+        first = self.first[nearest]
+        return first, self._along(points, first)[0]
+
+    def _along(self, points: Points, first: Indices) -> tuple[Floats, Floats]:
+        """Return how far along parts (N,) the places nearest to points (N, 2) are, from 0 to 1, and the gaps."""
         start, step = self.places[first], self.places[first + 1] - self.places[first]
-        return first, np.clip(((points - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
+        share = np.clip(((points - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0, 1)
+        return share, np.hypot(*(start + share[:, None] * step - points).T)
 
     def feet(self, points: Points) -> Points:
         """Return the places (N, 2) on lines that are nearest to points."""

@@ -105,10 +105,10 @@ class TreeField:
 
     def _at(self, points: Points) -> Floats:
         found, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
-        self._near = self.mesh.triangles[found, shares.argmax(axis=1)]  # for the next time, when they have moved
-        shares = np.maximum(shares, 0)
-        shares /= shares.sum(axis=1, keepdims=True)
-        return (self.sizes[self.mesh.triangles[found]] * shares).sum(axis=1)
+        corners, shares = self.mesh.triangles[found], np.maximum(shares, 0)
+        self._near = corners[:, 0]  # for the next time, when they have moved
+        total: Floats = np.einsum("pk,pk->p", self.sizes[corners], shares)
+        return total / np.einsum("pk->p", shares)
 
 
 def limited_along_edges(mesh: HalfEdges, sizes: Floats, grade: float) -> Floats:
@@ -127,12 +127,15 @@ def limited_along_edges(mesh: HalfEdges, sizes: Floats, grade: float) -> Floats:
 def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
     """Divide a square around an outline into cells, smaller than the sizes there if they touch the inside."""
     low, high = outline.bounds
+    # Where sizes are the same everywhere, the smallest cells are as large as may be.
+    wanted = _SIDE * sizes(probes)
     side = float((high - low).max()) * 1.02
+    side *= 2 ** (np.log2(wanted.min() / side) % 1) * (1 - 1e-9)
     origin = (low + high) / 2 - side / 2
     grid = np.arange(1 << _FIRST_LEVEL)
     cells = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2).astype(np.int64)
     is_whole, lines = np.zeros(len(cells), bool), StraightParts.of(outline.lines).tree
-    wanted, done, n_cells = _SIDE * sizes(probes), [], 0
+    done, n_cells = [], 0
     for level in range(_FIRST_LEVEL, _LAST_LEVEL + 1):
         step = side / (1 << level)
         limit = _least_around(sizes, origin + cells * step, step) * _SIDE
