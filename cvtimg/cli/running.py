@@ -13,13 +13,14 @@ from cvtimg._shared.choices import Options
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern
+from cvtimg.options.common import READING
 from cvtimg.options.record import Given
 
 #: What is left to do when a command line is read: what runs its plan, and returns the exit status.
 Todo: TypeAlias = Callable[[], int]
 _Read = TypeVar("_Read")
 #: Options that choose within files.
-CHOICES = ("page", "series", "channel_axis", "axes", "channel", "t", "z", "pixel_size")
+CHOICES = tuple(option.name for option in READING if option.name != "max_pixels")
 
 
 def plan_of(

@@ -189,7 +189,7 @@ def _other_channels(source: Path, given: Given) -> tuple[Sequence[Array | None],
     from cvtimg.pictures.formats.opening import selected, selecting
     from cvtimg.pictures.formats.stored import place_of
 
-    with selecting(replace(selected(), channel=None)):
+    with selecting(replace(selected(), channel=None, composite=None)):
         stack = open_stack(source, frames=False)
     images = [image.reshape(*image.shape[:2], -1) for image in stack.images]
     assert stack.header is not None  # in tiles, there is none

@@ -156,7 +156,7 @@ class Channel:
             )
             return
         tab, request = requested(self._store, asked, is_draft=lane == "draft")
-        same = (tab.name, request.opened and (request.source.key, request.picture.channel), request.settings)
+        same = (tab.name, request.opened and request.source.key, request.settings)
 
         def answered() -> bytes | str:
             key, outcome = "", None

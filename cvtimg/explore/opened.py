@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from importlib import import_module
-from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,13 @@ from cvtimg.colors import ColorSamples, color_samples
 from cvtimg.colors.places import without_idle_alpha
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.explore.calls import Code, call
-from cvtimg.explore.controls import UnfitRequestError
+from cvtimg.explore.controls import Swatches, UnfitRequestError
 from cvtimg.explore.layers import Pixels, Window
 from cvtimg.explore.outcomes import safe_name
 from cvtimg.pictures import Frames, ImageInfo, Pages, image_info, read_frames, read_pages
+from cvtimg.pictures.formats.opening import Selection, selecting
 from cvtimg.pictures.pages import one_page
-from cvtimg.pictures.showing import natural_limits, shown
+from cvtimg.pictures.showing import natural_limits, shown, tint, usual_tints
 from cvtimg.pictures.stacks import not_missing
 
 #: Largest picture; its header is checked before pixels are decoded.
@@ -41,16 +41,8 @@ N_CURVE = 64
 SMALL = 1 << 18
 #: What results import for a second or so, in the background before they are wanted.
 _IMPORTED = ("scipy.ndimage", "scipy.optimize", "scipy.spatial", "skimage.color", "skimage.measure", "scipy.stats")
-#: Colors of channels that are shown together, in the order of Fiji; of two they are those that all people tell apart.
-_TINTS = {
-    "red": (1, 0, 0),
-    "green": (0, 1, 0),
-    "blue": (0, 0, 1),
-    "white": (1, 1, 1),
-    "cyan": (0, 1, 1),
-    "magenta": (1, 0, 1),
-    "yellow": (1, 1, 0),
-}
+#: Colors of channels, as a page chooses them.
+_TINTS = Swatches(name="tints", label="Colors of channels")
 #: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
 _KEPT, _MOST_KEPT = 4, 1 << 24
 
@@ -67,30 +59,44 @@ class Picture:
     """A picture that is open on the page: its key in requests, its name in commands, its file and its array.
 
     An animation, or a file of pages, has `frames`, and shows the first of them. A frame or page, counted from 1, is a
-    picture of the same file, and so is a channel of a page, where each has a page of its own.
+    picture of the same file. Of a file with channels, one is chosen, or all as one image in colors, or as they are.
     """
 
     def __init__(
-        self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0, channel: int = 0
+        self, key: str, name: str, path: Path, *, whole: Picture | None = None, page: int = 0, chosen: Any = None
     ) -> None:
         self.key, self.name, self.path = key, name, path
-        self.whole_file, self.page, self.channel = whole, page, channel  # of which it is a frame or a page
+        self.whole_file, self.page = whole, page  # of which it is a frame or a page
+        self.channels: list[str] = whole.channels if whole else _channel_names(image_info(path))
+        #: What is chosen of the channels: arguments of `read_pages`.
+        self.chosen: Json = whole.chosen if whole else self._usual() if chosen is None else chosen
+        channel, tints = self.chosen.get("channel"), self.chosen.get("composite")
+        with selecting(Selection(channel=channel and f"{channel}", composite=tints and tuple(tints))):
+            self._read()
+
+    def _usual(self) -> Json:
+        """Return the choice of channels that can be seen: all in colors, or as they are where these are bands."""
+        is_seen = not self.channels or (len(self.channels) > 2 and "C" not in image_info(self.path).axes)
+        return {} if is_seen else {"composite": [*usual_tints(len(self.channels))]}
+
+    def _read(self) -> None:
+        whole, path = self.whole_file, self.path
         header = replace(whole.header, frames=1) if whole else image_info(path)
         self.header: ImageInfo = header
         n_pixels, most = header.width * header.height * header.frames, most_pixels()
         if n_pixels > most:
             inside = f" in all {self.noun.lower()}s" if header.frames > 1 else ""
-            said = f"{name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory allows"
-            raise UnfitRequestError(f"{said}. Use the command line, which has --max-pixels, or a smaller image")
+            said = f"{self.name} has {n_pixels:,} pixels{inside}; the page takes up to {most:,}, as far as memory"
+            raise UnfitRequestError(f"{said} allows. Use the command line, which has --max-pixels, or a smaller image")
         self.frames: Frames | Pages | None = None
         if header.kind == "pages":
-            self.frames = read_pages(path).joined()
+            self.frames = read_pages(path)
         elif header.kind == "frames":
             self.frames = read_frames(path)
         if whole and isinstance(whole.frames, Pages):
-            self.array = one_page(whole.frames, page)[..., channel - 1] if channel else one_page(whole.frames, page)
+            self.array = one_page(whole.frames, self.page)
         elif whole and whole.frames:
-            self.array = whole.frames.images[page - 1]
+            self.array = whole.frames.images[self.page - 1]
             self.header = replace(header, has_alpha=self.array.shape[2:] == (4,))
         else:
             self.array = self.frames.images[0] if self.frames else read_image(path)
@@ -105,45 +111,52 @@ class Picture:
         return "Page" if (self.whole_file or self).header.kind == "pages" else "Frame"
 
     @property
-    def channels(self) -> list[str]:
-        """Names of channels that lie on pages of their own, which few commands read together."""
-        pages = (self.whole_file or self).frames
-        if not (isinstance(pages, Pages) and pages.is_joined):
-            return []
-        n_channels = pages.images[0].shape[2]
-        named = len(pages.channels) == n_channels
-        return list(pages.channels) if named else [f"{number + 1}" for number in range(n_channels)]
-
-    @property
-    def place(self) -> Mapping[str, int]:
-        """Where a page is: by "page", or of a channel by the axes of the stack."""
-        if self.channel and self.whole_file and isinstance(self.whole_file.frames, Pages):
-            pages = self.whole_file.frames
-            return {**(pages.places[self.page - 1] if len(pages.images) > 1 else {}), "channel": self.channel}
-        return {"page": self.page} if self.page else {}
-
-    @property
     def words(self) -> list[str]:
-        return [safe_name(self.name), *(word for name, at in self.place.items() for word in (f"--{name}", f"{at}"))]
+        said = {name: ",".join(value) if name == "composite" else f"{value}" for name, value in self.chosen.items()}
+        said |= {"page": f"{self.page}"} if self.page else {}
+        return [safe_name(self.name), *(word for name, text in said.items() for word in (f"--{name}", text))]
+
+    @property
+    def pages_code(self) -> Code:
+        """How all pages are read."""
+        return call("cvtimg.pictures.read_pages", self.name, **self.chosen)
 
     @property
     def python(self) -> Code:
-        if self.channel:
-            pages = call("cvtimg.pictures.read_pages", self.name)
-            return Code(f"{pages}.joined().images[{self.page - 1}][..., {self.channel - 1}]")
-        return call("cvtimg.read_image", self.name, **self.place)
+        if self.chosen:
+            return Code(f"{self.pages_code}.images[{max(self.page - 1, 0)}]")
+        return call("cvtimg.read_image", self.name, **({"page": self.page} if self.page else {}))
 
-    def frame(self, number: int, channel: int = 0) -> Picture:
-        """Return a frame or a page, or a channel of it, from 1; of other pictures the picture itself."""
+    def of_channels(self, channel: Any = 0, tints: Any = None) -> Picture:
+        """Return the picture of a channel, from 1, of all as they are for -1, or for 0 of all in colors or as usual."""
+        if not self.channels or not (channel or tints):
+            return self
+        number = len(self.channels)
+        if not isinstance(channel, int) or not -1 <= channel <= number:
+            raise UnfitRequestError(f"there is no channel {channel}")
+        chosen: Json = {"channel": channel} if channel > 0 else {}
+        if not channel:
+            if len(listed := _TINTS.parse(tints)) != number:
+                raise UnfitRequestError(f"there must be {number} colors of channels")
+            chosen = {"composite": [*usual_tints(number)] if listed == _usual_hexes(number) else [*listed]}
+        return self.choosing(chosen)
+
+    def choosing(self, chosen: Json) -> Picture:
+        """Return the picture that a choice of channels gives."""
+        if chosen == self.chosen or not self.channels:
+            return self
+        key = f"{self.key}/{chosen}"
+        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, chosen=chosen))
+        return picture
+
+    def frame(self, number: int) -> Picture:
+        """Return a frame or a page; of other pictures the picture itself."""
         if self.frames is None:
             return self
         if not 0 <= number < len(self.frames.images):
             raise UnfitRequestError(f"there is no {self.noun.lower()} {number + 1}")
-        if not 0 <= channel <= len(self.channels):
-            raise UnfitRequestError(f"there is no channel {channel}")
-        about: Json = {"whole": self, "page": number + 1, "channel": channel}
-        key = f"{self.key}/{number}/{channel}"
-        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, **about))
+        key = f"{self.key}/{number}"
+        picture: Picture = self.kept(key, lambda: Picture(key, self.name, self.path, whole=self, page=number + 1))
         return picture
 
     @property
@@ -153,11 +166,8 @@ class Picture:
     @property
     def stem(self) -> str:
         """Name of the file without folder and suffix, with the number of the frame or page."""
-        return Path(self.name).stem + "".join(f"-{name}-{at}" for name, at in self._numbers.items())
-
-    @property
-    def _numbers(self) -> Mapping[str, int]:
-        return {self.noun.lower(): self.page} if self.page and not self.channel else self.place
+        at = {"channel": self.chosen.get("channel"), self.noun.lower(): self.page}
+        return Path(self.name).stem + "".join(f"-{name}-{number}" for name, number in at.items() if number)
 
     @cached_property
     def has_alpha(self) -> bool:
@@ -236,39 +246,24 @@ class Picture:
         if wait_for:
             wait(list(self._curves.values()))
 
-    @property
-    def tints(self) -> Sequence[str]:
-        """Names of the colors in which all channels are shown together."""
-        n_channels = 0 if self.channel else len(self.channels)
-        return ("green", "magenta") if n_channels == 2 else [*islice(cycle(_TINTS), n_channels)]
-
     @cached_property
-    def _limits(self) -> list[tuple[float, float]]:
-        """The range of all bands, or, of channels in colors, of each."""
+    def _limits(self) -> tuple[float, float]:
         bands = self._bands(self.plain)
-        values = bands if self.known is None else bands[self.known]
-        return [natural_limits(values[..., [n]]) for n in range(len(self.tints))] or [natural_limits(values)]
-
-    def _shown(self, bands: Array) -> Bytes:
-        if not self.tints:
-            return shown(bands, self._limits[0])
-        levels = [np.interp(bands[..., n], limits, (0.0, 255.0)) for n, limits in enumerate(self._limits)]
-        colors = np.stack(levels, axis=-1) @ [_TINTS[name] for name in self.tints]
-        return np.rint(colors.clip(0, 255)).astype(np.uint8)
+        return natural_limits(bands if self.known is None else bands[self.known])
 
     def _bands(self, pixels: Array) -> Array:
         bands = pixels[..., None] if self.plain.ndim == 2 else pixels
-        return bands if self.has_alpha or self.tints else bands[..., :3]
+        return bands if self.has_alpha else bands[..., :3]
 
     def seen(self, window: Window) -> Pixels:
-        return Pixels(self._shown(self._bands(window.of_array(self.plain))))
+        return Pixels(shown(self._bands(window.of_array(self.plain)), self._limits))
 
     def colors_seen(self, colors: Array, *, alpha: bool) -> Bytes:
         """Return (K, C) colors in the units of the picture as (K, 4) uint8 colors to show."""
-        bands = colors if alpha or self.tints or colors.shape[1] <= 3 else colors[:, :3]
-        if bands.shape[1] == 2 and not self.tints:  # gray and alpha
+        bands = colors if alpha or colors.shape[1] <= 3 else colors[:, :3]
+        if bands.shape[1] == 2:  # gray and alpha
             bands = bands[:, [0, 0, 0, 1]]
-        rows = self._shown(np.ascontiguousarray(bands))
+        rows = shown(np.ascontiguousarray(bands), self._limits)
         rgba = np.full((len(rows), 4), 255, np.uint8)
         rgba[:, : rows.shape[1]] = rows
         return rgba
@@ -282,7 +277,22 @@ class Picture:
             "frames": len(self.frames.images) if self.frames else 1,
             "noun": self.noun,
             "channels": self.channels,
-            "tints": self.tints,
+            "channel": 0 if self.chosen else -1,
+            "bands": not self.chosen,
+            "tints": _usual_hexes(len(self.channels)),
             "durations": getattr(self.frames, "durations", None),
             "exact": self.array.dtype == np.uint8,
         }
+
+
+def _channel_names(header: ImageInfo) -> list[str]:
+    """Return the names of the channels of a file, or their numbers; nothing for one channel, and for colors."""
+    along = header.axes.find("C")
+    n_channels = header.shape[along] if along >= 0 else len(header.bands) if header.bands[0] == "B1" else 1
+    names = header.channels if len(header.channels) == n_channels else range(1, n_channels + 1)
+    return [f"{name}" for name in names] if n_channels > 1 else []
+
+
+def _usual_hexes(n_channels: int) -> tuple[str, ...]:
+    """Return the usual colors of channels."""
+    return tuple(f"#{bytes(tint(name)).hex()}" for name in usual_tints(n_channels))

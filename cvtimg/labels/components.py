@@ -95,11 +95,10 @@ def absorb_small(pieces: Ints, values: Floats32, min_size: int, length_price: fl
         Number in `pieces` of the piece that absorbed the piece of each pixel, or of that piece itself.
     """
     borders = find_borders(pieces)
-    piece, n_pieces = pieces[pieces > 0] - 1, int(pieces.max())
-    sizes = np.bincount(piece, minlength=n_pieces).astype(np.int64)
+    sizes = np.bincount(pieces.ravel())[1:].astype(np.int64)
     if not len(borders.pairs) or sizes.min() >= min_size:
         return pieces
-    sums = sum_by_label(piece, values[pieces > 0], n_pieces)
+    sums = sum_by_label(pieces.ravel(), values.reshape(pieces.size, -1))[1:]
     means = sums / np.maximum(sizes, 1)[:, None]  # unused numbers are regions without pixels and borders
     lengths, most = borders.lengths.astype(np.float64), min(min_size, pieces.size + 1)
     parents = _labels.absorb(borders.pairs, lengths, sizes, means, most, length_price)

@@ -46,7 +46,7 @@ PANELS = {
     "line_width subpixel simplify properties width height landscape margin bleed marks fill pen_width order cells "
     "outline scale measures keep_metadata optimize overwrite as_json quiet report dry_run",
     "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
-    "channel_axis axes channel t z series pixel_size max_pixels",
+    "channel_axis axes channel composite t z series pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
     "Expert": "volume_power passes seed method init",
 }

@@ -140,7 +140,6 @@ STIPPLE = (
     ).on_page("Order of dots"),
     file("cells", "Write the cell of each dot, .svg or .geojson; for one input.", (".svg", ".geojson")),
     common.SKIP_EXISTING,
-    common.MAX_PIXELS,
     *common.READING,
     *common.BATCH,
 )
@@ -168,7 +167,6 @@ MOSAIC = (
     ).on_page("Outlines", slider=(0, 5), step=0.1, unit="px", high=1000),
     Option("scale", Real(above=0), "Enlarge .png and other images by this factor.", metavar="S", default=1),
     common.SKIP_EXISTING,
-    common.MAX_PIXELS,
     *common.READING,
     *common.BATCH,
 )

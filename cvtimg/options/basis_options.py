@@ -54,6 +54,6 @@ BASIS = (
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
     passed("passes", Whole(2, 64), "How often to read the input, an even number: more is more precise.", default=4),
     common.SEED,
-    common.MAX_PIXELS,
+    *common.READING,
     *common.RUN,
 )

@@ -77,6 +77,16 @@ def color_bits(text: str | Sequence[int]) -> tuple[int, ...]:
     raise ValueError(f"{str(text)!r} must be a number of bits in 1..8, or three such as 5,6,5")
 
 
+def _tints(text: str) -> tuple[str, ...]:
+    """Parse colors with commas between them; auto is none."""
+    from cvtimg.pictures.showing import tint
+
+    tints = () if text == "auto" else names(text)
+    for name in tints:
+        tint(name)
+    return tints
+
+
 def names(text: str) -> tuple[str, ...]:
     """Parse names with commas between them."""
     return tuple(filter(None, (part.strip() for part in text.split(","))))
@@ -129,8 +139,9 @@ def switch(name: str, help: str, **more: Any) -> Option:
 OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of the inputs.")
 IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
 SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
-MAX_PIXELS = Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default.")
+#: Of every verb that reads images: how large they may be, and what is read of their files.
 READING = (
+    Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default."),
     Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages."),
     Option("series", Whole(1, 1 << 31), "Read only image N of a TIFF of several images, such as the series of OME."),
     Option(
@@ -140,6 +151,14 @@ READING = (
         "axes", Text(), "Axes of a stack, where its file does not name them: letters of T, C, Z, Y, X.", metavar="TCZYX"
     ),
     Option("channel", Text(), "Read only this channel, by its name or number.", metavar="NAME|N"),
+    Option(
+        "composite",
+        Text(_tints),
+        "Read all channels as one image in these colors, each stretched to its range, such as green,magenta; auto for "
+        "usual ones.",
+        metavar="COLOR,...|auto",
+        excludes=("channel",),
+    ),
     Option("t", Whole(1, 1 << 31), "Read only this frame of a time series."),
     Option("z", Whole(1, 1 << 31), "Read only this plane of a stack."),
     Option(

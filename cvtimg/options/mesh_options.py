@@ -101,7 +101,7 @@ MESH = (
     common.EFFORT,
     common.SEED,
     common.SKIP_EXISTING,
-    common.MAX_PIXELS,
+    *common.READING,
     *common.BATCH,
 )
 

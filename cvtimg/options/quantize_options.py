@@ -219,8 +219,8 @@ QUANTIZE = (
         "Own palettes", "Each frame has its own. Colors that stand still may change."
     ),
     common.SKIP_EXISTING,
-    common.MAX_PIXELS._replace(keyword="max_pixels"),
-    *common.READING,
+    common.READING[0]._replace(keyword="max_pixels"),
+    *common.READING[1:],
     *common.ENGINE,
     *common.BATCH,
 )
@@ -249,7 +249,6 @@ PALETTE = (
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     common.PALETTE_OUTPUT,
     common.SKIP_EXISTING,
-    common.MAX_PIXELS,
     *common.READING,
     *common.BATCH,
 )
@@ -259,7 +258,6 @@ INFO = (
     switch(
         "noise", "Measure the noise in 8-bit levels, how its variance grows with the level, and how neighbors share it."
     ),
-    common.MAX_PIXELS,
     *common.READING,
     *common.BATCH,
 )

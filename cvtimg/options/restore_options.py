@@ -158,7 +158,6 @@ RESTORE = (
         excludes=("detail",),
     ),
     file("sheet", "Draw the versions and the restored image on one sheet, .png or .svg.", common.PLOTS),
-    common.MAX_PIXELS,
     *common.READING,
     *common.RUN,
 )

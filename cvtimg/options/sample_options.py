@@ -91,7 +91,7 @@ ELBOW = (
     file("csv", "Write all curves, one line for each k."),
     file("plot", "Plot all curves, .png or .svg.", common.PLOTS),
     common.SEED,
-    common.MAX_PIXELS,
+    *common.READING,
     *common.BATCH,
 )
 

@@ -259,7 +259,6 @@ SEGMENT = (
     common.EFFORT,
     common.SEED,
     common.SKIP_EXISTING,
-    common.MAX_PIXELS,
     *common.READING,
     *common.BATCH,
 )

@@ -29,6 +29,7 @@ from cvtimg.pictures.formats.opening import (
     open_picture,
     reading,
     selected,
+    selecting,
     writing,
 )
 from cvtimg.pictures.formats.pixel_size import PixelSize
@@ -50,6 +51,7 @@ from cvtimg.pictures.formats.tiff import (
     write_tiff,
 )
 from cvtimg.pictures.frames import decode_frames
+from cvtimg.pictures.showing import composed, usual_tints
 
 if TYPE_CHECKING:
     import tifffile
@@ -129,6 +131,16 @@ class Pages:
         images = tuple(np.ascontiguousarray(np.stack(group, axis=-1)) for group in groups)
         return replace(pages, images=images, is_joined=True)
 
+    def composite(self, tints: Sequence[str] = ()) -> Pages:
+        """Return pages on which all channels are one image (H, W, 3), each in a color; see `read_pages`."""
+        pages = self.joined()
+        shape = pages.images[0].shape
+        n_channels = shape[2] if len(shape) == 3 else 1
+        if len(tints := tints or usual_tints(n_channels)) != n_channels:
+            raise UnfitContentError(f"has {n_channels} channels, and there are {len(tints)} colors for them")
+        images = tuple(composed(image.reshape(*shape[:2], n_channels), tints) for image in pages.images)
+        return replace(pages, images=images, has_alpha=False, channels=(), is_joined=False)
+
     def parted(self) -> Pages:
         """Return pages of a channel each, where they were joined: C becomes the last axis of the stack."""
         if not self.is_joined or self.images[0].ndim == 2:
@@ -154,7 +166,7 @@ class Pages:
         return f"<Pages {self.axes} {self.shape} of {first.shape} {first.dtype}>"
 
 
-def read_pages(path: Source) -> Pages:
+def read_pages(path: Source, *, channel: str | int | None = None, composite: Sequence[str] | None = None) -> Pages:
     """Read all pages of a file, each in the form in which `read_image` returns an image; they must have one size.
 
     Parameters
@@ -162,6 +174,12 @@ def read_pages(path: Source) -> Pages:
     path : str or path-like
         A multi-page TIFF: plain, ImageJ or OME; an OME-Zarr image; a .czi or .nd2 file of one scene; or a FITS cube,
         whose planes are pages. Any other image is read as one page.
+    channel : str or int, optional
+        The only channel to read, by its name or its number from 1: along the axis C, or a band of each page.
+    composite : sequence of str, optional
+        Read all channels as one uint8 image (H, W, 3), each in one of these colors in the notation of CSS, such as
+        ``["green", "magenta"]``, and stretched to the range that it fills on the page. An empty sequence stands for
+        green and magenta, or for more channels for red, green, blue, white, cyan, magenta, yellow.
 
     Examples
     --------
@@ -172,6 +190,10 @@ def read_pages(path: Source) -> Pages:
     ...     read_pages(f"{folder}/a.tif")
     <Pages Q (3,) of (4, 5) uint8>
     """
+    if channel is not None or composite is not None:
+        tints = None if composite is None else tuple(composite)
+        with selecting(replace(selected(), channel=None if channel is None else str(channel), composite=tints)):
+            return read_pages(path)
     if is_stored(path):
         with named(path):
             return _chosen(open_stored(path))
@@ -211,8 +233,10 @@ def _chosen(source: _Decoded | StoredStack) -> Pages:
     kind = source.kind or ("imagej" if chosen.pixel_size else "")
     scale = chosen.pixel_size.scale(kind) if chosen.pixel_size else source.scale
     pages = Pages(tuple(images), stack.axes or "Q", stack.shape or (1,), kind, scale, alpha, stack.channels)
+    if chosen.composite is not None:
+        pages = pages.composite(chosen.composite)
     is_chosen = isinstance(source, _Decoded) and source.is_chosen
-    if chosen.page is None or is_chosen or chosen.page == len(images) == 1:
+    if chosen.page is None or is_chosen or chosen.page == len(pages.images) == 1:
         return pages
     return replace(pages, images=(one_page(pages, chosen.page).view(np.ndarray),), axes="Q", shape=(1,), channels=())
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import cycle, islice
 
 import numpy as np
+from PIL import ImageColor
 
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.types import Array, Bytes
@@ -15,6 +17,8 @@ _TAIL = 0.001
 _SOME = 1 << 20
 #: Images whose brightest part is below this share of white are too dark to be shown as they are.
 _DARK = 0.5
+#: Colors of channels that are shown together, in the order of Fiji; of two they are those that all people tell apart.
+_TINTS = ("red", "green", "blue", "white", "cyan", "magenta", "yellow")
 
 
 def limits_to_show(images: Iterable[Array]) -> tuple[float, float]:
@@ -47,6 +51,25 @@ def shown(image: Array, limits: tuple[float, float]) -> Bytes:
         color, alpha = _stretched(color, *limits), _stretched(alpha, 0, peak(image.dtype))
     rgb = np.broadcast_to(color, (*color.shape[:-1], 3))
     return np.concatenate([rgb, alpha], axis=-1)
+
+
+def usual_tints(n_channels: int) -> tuple[str, ...]:
+    """Return names of the colors in which channels are shown together."""
+    return ("green", "magenta") if n_channels == 2 else tuple(islice(cycle(_TINTS), n_channels))
+
+
+def tint(color: str) -> tuple[int, ...]:
+    """Return red, green and blue of a color in the notation of CSS, whose "green" is bright here, as in microscopes."""
+    return ImageColor.getrgb("lime" if color == "green" else color)[:3]
+
+
+def composed(channels: Array, tints: Sequence[str]) -> Bytes:
+    """(H, W, 3) sum of channels (H, W, C) in colors, each stretched to the range that it fills; NaN is black."""
+    total = np.zeros((*channels.shape[:2], 3), np.float32)
+    for at, color in enumerate(tints):
+        values = channels[..., at : at + 1].astype(np.float64)
+        total += _stretched(values, *limits_to_show([values])) * np.float32(np.array(tint(color)) / 255)
+    return np.rint(total.clip(0, 255)).astype(np.uint8)
 
 
 def _split_alpha(image: Array) -> tuple[Array, Array]:

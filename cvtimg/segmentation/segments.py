@@ -156,7 +156,10 @@ def segment(
         labels, descent = prepared.settle(at_pixels(own + np.int32(1), values.inside), n_cells)
     weight, field = descent.edge_weight if descent else 0.0, prepared.field
     if components or size or objects:  # pieces and objects are numbered as the image is read
-        labels, field, data = (frame.back(array, shape) for array in (labels, field, prepared.data))
+        data, is_same = prepared.data, prepared.data is field
+        del prepared, own  # half of the memory
+        labels, data = frame.back(labels, shape), frame.back(data, shape)
+        field = data if is_same else frame.back(field, shape)
         frame = whole_frame(shape)
         if components or size:
             labels = _in_pieces(labels, data, size, weight * length_cost(edge_radius, planes), components)

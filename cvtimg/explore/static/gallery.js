@@ -48,7 +48,7 @@ export class Gallery {
 			$("allshare").hidden = false;
 			state.textContent = "working…";
 			try {
-				const {bytes} = await send("/all", JSON.stringify({...asked, picture: picture.id, first: !done}));
+				const {bytes} = await send("/all", JSON.stringify({...asked, tints: asked.tints?.length === picture.channels.length ? asked.tints : null, picture: picture.id, first: !done}));
 				state.textContent = `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB`;
 				made++;
 			} catch (error) { state.textContent = error.message; }

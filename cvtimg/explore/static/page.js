@@ -42,7 +42,7 @@ const steps = new Steps($("undo"), $("redo"), () => ({tab: state.tab, settings: 
 const recipes = new Recipes(report);
 const editor = new Editor(viewer, () => settings()[editor.control.name], text => change(editor.control.name, [...settings()[editor.control.name], text], false));
 Object.assign(controls, {editor, edit});
-const gallery = new Gallery(() => recipes.list.length && !sheet() ? {tab: state.tab, settings: settings(), output: recipes.chosen.key} : null, show, report, save);
+const gallery = new Gallery(() => recipes.list.length && !sheet() ? {tab: state.tab, settings: settings(), channel: state.channel, tints: state.tints, output: recipes.chosen.key} : null, show, report, save);
 const circles = () => inEffect(tab().controls, settings()).find(one => one.kind === "table");
 const tools = {globe};
 const subject = () => sheet() ?? state.picture;
@@ -130,12 +130,17 @@ function setFrame(number) {
 	$("framename").textContent = `${number + 1} / ${frames}`;
 }
 
-function setChannel(number) { // from 1; 0 for all
-	const {channels, tints} = state.picture;
-	state.channel = number;
+function setChannel(number, tints) { // from 1; 0 for all in colors, -1 for all as they are
+	const {channels, bands} = state.picture;
+	Object.assign(state, {channel: number, tints: number ? null : tints});
 	$("channels").hidden = !channels.length;
-	$("channel").replaceChildren(new Option(`all: ${channels.map((name, n) => `${name} ${tints[n]}`).join(", ")}`, 0), ...channels.map((name, n) => new Option(name, n + 1)));
+	$("channel").replaceChildren(new Option("all, in colors", 0), ...(bands ? [new Option("all, as they are", -1)] : []), ...channels.map((name, n) => new Option(name, n + 1)));
 	$("channel").value = number;
+	$("tints").replaceChildren(...(number ? [] : channels.map((name, at) => {
+		const color = element("input", {type: "color", value: tints[at], title: name, ariaLabel: `Color of ${name}`});
+		color.onchange = () => { setChannel(0, state.tints.with(at, color.value)); showFrame(state.frame); };
+		return element("label", {}, color, name);
+	})));
 }
 
 function locate(index) {
@@ -154,8 +159,8 @@ function toggleLock(color) {
 
 // Asking
 
-const original = () => ({picture: state.picture.id, frame: state.frame, channel: state.channel, view: viewer.visible()});
-const asked = () => ({picture: state.picture?.id, frame: state.frame, channel: state.channel, tab: state.tab, settings: settings(), view: viewer.visible()});
+const original = () => ({picture: state.picture?.id, frame: state.frame, channel: state.channel, tints: state.tints, view: viewer.visible()});
+const asked = () => ({...original(), tab: state.tab, settings: settings()});
 
 function want(t0 = performance.now(), rest = AT_ONCE) {
 	clearTimeout(keep.timer); // writing all steps back takes longer than a drag may
@@ -492,7 +497,7 @@ async function show(picture) {
 	state.picture = picture;
 	play(false);
 	setFrame(0);
-	setChannel(0);
+	setChannel(picture.channel, picture.tints);
 	$("width").value = Math.round(picture.width / 2);
 	$("pictures").value = picture.id;
 	viewer.left.clear();
@@ -576,7 +581,7 @@ $("swap").onclick = swapA;
 $("pick").onclick = () => pick(!viewer.picking);
 $("again").onclick = () => change("start", "image", false, {k: Math.max(settings().colors.length, 1)});
 $("whereone").onclick = () => { $("whereone").ariaPressed = $("whereone").ariaPressed !== "true"; locate(shades.spot); };
-$("channel").onchange = () => { setChannel(Number($("channel").value)); showFrame(state.frame); };
+$("channel").onchange = () => { setChannel(Number($("channel").value), state.picture.tints); showFrame(state.frame); };
 $("frame").oninput = () => { play(false); showFrame(Number($("frame").value)); };
 $("play").onclick = () => play($("play").ariaPressed !== "true");
 $("fill").onchange = repaint;

@@ -45,17 +45,15 @@ def requested(store: Store, asked: Options, *, is_draft: bool = False) -> tuple[
         raise UnfitRequestError("there is no such tab")
     settings = parse_settings(tab.controls, asked.get("settings"))
     picture = None if tab.sheet else opened(store, asked)
-    if picture and picture.channels and not (tab.for_frames or picture.channel):
-        raise UnfitRequestError("choose one of the channels, which lie on pages of their own")
     size = picture.size if picture else tab.sheet or (1, 1)
     window = Window.of(asked.get("view"), size, tab.draft_pixels(settings) if is_draft else EXACT_PIXELS)
     return tab, Request(picture, settings, store, window, tab.for_frames)
 
 
 def opened(store: Store, asked: Options) -> Picture:
-    """Return the picture of a request: of several the frame or page, and of several channels one, or all."""
-    channel = asked.get("channel", 0)
-    return store.picture(str(asked.get("picture"))).frame(frame_of(asked), channel if isinstance(channel, int) else 0)
+    """Return the picture of a request: of several the frame or page, and of several channels what is chosen."""
+    whole = store.picture(str(asked.get("picture"))).of_channels(asked.get("channel", 0), asked.get("tints"))
+    return whole.frame(frame_of(asked))
 
 
 def frame_of(asked: Options) -> int:

@@ -35,8 +35,7 @@ class Request:
     @property
     def source(self) -> Picture:
         """What the command reads: the picture, or the file of which it is a frame."""
-        is_whole = self.is_whole and not self.picture.channel
-        return (self.picture.whole_file if is_whole else None) or self.picture
+        return (self.picture.whole_file if self.is_whole else None) or self.picture
 
     @property
     def size(self) -> tuple[int, int]:

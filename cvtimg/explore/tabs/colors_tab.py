@@ -173,9 +173,9 @@ class ColorsTab(Tab):
         settings, picture, frames = request.settings, request.picture, request.source.frames
         keywords, maps = self.keywords(settings), self.maps(request)
         if frames:
-            kind, joined = ("frames", "") if isinstance(frames, Frames) else ("pages", ".joined()")
-            read = call(f"cvtimg.pictures.read_{kind}", request.source.name)
-            lines = [Line("frames", Code(read + joined), frames)]
+            is_film = isinstance(frames, Frames)
+            read = call("cvtimg.pictures.read_frames", request.source.name) if is_film else request.source.pages_code
+            lines = [Line("frames", read, frames)]
         else:
             lines = [reading(request)]
         keywords |= {name: Code(name) for name in maps}

@@ -84,8 +84,8 @@ class RestoreTab(Tab):
     def recipe(self, request: Request) -> Recipe:
         versions = _versions(request)
         files = dict.fromkeys(safe_name(picture.name) for picture in versions)
-        page = versions[0].words[1:] if len(versions) == 1 else []
-        words = ["cvtimg", self.verb, *files, *page, *["--detail"] * (request.settings["way"] == "detail")]
+        which = (versions[0] if len(versions) == 1 else versions[0].whole_file or versions[0]).words[1:]
+        words = ["cvtimg", self.verb, *files, *which, *["--detail"] * (request.settings["way"] == "detail")]
         words += words_of(self.controls, request.settings)
         return Recipe(words, self.lines(request), for_many=False, always=_RESTORED)
 
@@ -94,8 +94,9 @@ class RestoreTab(Tab):
         names = ", ".join(literal(name) for name in dict.fromkeys(picture.name for picture in versions))
         if len(versions) == 1:
             read = f"[{versions[0].python}]"
-        elif any(picture.page for picture in versions):
-            read = f"[page for name in [{names}] for page in cvtimg.pictures.read_pages(name).images]"
+        elif any(picture.page or picture.chosen for picture in versions):
+            pages = call("cvtimg.pictures.read_pages", Code("name"), **versions[0].chosen)
+            read = f"[page for name in [{names}] for page in {pages}.images]"
         else:
             read = f"[cvtimg.read_image(name) for name in [{names}]]"
         arrays = [picture.array for picture in versions]
@@ -141,10 +142,10 @@ class RestoreTab(Tab):
 
 
 def _versions(request: Request) -> list[Picture]:
-    chosen = [request.store.picture(key) for key in request.settings["versions"]]
-    shown = request.picture  # of an animation the frame
+    shown = request.picture  # of an animation the frame, and of several channels what is chosen
+    chosen = [request.store.picture(key).choosing(shown.chosen) for key in request.settings["versions"]]
     if request.settings["align"]:
-        chosen.sort(key=lambda version: version is not (shown.whole_file or shown))  # the others are moved onto it
+        chosen.sort(key=lambda version: version.key != (shown.whole_file or shown).key)  # the others are moved onto it
     versions = [part for version in chosen or [shown] for part in _of_file(version, shown)]
     if len(versions) > 1 and any(version.page and not _are_versions(version.whole_file) for version in versions):
         raise UnfitRequestError("pages along a named axis are restored one by one: choose no other version")
@@ -183,7 +184,7 @@ def _of_file(picture: Picture, shown: Picture) -> list[Picture]:
     whole = picture.whole_file or picture
     if _are_versions(whole):
         return [whole.frame(number) for number in range(whole.header.frames)]
-    return [shown if shown.whole_file is whole else picture.frame(0)]
+    return [shown if shown.whole_file and shown.whole_file.key == whole.key else picture.frame(0)]
 
 
 def _are_versions(whole: Picture | None) -> bool:

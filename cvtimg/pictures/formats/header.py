@@ -116,12 +116,17 @@ def read_stored(image: StoredStack) -> ImageInfo:
 
 def _chosen(header: ImageInfo) -> ImageInfo:
     """Describe what is chosen."""
-    chosen = selected()
+    chosen, is_composed = selected(), selected().composite is not None
+    if is_composed:  # as a channel, in colors
+        chosen = replace(chosen, channel="1")
     known = Arrangement(header.axes[:-2], header.shape, header.channels)
     if (at := known.band(chosen, header.bands)) is not None:
         header = replace(header, bands=header.bands[at : at + 1], has_alpha=False)
         known = known._replace(channels=known.channels[at : at + 1])
     stack, numbers = known.chosen(chosen)
+    if is_composed:
+        stack = stack._replace(channels=())
+        header = replace(header, mode="RGB", bands=("R", "G", "B"), bits=8, has_alpha=False, nodata=None)
     return replace(
         header,
         axes=f"{stack.axes}YX",

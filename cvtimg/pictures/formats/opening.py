@@ -227,11 +227,13 @@ class Selection:
     z: int | None = None
     pixel_size: PixelSize | None = None  # In place of that of the file
     series: int | None = None  # Image of a TIFF that holds several, each perhaps a stack, from 1
+    composite: tuple[str, ...] | None = None  # Colors in which all channels are one image; () for usual ones
 
     @property
     def in_stack(self) -> bool:
         """Whether something is said of the axes of a stack."""
-        return any(given is not None for given in (self.axes, self.channel, self.t, self.z, self.series))
+        said = (self.axes, self.channel, self.t, self.z, self.series, self.composite)
+        return any(choice is not None for choice in said)
 
 
 _SELECTED: ContextVar[Selection] = ContextVar("cvtimg_selection", default=Selection())  # noqa: B039, immutable
