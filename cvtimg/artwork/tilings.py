@@ -271,8 +271,8 @@ def find_triangles(points: Floats, shape: tuple[int, ...], scale: float | Floats
     def fill(rows: slice) -> None:
         triangle, row = _ranges(*(np.clip(end(y, axis=1), rows.start, rows.stop) for end in (np.min, np.max)))
         ends = np.full((2, len(row)), [[np.inf], [-np.inf]])
-        for one, other in ((0, 1), (0, 2), (1, 2)):
-            (x1, y1), (x2, y2) = ((x[triangle, corner], y[triangle, corner]) for corner in (one, other))
+        for edge in ((0, 1), (0, 2), (1, 2)):
+            (x1, y1), (x2, y2) = ((x[triangle, corner], y[triangle, corner]) for corner in edge)
             crosses = (y1 <= row + 0.5) != (y2 <= row + 0.5)
             at = x1 + (row + 0.5 - y1) / np.where(crosses, y2 - y1, 1) * (x2 - x1)
             ends[0] = np.minimum(ends[0], at, where=crosses, out=ends[0])

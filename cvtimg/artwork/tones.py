@@ -213,8 +213,8 @@ def pen_coverages(
     colors = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     inks = to_space(pens, "linear").astype(np.float64)
     table = _mixtures(colors, inks).reshape(_GRID, _GRID, _GRID, -1).astype(np.float32)
-    found = [map_coordinates(table[..., pen], places, order=1, mode="nearest") for pen in range(len(pens))]
-    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in found]
+    shares = [map_coordinates(table[..., pen], places, order=1, mode="nearest") for pen in range(len(pens))]
+    return [as_coverage(ink, opacity, white_cutoff * max_ink) for ink in shares]
 
 
 def _mixtures(colors: Floats, inks: Floats) -> Floats:

@@ -73,22 +73,10 @@ def quantize(given: Given) -> Todo:
     Animations stay animations in .gif, .png and .webp, with one palette for all frames; so do TIFF files of several
     pages, with -o FILE.tif.
     """
-    aims = (given.palette, given.number, given.psnr, given.max_bytes)
-    chosen = given.goal is None and given.quality is None and all(aim is None for aim in aims)
+    _check(given)
+    aims = (given.palette, given.number, given.psnr, given.max_bytes, given.goal, given.quality)
+    chosen = all(aim is None for aim in aims)
     for_eyes = chosen or given.goal == "eyes" or given.quality is not None
-    if given.goal == "error" and all(aim is None for aim in (*aims, given.quality)):
-        raise WrongUsageError("one of -k, --quality, --psnr, --max-bytes and --palette must be given with --goal error")
-    if given.optimize:
-        if given.output and given.output.suffix.lower() != ".png":
-            raise WrongUsageError(f"--optimize is for .png, and not for {given.output}")
-        if find_spec("oxipng") is None:
-            raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
-    if given.ext is not None:
-        from cvtimg.pictures.files import lossless_suffixes
-
-        check_suffix("--ext", Path(f"NAME{given.ext}"), lossless_suffixes())
-        if os.sep in given.ext or "{" in given.ext or "}" in given.ext:
-            raise WrongUsageError(f"--ext: {given.ext!r} must be the end of a file name")
     joined = ("--save-palette",) if given.shared_palette else ()
     beside = given.in_place or given.ext is not None
     plan = plan_of(given, partial(_name, given=given), joined=joined, beside=beside)
@@ -114,6 +102,24 @@ def quantize(given: Given) -> Todo:
     report = Report(columns, as_json=given.as_json, quiet=given.quiet, note=_CHOSEN if chosen else "")
     late = ("cvtimg.quantization.files", "deflate")
     return planned(plan, partial(_quantize, options=how), report, given, late=late, keep_smaller=_smaller_of(given))
+
+
+def _check(given: Given) -> None:
+    """Refuse what no option can tell by itself."""
+    aims = (given.palette, given.number, given.psnr, given.max_bytes, given.quality)
+    if given.goal == "error" and all(aim is None for aim in (*aims, given.quality)):
+        raise WrongUsageError("one of -k, --quality, --psnr, --max-bytes and --palette must be given with --goal error")
+    if given.optimize:
+        if given.output and given.output.suffix.lower() != ".png":
+            raise WrongUsageError(f"--optimize is for .png, and not for {given.output}")
+        if find_spec("oxipng") is None:
+            raise WrongUsageError(f"--optimize needs {needs('oxipng', 'oxipng')}")
+    if given.ext is not None:
+        from cvtimg.pictures.files import lossless_suffixes
+
+        check_suffix("--ext", Path(f"NAME{given.ext}"), lossless_suffixes())
+        if os.sep in given.ext or "{" in given.ext or "}" in given.ext:
+            raise WrongUsageError(f"--ext: {given.ext!r} must be the end of a file name")
 
 
 def _smaller_of(given: Given) -> tuple[str, ...]:

@@ -83,6 +83,18 @@ def segment(given: Given) -> Todo:
         if counts and (settings := given.chosen(*_MEASURED)):
             raise WrongUsageError(f"--objects with {settings[0]} needs -k; without, it is measured on the image")
         given.number = None if counts else "auto"
+    _check(given, counts)
+    outputs = outputs_of(given)
+    plan = plan_of(given, more=outputs, joined=("--table",))
+    more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
+    columns = COUNTED if counts else COLUMNS
+    columns = (*columns[:2], *more, *columns[2:])
+    report = JointTable(given.table, plan, columns, given) if given.table else columns
+    return planned(plan, _segment, report, given, late=_LATE)
+
+
+def _check(given: Given, counts: bool) -> None:
+    """Refuse what no option can tell by itself; `counts` is whether objects are counted."""
     if not counts and (settings := given.chosen(*_COUNTED)):
         raise WrongUsageError(f"{settings[0]} takes no -k: objects are counted without")
     if given.volume and given.objects and not counts:
@@ -93,16 +105,9 @@ def segment(given: Given) -> Todo:
         raise WrongUsageError("--threshold and -k N exclude each other")
     if given.number != "auto" and (given.number or 0) > MAX_COLORS and not given.superpixels:
         raise WrongUsageError(f"-k: '{given.number}' must be auto or a whole number in 1..{MAX_COLORS}")
-    outputs = outputs_of(given)
-    contours = [str(path) for option, path in outputs.items() if kind_of(option) == "contours"]
+    contours = [str(path) for option, path in outputs_of(given).items() if kind_of(option) == "contours"]
     if (of_lines := given.chosen(*OF_LINES)) and not (contours and all(not path.endswith(".zip") for path in contours)):
         raise WrongUsageError(f"{of_lines[0]} needs --contours as .svg or .geojson")
-    plan = plan_of(given, more=outputs, joined=("--table",))
-    more = (("elbow",) if given.number == "auto" and not given.hierarchy else ()) + (("tracks",) if given.track else ())
-    columns = COUNTED if counts else COLUMNS
-    columns = (*columns[:2], *more, *columns[2:])
-    report = JointTable(given.table, plan, columns, given) if given.table else columns
-    return planned(plan, _segment, report, given, late=_LATE)
 
 
 def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:

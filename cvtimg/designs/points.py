@@ -245,7 +245,7 @@ def _checked_factors(bounds: int | ArrayLike | Sequence[Factor]) -> list[Factor]
     if isinstance(bounds, (int, np.integer)):
         n_dims = check_count("bounds", int(bounds), _MAX_DIMS, "the most dimensions")
         return [Factor(f"x{axis + 1}") for axis in range(n_dims)]
-    if isinstance(bounds, Sequence) and bounds and all(isinstance(one, Factor) for one in bounds):
+    if isinstance(bounds, Sequence) and bounds and all(isinstance(item, Factor) for item in bounds):
         factors = list(bounds)
         check_names(factors)
     else:

@@ -102,18 +102,19 @@ def survey(blocks: Blocks, n_generators: int, rng: np.random.Generator) -> Surve
     check_count("n_generators", n_generators, int(sum(lengths)), "the number of samples")
     most = max(_ROWS_PER_GENERATOR * n_generators, min(_SAMPLE_ROWS, _SAMPLE_VALUES // blocks.n_dims))
     seed, n_rows = int(rng.integers(1 << 62)), int(sum(lengths))
-    found = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)
-    check_that("density", found.spread.mass > 0, "not be 0 for all samples")
+    measured = over_blocks(blocks, _survey_block, Survey.total, n_rows <= most)
+    check_that("density", measured.spread.mass > 0, "not be 0 for all samples")
     if n_rows <= most:
-        return found
-    rule = seed, np.cumsum([0, *lengths]), most / 2, found.spread.mass, found.spread.means, found.spread.energy()
+        return measured
+    spread = measured.spread
+    rule = seed, np.cumsum([0, *lengths]), most / 2, spread.mass, spread.means, spread.energy()
     rows, weights = over_blocks(blocks, _draw_from_block, _joined, *rule)
-    return replace(found, rows=rows, weights=weights)
+    return replace(measured, rows=rows, weights=weights)
 
 
-def sample_rows(blocks: Blocks, found: Survey, n_generators: int) -> tuple[Array, Floats]:
+def sample_rows(blocks: Blocks, surveyed: Survey, n_generators: int) -> tuple[Array, Floats]:
     """Return the sample and its weights, with rows that it lacks if it has too few that differ."""
-    rows, weights = found.rows, found.weights
+    rows, weights = surveyed.rows, surveyed.weights
     if len(_some_distinct([rows], n_generators)) < n_generators:
         rare = over_blocks(blocks, _distinct_block, partial(_some_distinct, most=n_generators), n_generators)
         if len(rare) < n_generators:
@@ -146,35 +147,35 @@ def descend(
     # Empty cells, which are rare after a search, are refilled from the sample, rows and weights.
     free = np.arange(len(generators)) >= conditions.n_locked
     known = list(energies)
-    found: RowMoments
+    moments: RowMoments
 
     def measure() -> float:
-        nonlocal found
+        nonlocal moments
         checkpoint.save(generators, known)
         # Whole places give sums of integers that are exact, and so the same for any blocks.
         whole = _whole(blocks, generators)
-        found = over_blocks(blocks, _moments_of_block, _total, generators, whole, frame)
-        found = found.about(generators, generators - whole)
-        known.append(float(found.energies.sum()))
+        moments = over_blocks(blocks, _moments_of_block, _total, generators, whole, frame)
+        moments = moments.about(generators, generators - whole)
+        known.append(float(moments.energies.sum()))
         return known[-1]
 
     def step() -> float:
         nonlocal generators
-        full = found.masses > 0
+        full = moments.masses > 0
         moves = np.divide(
-            found.steps, found.masses[:, None], out=np.zeros_like(generators), where=(free & full)[:, None]
+            moments.steps, moments.masses[:, None], out=np.zeros_like(generators), where=(free & full)[:, None]
         )
         generators = generators + moves
         if (free & ~full).any():
             points = pack(*sample)
             places = points.frame.inward(generators)
-            refilled = refill(points, places, assign(points, places), found.masses, conditions.n_locked)
+            refilled = refill(points, places, assign(points, places), moments.masses, conditions.n_locked)
             moved = (refilled != places).any(axis=1)
             generators[moved] = points.frame.outward(refilled[moved])
         return measure()
 
     history = iterate(measure(), step, conditions.stopping, conditions.watch, energies)
-    return Iteration(generators, *history), found
+    return Iteration(generators, *history), moments
 
 
 def label_blocks(blocks: Blocks, lengths: Ints64, generators: Floats, frame: Frame) -> Any:
@@ -195,11 +196,11 @@ def _total(parts: Sequence[RowMoments]) -> RowMoments:
 def _survey_block(block: Block, all_rows: bool) -> Survey:
     """Measure a block, and keep all rows of positive weight, or none."""
     none = as_samples("samples", block.rows[:0]), np.zeros(0)
-    found = [Survey(np.zeros(0, np.int64), Spread.of(*none), *none)]
+    surveys = [Survey(np.zeros(0, np.int64), Spread.of(*none), *none)]
     for rows, weights in block.pieces():
         kept = (rows[weights > 0], weights[weights > 0]) if all_rows else none
-        found.append(Survey(np.zeros(0, np.int64), Spread.of(rows, weights), *kept))
-    return replace(Survey.total(found), lengths=_length(block))
+        surveys.append(Survey(np.zeros(0, np.int64), Spread.of(rows, weights), *kept))
+    return replace(Survey.total(surveys), lengths=_length(block))
 
 
 def _draw_from_block(
@@ -208,12 +209,12 @@ def _draw_from_block(
     """Draw rows, those that are far from the mean more often, with weights that make up for it, as `thin` does."""
     # By a number for each row of all, so that the sample is the same for any blocks of the same rows.
     numbers = np.random.Generator(np.random.PCG64(seed).advance(int(ends[block.number])))
-    found = [(as_samples("samples", block.rows[:0]), np.zeros(0))]
+    samples = [(as_samples("samples", block.rows[:0]), np.zeros(0))]
     for rows, weights in block.pieces():
         chances = half * weights / mass + half * weights * _squares(rows, mean) / (energy or 1.0)
         drawn = numbers.random(len(rows)) < chances
-        found.append((rows[drawn], weights[drawn] / np.minimum(chances[drawn], 1.0)))
-    return _joined(found)
+        samples.append((rows[drawn], weights[drawn] / np.minimum(chances[drawn], 1.0)))
+    return _joined(samples)
 
 
 def _joined(parts: Sequence[tuple[Array, Floats]]) -> tuple[Array, Floats]:
@@ -233,11 +234,11 @@ def _whole(blocks: Blocks, generators: Floats) -> Floats:
 def _moments_of_block(block: Block, generators: Floats, places: Floats, frame: Frame) -> RowMoments:
     """Sum about the places, by the nearest generators."""
     none = np.zeros(len(generators))
-    found = [RowMoments(none, np.zeros_like(generators), none)]
+    moments = [RowMoments(none, np.zeros_like(generators), none)]
     for rows, weights in block.pieces():
         labels = _label_rows(rows, generators=generators, frame=frame)
-        found.append(RowMoments.of(rows, weights, places, labels))
-    return _total(found)
+        moments.append(RowMoments.of(rows, weights, places, labels))
+    return _total(moments)
 
 
 def _label_rows(rows: Array, *, generators: Floats, frame: Frame) -> Ints:

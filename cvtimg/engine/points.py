@@ -131,10 +131,10 @@ def pack(
     def pack_part(start: int, stop: int) -> None:
         ends = slice(start * _kernels.TILE, min(stop * _kernels.TILE, n_points))
         if order is None:
-            own, padded[ends] = rows[ends], density[ends]
+            some, padded[ends] = rows[ends], density[ends]
         else:
-            own, padded[ends] = rows[order[ends]], density[order[ends]]
-        _kernels.pack_tiles(own, frame.center, frame.scale, tiles[start:stop])
+            some, padded[ends] = rows[order[ends]], density[order[ends]]
+        _kernels.pack_tiles(some, frame.center, frame.scale, tiles[start:stop])
 
     in_parts(pack_part, n_tiles, work=4 * rows.size)
     return _points(tiles, padded, frame, n_points, in_order or order is not None)
@@ -222,8 +222,8 @@ def assign(points: Points, generators: Floats, gaps: Array | None = None) -> Int
 
     def assign_part(start: int, stop: int) -> None:
         part, ends = slice(start, stop), slice(start * _kernels.TILE, stop * _kernels.TILE)
-        own = columns if grouped else None, places, half_norms, labels[ends], None if gaps is None else gaps[ends]
-        _kernels.assign(points.tiles[part], points.boxes[part], *own)
+        arguments = columns if grouped else None, places, half_norms, labels[ends], None if gaps is None else gaps[ends]
+        _kernels.assign(points.tiles[part], points.boxes[part], *arguments)
 
     # With many generators only some dozens are compared with each point, after a look at all for each few tiles.
     n_compared = GROUPED_FROM + len(places) // 16 if grouped else len(places)
@@ -243,9 +243,9 @@ def assign_rows(rows: Array, places: Array, points: Points, order: Indices | Non
         bound = _ROUNDINGS * (points.n_dims + 4) * _UNIT
         doubt = np.flatnonzero((gaps <= bound * np.maximum(points.squares, norms[labels]))[: points.n_points])
         if doubt.size:
-            own = rows[doubt if order is None else order[doubt]]
+            doubtful = rows[doubt if order is None else order[doubt]]
             frame = Frame(np.zeros(points.n_dims), points.frame.scale)
-            exact = pack(own, np.ones(len(own)), frame=frame, exact=True)
+            exact = pack(doubtful, np.ones(len(doubtful)), frame=frame, exact=True)
             labels[doubt] = assign(exact, frame.inward(places))[: len(doubt)]
     if order is None:
         return labels[: points.n_points]

@@ -171,8 +171,8 @@ def seed_sets(
         scratch = np.empty((2, more), np.int32), np.empty((2, more), kind), np.empty((n_tiles, n_draws, width), kind)
         scratch += np.empty(n_tiles), np.empty((n_generators + n_draws, n_dims), kind), np.empty(n_generators, kind)
         scratch += np.empty((n_dims, width), kind), np.empty((n_draws, n_generators + 1))
-        own = heights[start:stop], worthwhile, sets[start:stop], n_seeded[start:stop]
-        _kernels.seed_sets(points.tiles, points.density, *rule, *own, *scratch)
+        of_sets = heights[start:stop], worthwhile, sets[start:stop], n_seeded[start:stop]
+        _kernels.seed_sets(points.tiles, points.density, *rule, *of_sets, *scratch)
 
     in_parts(seed, n_sets, work=heights.size * points.tiles.size)
     if n_seeded.min() < n_generators:

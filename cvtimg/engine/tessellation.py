@@ -209,14 +209,14 @@ def tessellate(
 
 def _tessellate_line(line: Line, weights: Floats, asked: _Asked) -> Tessellation:
     """Tessellate rows on a line by their places along it: as exactly as one column."""
-    found = _tessellate_rows(line.places[:, None], weights, asked._replace(locked=None))
+    along = _tessellate_rows(line.places[:, None], weights, asked._replace(locked=None))
     scale = float((line.direction**2).sum())
     return replace(
-        found,
-        generators=line.origin + line.direction * found.generators,
-        energy=scale * found.energy,
-        weighted_energy=scale * found.weighted_energy,
-        energies=tuple(scale * energy for energy in found.energies),
+        along,
+        generators=line.origin + line.direction * along.generators,
+        energy=scale * along.energy,
+        weighted_energy=scale * along.weighted_energy,
+        energies=tuple(scale * energy for energy in along.energies),
     )
 
 
@@ -318,21 +318,21 @@ def _tessellate_blocks(blocks: Blocks, asked: _Asked, effort: EffortName, checkp
 
     check_by_blocks(asked.method, asked.volume_power)
     locked = check_locked(asked.locked, asked.n_generators, blocks.n_dims)
-    found = survey(blocks, asked.n_generators, asked.rng)
-    rows, weights = sample_rows(blocks, found, asked.n_generators)
+    surveyed = survey(blocks, asked.n_generators, asked.rng)
+    rows, weights = sample_rows(blocks, surveyed, asked.n_generators)
     options = asked.n_generators, effort, np.asarray(asked.init).tolist(), locked.tolist()
-    kept = Checkpoint(checkpoint, found.fingerprint(*options, asked.rng.bit_generator.state))
+    kept = Checkpoint(checkpoint, surveyed.fingerprint(*options, asked.rng.bit_generator.state))
     state = kept.load()
     if state is None and isinstance(asked.init, str):
-        beyond = asked._replace(effort=effort_beyond(asked.effort, int(found.lengths.sum()), len(found.rows)))
+        beyond = asked._replace(effort=effort_beyond(asked.effort, int(surveyed.lengths.sum()), len(surveyed.rows)))
         state = _tessellate_rows(rows, weights, beyond).generators, []
     elif state is None:  # from given generators the descent starts at once
         free = check_generators("init", asked.init, asked.n_generators - len(locked), blocks.n_dims)
         state = np.concatenate([locked, free]), []
     asked.watch.outward = float
     conditions = Conditions(asked.effort.stopping, asked.rng, len(locked), watch=asked.watch)
-    end, moments = descend(blocks, found.frame, (rows, weights), *state, conditions, kept)
-    labels = label_blocks(blocks, found.lengths, end.generators, found.frame)
+    end, moments = descend(blocks, surveyed.frame, (rows, weights), *state, conditions, kept)
+    labels = label_blocks(blocks, surveyed.lengths, end.generators, surveyed.frame)
     return _result(end, end.generators, labels, moments, 0.0, Frame(locked, 1.0))
 
 

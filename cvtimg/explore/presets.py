@@ -32,8 +32,8 @@ def change_presets(asked: Options) -> Json:
             raise UnfitRequestError("there is no such tab")
         parse_settings(tab.controls, settings)
         # What is drawn on a picture, and files that were sent, belong to this one.
-        own = {control.name for control in tab.controls if isinstance(control, (Edits, Files))}
-        kept[name] = {"tab": tab.name, "settings": {key: settings[key] for key in settings.keys() - own}}
+        of_picture = {control.name for control in tab.controls if isinstance(control, (Edits, Files))}
+        kept[name] = {"tab": tab.name, "settings": {key: settings[key] for key in settings.keys() - of_picture}}
     _file().parent.mkdir(parents=True, exist_ok=True)
     write_whole(_file(), json.dumps(kept, indent=1).encode(), overwrite=True)
     return kept

@@ -213,7 +213,7 @@ def known_in_all(
     `nodata` is by default what the header of the file says. A page or frame, called by `noun`, in which none counts is
     a ValueError.
     """
-    found, missing = [], header.nodata if nodata is None else nodata
+    known_of_each, missing = [], header.nodata if nodata is None else nodata
     masks = [None] * len(images) if mask is None else _read_masks(mask, len(images))
     for number, (image, shown) in enumerate(zip(images, masks, strict=True), start=1):
         known = not_missing(image, missing, has_alpha=header.has_alpha and image.shape[2:] == (4,))
@@ -222,8 +222,8 @@ def known_in_all(
             known &= not_black(shown)
         if noun and not known.any():
             raise ValueError(f"{noun} {number} of {len(images)} has no pixel that counts: all are left out")
-        found.append(known)
-    return found
+        known_of_each.append(known)
+    return known_of_each
 
 
 def _read_masks(path: StrPath, n: int) -> Sequence[Array]:

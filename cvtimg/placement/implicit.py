@@ -139,7 +139,9 @@ class ImplicitRegion(Region):
                 places[inner] = self.function.to_zero(places[inner])
             if len(places) > 2:
                 rings.append(shapely.Polygon(places))
-        for ring in sorted(rings, key=lambda one: -one.area):  # a ring inside of others is a hole, or an island in it
+        for ring in sorted(
+            rings, key=lambda polygon: -polygon.area
+        ):  # a ring inside of others is a hole, or an island in it
             whole = shapely.symmetric_difference(whole, shapely.make_valid(ring))
         return whole
 

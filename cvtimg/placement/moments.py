@@ -140,14 +140,14 @@ class PixelMoments:
             buckets.sum_cells(self.density, bands, start, stop, sums, touched)
 
         in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
-        found, energies = np.zeros((n, 3)), np.zeros(n_parts)
+        totals, energies = np.zeros((n, 3)), np.zeros(n_parts)
 
         def finish(start: int, stop: int) -> None:
             about = sums, touched, generators, self._center, self.scale
-            buckets.add_parts(*about, start, stop, found, energies)
+            buckets.add_parts(*about, start, stop, totals, energies)
 
         in_parts(finish, n_parts, work=64 * n)
-        return Moments(found[:, 0].copy(), found[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
+        return Moments(totals[:, 0].copy(), totals[:, 1:].copy(), max(self._spread + float(energies.sum()), 0.0))
 
     def labels(self, generators: Floats, /) -> Ints:
         """Find the generator nearest to the center of each pixel, (H, W)."""

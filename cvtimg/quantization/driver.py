@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import repeat
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,7 +93,6 @@ class _Aiming(NamedTuple):
 
 
 _AIMING = _Aiming()
-_Rung: TypeAlias = tuple[int, float, float]  # a number of colors, a price of bits, and a strength of diffusion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -388,6 +387,14 @@ def _unmixed(source: Source, palettes: _Palettes, least: float, mixed: Any) -> l
     return found[-1:] if bands <= max(_AIMING.bands, _banding(source, mixed)) else []
 
 
+class _Rung(NamedTuple):
+    """A setting that a search may try."""
+
+    n_colors: int
+    price: float  # of a bit
+    strength: float  # of diffusion
+
+
 class _Search:
     """A search among rungs for the result of a quality: by mappings with few matches, then by whole ones."""
 
@@ -402,8 +409,9 @@ class _Search:
         usual = len(self._strengths) // 2
         self._prices = _AIMING.prices_of_phrases if how.rate.coder == "lzw" else _AIMING.prices
         free, strength = self._prices[0], self._strengths[usual]
-        self._rungs = [(number, free, strength) for number in numbers if how.palette is None]
-        self._rungs += [one for one in self._finely(palettes.most) if one[1] <= free and one[2] >= strength]
+        self._rungs = [_Rung(number, free, strength) for number in numbers if how.palette is None]
+        finely = self._finely(palettes.most)
+        self._rungs += [rung for rung in finely if rung.price <= free and rung.strength >= strength]
 
     def nearest(self) -> Any:
         """Return the smallest result of the quality, or the best."""
@@ -430,13 +438,13 @@ class _Search:
         """Return the rung to try next, if one is left."""
         # Figures jump among palettes of other numbers: what is near is reached by the same number of colors. Dearer
         # bits lower it by some points; cheaper ones hardly raise it, where colors are few.
-        after, finely = [], self._finely(rung[0])
+        after, finely = [], self._finely(rung.n_colors)
         misses = [self._result(one) - wanted for one in finely if one in self._found]
         if min(misses) < 0 < max(misses) or -_AIMING.near <= quality - wanted <= _AIMING.far:
             after.append(self._toward(finely, wanted))
         other = self._toward(self._rungs, wanted)
         aside = _AIMING.aside if self._given else -_AIMING.close
-        after.append(other if other[0] == self._palettes.most else self._toward(self._rungs, wanted + aside))
+        after.append(other if other.n_colors == self._palettes.most else self._toward(self._rungs, wanted + aside))
         return next((one for one in after if one not in self._found), None)
 
     def _begun(self) -> _Rung:
@@ -466,10 +474,10 @@ class _Search:
         """Return the rungs of a number of colors: high prices, strengths of diffusion, and lower prices."""
         free, *prices = self._prices
         dear = np.geomspace(_AIMING.dearer * free, free, 50)[:-1].tolist() if self._given else []
-        rungs = [(n_colors, free, strength) for strength in self._strengths]
+        rungs = [_Rung(n_colors, free, strength) for strength in self._strengths]
         return [
-            *((n_colors, price, rungs[0][2]) for price in dear), *rungs,
-            *((n_colors, price, rungs[-1][2]) for price in prices),
+            *(rungs[0]._replace(price=price) for price in dear), *rungs,
+            *(rungs[-1]._replace(price=price) for price in prices),
         ]  # fmt: skip
 
     def _at(self, rungs: list[_Rung], place: float) -> _Rung:
@@ -566,10 +574,10 @@ class _Palettes:
 
     def expected(self, rung: _Rung) -> float:
         """Return the quality that is expected of a number of colors, at a price of bits and a strength of diffusion."""
-        price = rung[1] ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
+        price = rung.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
         paid = _AIMING.points_by_price * price * math.log2(self.most)
-        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung[0]), paid)
-        return _AIMING.points - lost - _AIMING.points_by_strength * (COMPACT_STRENGTH - rung[2])
+        lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung.n_colors), paid)
+        return _AIMING.points - lost - _AIMING.points_by_strength * (COMPACT_STRENGTH - rung.strength)
 
     def expect(self, rung: _Rung, seen: float) -> None:
         """Expect a loss of the usual times a factor, by which the quality seen would have been expected."""

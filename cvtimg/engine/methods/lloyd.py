@@ -66,10 +66,10 @@ class Cells(NamedTuple):
         rule = points.energy_about_origin, n_locked, lightest, stopping.tolerance, stopping.max_iterations
 
         def descend(start: int, stop: int) -> None:
-            own = slice(start, stop)
+            sets_here = slice(start, stop)
             scratch = np.empty((n_generators, n_dims), points.tiles.dtype), np.empty(n_generators, points.tiles.dtype)
-            moments = ends.generators[own], cells.sums[own], cells.labels[own]
-            _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, ends.energies[own])
+            moments = ends.generators[sets_here], cells.sums[sets_here], cells.labels[sets_here]
+            _kernels.descend_sets(points.tiles, points.density, *rule, *moments, *scratch, ends.energies[sets_here])
 
         in_parts(descend, n_sets, work=n_sets * points.tiles.size * n_generators)
         return cells

@@ -112,12 +112,12 @@ def _cheapest(levels: _Levels, n_cells: int) -> _Cut:
     # like k^-2, lead near to it in fewer steps.
     price, guessed = 2 * few.energy / n_cells**3, True
     while True:
-        found = levels.cut(price)
-        if found.n_cells == n_cells:
-            return found
-        if few.n_cells < found.n_cells < many.n_cells:
-            few, many = (found, many) if found.n_cells < n_cells else (few, found)
-            price, guessed = price * (found.n_cells / n_cells) ** 3, True
+        cut = levels.cut(price)
+        if cut.n_cells == n_cells:
+            return cut
+        if few.n_cells < cut.n_cells < many.n_cells:
+            few, many = (cut, many) if cut.n_cells < n_cells else (few, cut)
+            price, guessed = price * (cut.n_cells / n_cells) ** 3, True
         elif guessed:
             price, guessed = (few.energy - many.energy) / (many.n_cells - few.n_cells), False
         else:

@@ -61,9 +61,9 @@ class Probabilistic:
         if self.draws is not None:
             check_at_least("draws", self.draws, 1, "or None")
         for first, second in (("a1", "a2"), ("b1", "b2")):
-            one, other = float(getattr(self, first)), float(getattr(self, second))
-            if not (one >= 0 and other >= 0 and abs(one + other - 1) <= 1e-12):
-                raise ValueError(f"{first}={one} and {second}={other} must be >= 0, with sum 1")
+            first_weight, second_weight = float(getattr(self, first)), float(getattr(self, second))
+            if not (first_weight >= 0 and second_weight >= 0 and abs(first_weight + second_weight - 1) <= 1e-12):
+                raise ValueError(f"{first}={first_weight} and {second}={second_weight} must be >= 0, with sum 1")
 
     def __call__(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
         """Iterate until the best energy converges."""

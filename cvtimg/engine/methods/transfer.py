@@ -55,7 +55,7 @@ def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> En
     free = (masses > 0) & (np.arange(masses.shape[1]) >= conditions.n_locked)
     means = np.divide(cells.sums[:, :, :-1], masses[:, :, None], out=cells.ends.generators, where=free[:, :, None])
     if power or points.exact:
-        parts = np.stack([cell_energies(points, *own) for own in zip(means, cells.labels, strict=True)])
+        parts = np.stack([cell_energies(points, *of_set) for of_set in zip(means, cells.labels, strict=True)])
     else:  # transfers change the sum alone, and go by nothing else
         parts = np.zeros(masses.shape)
         norms, cross = masses[:, :, None] * means, cells.sums[:, :, :-1]

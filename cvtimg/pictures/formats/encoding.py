@@ -198,7 +198,7 @@ def _reads_back(file: BinaryIO, picture: _Picture) -> bool:
     written = picture.values if picture.colors is None else picture.colors[picture.values]
     file.seek(0)
     with Image.open(file) as image:
-        after, before = (np.asarray(one.convert("RGBA")) for one in (image, Image.fromarray(written)))
+        after, before = (np.asarray(either.convert("RGBA")) for either in (image, Image.fromarray(written)))
     is_clear = (after[..., 3] == 0) & (before[..., 3] == 0)
     return bool(((after == before).all(axis=2) | is_clear).all())
 
