@@ -21,7 +21,7 @@ from cvtimg._shared.checks import (
     check_within,
     hints_at_keywords,
 )
-from cvtimg._shared.choices import EffortName, SpaceName
+from cvtimg._shared.choices import EffortName, Row, SpaceName
 from cvtimg._shared.pixels import peak
 from cvtimg._shared.progress import each, part
 from cvtimg._shared.records import Claims, ReadOnly
@@ -212,6 +212,15 @@ class Mosaic(ReadOnly):
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "n": len(self.colors),
+            "energy": self.energy,
+            "psnr": self.psnr if np.isfinite(self.psnr) else None,
+            "n_iter": len(self.energies) - 1,
+        }
 
     def __repr__(self) -> str:
         height, width = self.labels.shape

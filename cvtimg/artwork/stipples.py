@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cvtimg._shared.checks import check_choice, check_positive, check_that
+from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.svg import LAYERED, drawing, hexadecimal, layer, number, numbers
 from cvtimg._shared.threads import in_stripes
@@ -364,6 +365,17 @@ class Stipples(ReadOnly):
 
     def _repr_png_(self) -> bytes:
         return encode_image(".png", self.draw())
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "n": len(self),
+            "layers": list(self.names),
+            "radius": float(self.radii.mean()) if len(self) else None,
+            "max_ink": self.max_ink,
+            "ink": self.ink,
+            "energy": self.energy,
+        }
 
     def __repr__(self) -> str:
         height, width = self.size

@@ -18,6 +18,7 @@ from cvtimg._shared.checks import (
     check_weights,
     hints_at_keywords,
 )
+from cvtimg._shared.choices import Row
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg._shared.types import Array, Floats, Ints64
@@ -171,6 +172,20 @@ class Basis(ReadOnly):
 
     def _claims(self) -> Claims:
         yield "energies never rise", never_rises(self.energies)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "snapshots": len(self.labels),
+            "shape": list(self.shape),
+            "kind": self.kind,
+            "n": self.n_modes,
+            "cells": self.n_cells,
+            "explained": self.explained,
+            "energy": self.energy,
+            "energies": self.energies.tolist(),
+            "medoids": self.medoids.tolist(),
+        }
 
     def __repr__(self) -> str:
         cells = f" in each of {self.n_cells} cells" if self.n_cells > 1 else ""

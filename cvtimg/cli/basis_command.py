@@ -44,17 +44,7 @@ def _basis(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         plot(task.outputs["--sheet"], given, "draw_sheet", _panels(result))
     plot(task.outputs.get("--plot"), given, "draw_spectrum", result.energies, result.variance)
     stopwatch.lap("write")
-    return {
-        "snapshots": len(result.labels),
-        "shape": list(result.shape),
-        "kind": result.kind,
-        "n": result.n_modes,
-        "cells": result.n_cells,
-        "explained": result.explained,
-        "energy": result.energy,
-        "energies": result.energies.tolist(),
-        "medoids": result.medoids.tolist(),
-    }
+    return result.summary()
 
 
 def _panels(basis: Basis) -> list[list[tuple[Any, str]]]:

@@ -70,13 +70,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     plot(task.outputs.get("--plot"), given, "draw_pairs", result.points, labels, **shown)
     stopwatch.lap("write")
     return {
-        "n": given.number,
-        "dimensions": result.points.shape[1],
-        "names": labels,
-        "existing": len(result.existing),
-        "latin": result.latin,
-        "periodic": result.periodic,
-        "energy": result.energy,
+        **result.summary(),
         **{name: value for name, value in figures.items() if name != "energy"},
         "points": None if "-o" in task.outputs else table,
         **({} if "-o" in task.outputs else {"_text": csv_text(header, table).rstrip("\n")}),

@@ -51,7 +51,6 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
 
     import cvtimg
     from cvtimg.cli.mesh_inputs import named, read_region, read_segments, read_size, warn_of_degrees
-    from cvtimg.meshes import measure_triangles
 
     is_polygon = task.source.suffix.lower() in POLYGON_SUFFIXES
     making = given.arguments
@@ -83,26 +82,9 @@ def _mesh(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     below = {"image": image, "y_down": not is_polygon or image is not None}
     plot(task.outputs.get("--plot"), given, "draw_mesh", *drawn, **below)
     stopwatch.lap("write")
-    local = result.projection
-    each = measure_triangles(result.points if local is None else local.to_km(result.points), result.triangles)
-    if is_polygon and local is None and task.source.suffix.lower() in (".geojson", ".json"):
+    if is_polygon and result.projection is None and task.source.suffix.lower() in (".geojson", ".json"):
         warn_of_degrees(result)
-    return {
-        "n": len(result.points),
-        "n_wanted": result.n_wanted,
-        "triangles": len(result.triangles),
-        "area": result.area if local is None else float(each.areas.sum()),
-        "least_angle": float(each.least_angles.min()),
-        "mean_quality": float(each.qualities.mean()),
-        "below_30": float((each.least_angles < 30).mean()),
-        "energy": result.energy,
-        "n_iter": len(result.energies) - 1,
-        **({} if result.changes is None else asdict(result.changes)),
-        **({} if result.pairs is None else {"pairs": len(result.pairs)}),
-        **({} if result.quadratic is None else {"n_straight": result.quadratic.n_straight}),
-        **({"names": {name: tag for (_, tag), name in result.names.items()}} if result.names else {}),
-        **(asdict(result.measures()) if given.measures else {}),
-    }
+    return {**result.summary(), **(asdict(result.measures()) if given.measures else {})}
 
 
 def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: Given) -> Row:
@@ -117,18 +99,11 @@ def _fill(task: Task, stopwatch: Stopwatch, voxels: Any, is_mask: bool, given: G
     result.save(task.output, overwrite=given.overwrite)
     stopwatch.lap("write")
     return {
-        "n": len(result.points),
-        "n_wanted": result.n_wanted,
-        "tetrahedra": len(result.tetrahedra),
-        "triangles": len(result.surface),
-        "volume": result.volume,
-        "least_angle": float(result.dihedral_angles.min()),
-        "mean_quality": float(result.qualities.mean()),
+        **result.summary(),
         **(asdict(result.measures()) if given.measures else {}),
         **(
             {"labels": {tag: asdict(measures) for tag, measures in result.measures_by_label().items()}}
             if given.measures
             else {}
         ),
-        "is_manifold": result.is_manifold,
     }

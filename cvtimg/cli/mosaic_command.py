@@ -36,12 +36,4 @@ def _mosaic(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     stopwatch.lap("mosaic")
     result.save(task.output, outline=given.outline, scale=given.scale, overwrite=given.overwrite)
     stopwatch.lap("write")
-    return {
-        "width": image.shape[1],
-        "height": image.shape[0],
-        "shape": given.shape,
-        "n": len(result.colors),
-        "energy": result.energy,
-        "psnr": result.psnr if result.psnr < float("inf") else None,
-        "n_iter": len(result.energies) - 1,
-    }
+    return {"width": image.shape[1], "height": image.shape[0], "shape": given.shape, **result.summary()}

@@ -102,8 +102,6 @@ def _numbers(option: str, text: str, names: tuple[str, ...]) -> tuple[float, ...
 
 
 def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
-    from dataclasses import asdict
-
     import numpy as np
 
     import cvtimg
@@ -143,13 +141,8 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         plot(task.outputs["--histograms"], given, "draw_histograms", values)
     stopwatch.lap("write")
     return {
-        "n": len(grid.points),
+        **grid.summary(),
         "kept": len(whole.points),
-        "triangles": len(grid.triangles),
-        "fixed": int(grid.fixed.sum()),
-        "energy": grid.energy,
-        "offset": grid.offset,
-        **asdict(grid.measures()),
         **dict(zip(_WIDTHS, np.quantile(grid.widths(), (0, 0.5, 1)).tolist(), strict=True)),
     }
 

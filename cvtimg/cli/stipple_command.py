@@ -58,14 +58,6 @@ def _stipple(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     if "--cells" in task.outputs:
         result.save_cells(task.outputs["--cells"], **fitted, overwrite=given.overwrite)
     stopwatch.lap("write")
-    return {
-        "width": image.shape[1],
-        "height": image.shape[0],
-        "n": len(result),
-        "layers": list(result.names),
-        "radius": float(result.radii.mean()) if len(result) else None,
-        "radius_mm": float(result.radii.mean() * scale) if len(result) else None,
-        "max_ink": result.max_ink,
-        "ink": result.ink,
-        "energy": result.energy,
-    }
+    row = result.summary()
+    row["radius_mm"] = row["radius"] and row["radius"] * scale
+    return {"width": image.shape[1], "height": image.shape[0], **row}

@@ -46,16 +46,4 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     drawn = result.points, result.triangles, result.qualities
     plot(task.outputs.get("--plot"), given, "draw_surface", *drawn, center=given.view)
     stopwatch.lap("write")
-    measures = asdict(result.measures())
-    return {
-        "n": given.number,
-        "triangles": len(result.triangles),
-        "area": shape.area,
-        "energy": result.energy,
-        "offset": result.offset,
-        "n_iter": result.n_iter,
-        "components": measures.pop("n_components"),
-        "borders": measures.pop("n_borders"),
-        **measures,
-        **asdict(shape.repairs),
-    }
+    return {**result.summary(), "area": shape.area, **asdict(shape.repairs)}

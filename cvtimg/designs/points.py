@@ -20,7 +20,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
     refuse,
 )
-from cvtimg._shared.choices import EffortName
+from cvtimg._shared.choices import EffortName, Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
 from cvtimg._shared.records import Claims, ReadOnly
@@ -84,6 +84,18 @@ class Design(ReadOnly):
     def _repr_png_(self) -> bytes | None:
         """Draw all points, old and new, in each pair of the first axes."""
         return drawn(repr(self), self._all_points(), is_place=False)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "n": len(self.points),
+            "dimensions": self.points.shape[1],
+            "names": [factor.header for factor in self.factors],
+            "existing": len(self.existing),
+            "latin": self.latin,
+            "periodic": self.periodic,
+            "energy": self.energy,
+        }
 
     def __repr__(self) -> str:
         n_points, n_dims = self.points.shape

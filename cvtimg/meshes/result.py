@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_that
+from cvtimg._shared.choices import Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Floats, Ints
@@ -162,6 +163,26 @@ class Mesh(ReadOnly):
     def _repr_png_(self) -> bytes | None:
         """Draw the triangles, with y down as in images."""
         return drawn(repr(self), self.points, self.triangles, y_down=True)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        local = self.projection  # in which lengths are kilometers
+        each = measure_triangles(self.points if local is None else local.to_km(self.points), self.triangles)
+        return {
+            "n": len(self.points),
+            "n_wanted": self.n_wanted,
+            "triangles": len(self.triangles),
+            "area": self.area if self.projection is None else float(each.areas.sum()),
+            "least_angle": float(each.least_angles.min()),
+            "mean_quality": float(each.qualities.mean()),
+            "below_30": float((each.least_angles < 30).mean()),
+            "energy": self.energy,
+            "n_iter": len(self.energies) - 1,
+            **({} if self.changes is None else asdict(self.changes)),
+            **({} if self.pairs is None else {"pairs": len(self.pairs)}),
+            **({} if self.quadratic is None else {"n_straight": self.quadratic.n_straight}),
+            **({"names": {name: tag for (_, tag), name in self.names.items()}} if self.names else {}),
+        }
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"

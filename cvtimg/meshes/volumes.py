@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_count, check_in_range, check_positive, check_shape, check_that, refuse_type
+from cvtimg._shared.choices import Row
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints, Points
@@ -171,6 +172,19 @@ class VolumeMesh(ReadOnly):
             sides = np.concatenate([content.sides, inner])
             content = replace(content, sides=sides, side_tags=side_tags, names=names)
         write_mesh(path, content, overwrite, _SUFFIXES)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "n": len(self.points),
+            "n_wanted": self.n_wanted,
+            "tetrahedra": len(self.tetrahedra),
+            "triangles": len(self.surface),
+            "volume": self.volume,
+            "least_angle": float(self.dihedral_angles.min()),
+            "mean_quality": float(self.qualities.mean()),
+            "is_manifold": self.is_manifold,
+        }
 
     def __repr__(self) -> str:
         asked = "" if self.n_wanted in (None, len(self.points)) else f" ({self.n_wanted} wanted)"

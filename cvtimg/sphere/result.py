@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from cvtimg._shared.checks import check_positive
+from cvtimg._shared.choices import Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly, equals
 from cvtimg._shared.types import Bools, Floats, Ints, Points
@@ -209,6 +210,17 @@ class SphereGrid(SavedGrid):
     def _repr_png_(self) -> bytes | None:
         """Draw the triangles."""
         return drawn(repr(self), self.points, self.triangles)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        return {
+            "n": len(self.points),
+            "triangles": len(self.triangles),
+            "fixed": int(self.fixed.sum()),
+            "energy": self.energy,
+            "offset": self.offset,
+            **asdict(self.measures()),
+        }
 
     def __repr__(self) -> str:
         return f"SphereGrid({len(self.points)} points, {len(self.triangles)} triangles)"

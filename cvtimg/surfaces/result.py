@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_places, check_triangles
+from cvtimg._shared.choices import Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Floats, Ints
@@ -139,6 +140,20 @@ class SurfacePoints(ReadOnly):
     def _repr_png_(self) -> bytes | None:
         """Draw the triangles, as seen from in front of the surface, to its right and above."""
         return drawn(repr(self), self.points, self.triangles)
+
+    def summary(self) -> Row:
+        """Return what a table says of the result, by column."""
+        measures = asdict(self.measures())
+        return {
+            "n": len(self.points),
+            "triangles": len(self.triangles),
+            "energy": self.energy,
+            "offset": self.offset,
+            "n_iter": self.n_iter,
+            "components": measures.pop("n_components"),
+            "borders": measures.pop("n_borders"),
+            **measures,
+        }
 
     def __repr__(self) -> str:
         return f"SurfacePoints({len(self.points)} points, {len(self.triangles)} triangles)"
