@@ -42,7 +42,7 @@ STIPPLE = (
     common.IMAGES,
     Option(
         "number",
-        Whole(1, 1 << 28),
+        Whole(1),
         "Number of dots; by default 20000, or a quarter of the pixels of small images.",
         "--dot-count -n",
     ).on_page("Dots", slider=(100, 100_000), log=True, high=10**6, default="auto"),
@@ -146,7 +146,7 @@ STIPPLE = (
 
 MOSAIC = (
     common.IMAGES,
-    Option("number", Whole(1, 1 << 28), "Number of tiles.", "--tiles -n", required=True, keyword="n_cells").on_page(
+    Option("number", Whole(1), "Number of tiles.", "--tiles -n", required=True, keyword="n_cells").on_page(
         "Tiles", slider=(50, 20_000), log=True, high=10**6, default=1000
     ),
     common.output(common.IMAGE_OUTPUT, late("artwork.mosaics", "suffixes"), standard=".png"),

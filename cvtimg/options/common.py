@@ -142,8 +142,8 @@ SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to
 #: Of every verb that reads images: how large they may be, and what is read of their files.
 READING = (
     Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default."),
-    Option("page", Whole(1, 1 << 31), "Read only page N of files of several pages."),
-    Option("series", Whole(1, 1 << 31), "Read only image N of a TIFF of several images, such as the series of OME."),
+    Option("page", Whole(1), "Read only page N of files of several pages."),
+    Option("series", Whole(1), "Read only image N of a TIFF of several images, such as the series of OME."),
     Option(
         "channel_axis", Whole(0, 2), "Axis of the bands in .npy arrays: 0 for (bands, height, width).", metavar="AXIS"
     ),
@@ -159,8 +159,8 @@ READING = (
         metavar="COLOR,...|auto",
         excludes=("channel",),
     ),
-    Option("t", Whole(1, 1 << 31), "Read only this frame of a time series."),
-    Option("z", Whole(1, 1 << 31), "Read only this plane of a stack."),
+    Option("t", Whole(1), "Read only this frame of a time series."),
+    Option("z", Whole(1), "Read only this plane of a stack."),
     Option(
         "pixel_size",
         Text(late("pictures.formats.pixel_size", "PixelSize.parse")),

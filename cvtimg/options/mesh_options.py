@@ -50,7 +50,7 @@ MESH = (
         "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
     ).on_page("Edge length", slider=(2, 100), step=0.5, unit="px", low=0.1, high=10_000, default=10.0),
     file("size", "Gray image with the length of edges at each pixel; with -n, its ratios.", role="reads"),
-    Option("label", Whole(0, 2**31 - 1), "Mesh only pixels with this label.", metavar="K"),
+    Option("label", Whole(0), "Mesh only pixels with this label.", metavar="K"),
     passed(
         "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=0.2
     ).on_page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, low=0.01, high=10),
@@ -107,7 +107,7 @@ MESH = (
 
 SURFACE = (
     common.IMAGES._replace(help="Surfaces of triangles: .stl, .obj, .ply or .off."),
-    Option("number", Whole(4, 1 << 24), "Number of points.", "--points -n", required=True),
+    Option("number", Whole(4), "Number of points.", "--points -n", required=True),
     common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
     OUT_DIR,
     Option(
@@ -145,7 +145,7 @@ SURFACE = (
 SPHERE = (
     Option(
         "number",
-        Whole(1, 1 << 28),
+        Whole(1),
         "Number of points (with --parent: of new points). 10 t + 2, t = h*h + h*k + k*k, give the most regular grids. "
         "Optional with --cell-width, whose widths it scales.",
         "--points -n",

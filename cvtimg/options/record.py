@@ -59,9 +59,13 @@ class Real(NamedTuple):
 
 
 class Whole(Real):
-    """A whole number in low..high, or "auto" where that is allowed."""
+    """A whole number in low..high, by default the greatest of 32 bits, or "auto" where that is allowed."""
 
     __slots__ = ()
+
+    def __new__(cls, low: int, high: int = 2**31 - 1, *others: Any, **more: Any) -> Whole:
+        """Make the kind of a count, or of a number of something."""
+        return super().__new__(cls, low, high, *others, **more)
 
     def _read(self, text: Any) -> int:
         return int(text)

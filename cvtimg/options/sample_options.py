@@ -48,7 +48,7 @@ CLUSTER = (
     ),
     Option(
         "number",
-        Whole(1, 2**31 - 1, auto=True),
+        Whole(1, auto=True),
         "Number of clusters; auto picks it at the elbow of the energy.",
         "--clusters -k",
         required=True,
@@ -157,7 +157,7 @@ DESIGN = (
     switch("periodic", "Let opposite ends of each axis meet.", keyword="periodic").on_page("Periodic"),
     switch("measures", "Report the star discrepancy and the evenness of the Voronoi cells."),
     file("plot", "Plot the points in each pair of axes, .png or .svg.", common.PLOTS),
-    Option("shuffle", Whole(0, 2**32 - 1), "Put runs in random order, with this seed.", metavar="SEED"),
+    Option("shuffle", common.SEED.kind, "Put runs in random order, with this seed.", metavar="SEED"),
     common.EFFORT,
     common.SEED,
     *common.RUN,

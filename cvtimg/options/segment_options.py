@@ -31,7 +31,7 @@ SEGMENT = (
     common.IMAGES,
     Option(
         "number",
-        Whole(1, 2**31 - 1, auto=True),
+        Whole(1, auto=True),
         "Number of segments; auto picks it at the elbow of the energy. Without it, regions as by --hierarchy.",
         "--segments -k",
     ).on_page("Segments", slider=(2, 64), log=True, default=4),
@@ -72,7 +72,7 @@ SEGMENT = (
         metavar="#RRGGBB",
         default="#ffff00",
     ),
-    Option("line_width", Whole(1, 1000), "Width of the lines that --overlay draws.", metavar="PIXELS", default=1),
+    Option("line_width", Whole(1), "Width of the lines that --overlay draws.", metavar="PIXELS", default=1),
     switch("subpixel", "Place --contours with subpixel accuracy."),
     Option("simplify", Real(0), "Simplify --contours, at most this far off the border.", metavar="PIXELS", default=0),
     common.SPACE._replace(
@@ -123,7 +123,7 @@ SEGMENT = (
     ).on_page("each a segment"),
     passed(
         "min_size",
-        Whole(0, 2**31 - 1),
+        Whole(0),
         "Merge components smaller than this into a neighbor.",
         metavar="PIXELS",
         default=0,
@@ -221,7 +221,7 @@ SEGMENT = (
     ),
     Option(
         "strongest",
-        Whole(1, 2**31 - 1),
+        Whole(1),
         "With --hierarchy: --contours are the N lines, with their chances, that people draw most of.",
         metavar="N",
         needs=("hierarchy",),
