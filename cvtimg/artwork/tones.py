@@ -19,8 +19,6 @@ from cvtimg.colors.spaces import to_space
 
 #: Luminance of linear sRGB, Rec. ITU-R BT.709.
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
-#: Coverage of a hexagonal lattice of disks that touch: beyond it they overlap.
-TOUCHING = np.pi / np.sqrt(12)
 #: Summed area of the disks of a hexagonal lattice, per area, that leaves no paper between them.
 COVERING = 2 * np.pi / np.sqrt(27)
 #: Steps of tables of tones.
@@ -174,11 +172,10 @@ def disk_area(coverage: Floats32) -> Floats32:
     Dots of a centroidal Voronoi tessellation lie nearly on a hexagonal lattice, whose disks overlap beyond a coverage
     of 0.907; at 1 their areas add up to 1.209.
     """
-    areas = coverage.copy()
-    dense = coverage > TOUCHING
-    if dense.any():
-        table = np.linspace(TOUCHING, COVERING, TABLE_SIZE)
-        areas[dense] = np.interp(coverage[dense], _lattice_coverage(table), table)
+    areas, table = coverage.copy(), np.linspace(0, COVERING, TABLE_SIZE)
+    covered = _lattice_coverage(table)
+    overlaps = coverage > covered[covered == table][-1]
+    areas[overlaps] = np.interp(coverage[overlaps], covered, table)
     return areas
 
 

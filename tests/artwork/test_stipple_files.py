@@ -14,6 +14,7 @@ from PIL import Image
 from reference import shoelace
 
 from cvtimg import read_image, stipple
+from cvtimg.artwork.papers import PAPERS
 from cvtimg.artwork.stipples import MARKS
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (40, 1))
@@ -67,6 +68,13 @@ def test_a_drawing_lies_in_the_middle_of_its_sheet(
     with Image.open(tmp_path / "a.png") as image:
         assert image.width / image.height == pytest.approx(size[0] / size[1], rel=0.02)
         assert image.width / image.info["dpi"][0] * 25.4 == pytest.approx(size[0], rel=0.02)
+
+
+def test_sheets_are_halves_of_the_next_larger_or_of_half_inches() -> None:
+    halves = [PAPERS[f"a{n}"] for n in range(2, 7)]
+    assert halves == [(420, 594), *((height // 2, width) for width, height in halves[:-1])]
+    inches = np.array([PAPERS[name] for name in ("letter", "legal", "tabloid")]) / 25.4
+    np.testing.assert_allclose(inches, [[8.5, 11], [8.5, 14], [11, 17]])
 
 
 def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Path) -> None:
@@ -125,6 +133,7 @@ def test_tables_hold_the_dots(tmp_path: Path) -> None:
 def test_pixels_and_cells(tmp_path: Path) -> None:
     STIPPLES.save(tmp_path / "a.png", scale=3)
     assert np.array_equal(read_image(tmp_path / "a.png"), STIPPLES.draw(scale=3))
+    assert STIPPLES.default_scale() * np.sqrt(RAMP.size / 150) == pytest.approx(8)  # pixels between dots
     STIPPLES.save_cells(tmp_path / "a.geojson")
     features = json.loads((tmp_path / "a.geojson").read_text())["features"]
     assert len(features) == 150

@@ -90,8 +90,3 @@ def test_the_scale_enlarges_dots_and_paper() -> None:
     drawn = draw_dots(np.array([[5.0, 4.0]]), np.array([2.0]), (8, 10), 5.0)
     assert drawn.shape == (40, 50)
     assert drawn.sum() == pytest.approx(np.pi * 100, rel=2e-3)
-
-
-def test_dots_outside_and_no_dots_draw_nothing() -> None:
-    assert not draw_dots(np.empty((0, 2)), np.empty(0), (3, 4)).any()
-    assert not draw_dots(np.array([[-9.0, 50.0]]), np.array([2.0]), (3, 4)).any()

@@ -30,14 +30,6 @@ def test_stipple_draws_dots_in_the_width_asked_for(picture: Path, row_of: RowOf)
     assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) == 200
 
 
-def test_stipple_has_a_layer_for_each_pen(picture: Path, row_of: RowOf) -> None:
-    told = row_of("stipple", picture, "-n", 300, "--layers", "cmyk", "-o", picture.with_name("a.svg"))
-    assert len(told["layers"]) == 4
-    groups = list(ElementTree.parse(picture.with_name("a.svg")).getroot().iter("{http://www.w3.org/2000/svg}g"))
-    assert len(groups) == 4
-    assert sum(len(group) for group in groups) == 300
-
-
 def test_stipple_writes_tables_and_cells(picture: Path, row_of: RowOf) -> None:
     output, cells = picture.with_name("dots.csv"), picture.with_name("cells.geojson")
     row_of("stipple", picture, "-n", 50, "--dots", "sized", "--radius-range", 1, 4, "-o", output, "--cells", cells)

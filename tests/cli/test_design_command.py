@@ -86,8 +86,6 @@ def test_criteria_and_functions_are_those_of_python(capsys: pytest.CaptureFixtur
         assert main(["design", "-n", "9", *words, "--effort", "fast"]) == 0, capsys.readouterr().err
         return np.loadtxt(capsys.readouterr().out.splitlines()[1:], delimiter=",")
 
-    spread = points("-d", "3", "--criterion", "maximin")
-    assert (spread == design(9, 3, criterion="maximin", effort="fast").points).all()
     below = points("--bounds", "bounds.csv", "--feasible", "(speed * heat < 900) & (x1 > 3)")
     assert (below.prod(axis=1) < 900).all()
     assert (below[:, 0] > 3).all()

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,17 @@ def test_more_effort_finds_less_energy(photograph: Array) -> None:
     for n_generators in (8, 32):
         fast, balanced, best = (tessellate(samples, n_generators, effort=effort).energy for effort in EFFORTS)
         assert fast > balanced > best
+
+
+def test_the_guide_tells_how_much_each_effort_does() -> None:
+    guide = " ".join((Path(__file__).parents[2] / "docs/engine.md").read_text(encoding="utf-8").split())
+    assert f"at most {EFFORTS['fast'].stopping.max_iterations} moves" in guide
+    for name in ("balanced", "best"):
+        of, evolution = EFFORTS[name], EFFORTS[name].evolution
+        assert f"to a tolerance of {of.stopping.tolerance:.0e} |".replace("e-0", "e-") in guide
+        numbers = of.n_starts, evolution.n_kept, evolution.n_random, evolution.n_children, evolution.patience
+        assert f"| `{name}` | {' | '.join(map(str, numbers))} | {of.stopping.max_iterations} |" in guide
+    assert f"at least {evolution.most:,} children" in guide
 
 
 @pytest.mark.parametrize("init", SEEDINGS)
