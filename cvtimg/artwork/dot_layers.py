@@ -29,21 +29,11 @@ from cvtimg.placement.pictures import WhereMassIs, picture_moments
 DOTS = ("equal", "sized")
 #: Moves of dots to the centers of the ink of their cells at the end.
 _LAST_MOVES = {"equal": 1, "sized": 2}
-
-
-@dataclass(frozen=True, slots=True)
-class Balance:
-    """How dots are brought into balance with the tones, and those of several pens away from each other."""
-
-    rounds: int = 4  # corrections of the density
-    moves: int = 4  # after each correction
-    largest: float = 4.0  # factor of the density in a correction
-    smoothed: float = 0.5  # distances between dots that it is smoothed over: the error of a single dot is noise
-    pen_moves: int = 20  # of several pens
-    to_all: float = 0.5  # part of the way to the centers of cells among all dots that these go
-
-
-BALANCE = Balance()
+#: Corrections of the density, and moves after each.
+_ROUNDS = 4
+#: Part of the way to the centers of their cells among all dots that dots of several pens go: with more, they keep
+#: farther from those of other pens, and less evenly from those of their own.
+_TO_ALL = 0.5
 
 
 def _of_pixels(values: Floats, moments: PixelMoments, points: Floats) -> Floats32:
@@ -84,17 +74,15 @@ class _Pen:
         self.size = np.array(ink.shape[::-1], np.float64)
         self.into_ink = WhereMassIs(self.amounts, 0.0 if how.bleed else self.radius)
         n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
-        self.smoothed = BALANCE.smoothed * float(np.sqrt(n_pixels / n_dots))
+        self.spacing = float(np.sqrt(n_pixels / n_dots))
         # In a tessellation of density rho there are rho^(1/2) dots in an area.
         self.density = self.amount * self.amount
 
     def correct(self, points: Floats) -> PixelMoments:
         """Let the density grow where dots are too few, and return its moments."""
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
-        factors = np.clip(lacking, 1 / BALANCE.largest, BALANCE.largest)
-        self.density *= gaussian_filter(
-            _of_pixels(factors, self.amounts, points), self.smoothed, mode="nearest", axes=(0, 1)
-        )
+        factors = _of_pixels(lacking, self.amounts, points)  # smoothed, as the error of a single dot is noise
+        self.density *= gaussian_filter(factors, self.spacing, mode="nearest", axes=(0, 1))
         return picture_moments(self.density, self.n_dots)
 
     def spread(self, *, balanced: bool) -> Floats:
@@ -102,8 +90,8 @@ class _Pen:
         with part(0, 1 / 2):
             points = place_generators(None, self.n_dots, density=self.density, effort="fast").points
         with part(1 / 2, 1):
-            terms = Terms(Stopping.after(BALANCE.moves), project=self.into_ink)
-            for _ in each(range(BALANCE.rounds if balanced else 0)):
+            terms = Terms(Stopping.after(_ROUNDS), project=self.into_ink)
+            for _ in each(range(_ROUNDS if balanced else 0)):
                 points = DESCENTS["l-bfgs"](self.correct(points), points, terms).generators
         return points
 
@@ -152,14 +140,15 @@ def _kept_apart(pens: Sequence[_Pen], placed: list[Floats]) -> list[Floats]:
     for pen in pens:
         pen.density = pen.amount * pen.amount
     moments = [picture_moments(pen.density, pen.n_dots) for pen in pens]
-    for move in each(range(1, BALANCE.pen_moves + 1)):
+    n_moves = _ROUNDS * (_ROUNDS + 1)
+    for move in each(range(1, n_moves + 1)):
         centers = np.split(of_all(np.concatenate(placed)).centroids, np.cumsum(counts)[:-1])
         for number, pen in enumerate(pens):
             points = placed[number]
-            if move % BALANCE.moves == 0 and move < BALANCE.pen_moves:
+            if move % _ROUNDS == 0 and move < n_moves:
                 moments[number] = pen.correct(points)
             among_own = moments[number](points).centroids
-            placed[number] = pen.into_ink(among_own + BALANCE.to_all * (centers[number] - points), points)
+            placed[number] = pen.into_ink(among_own + _TO_ALL * (centers[number] - points), points)
     return placed
 
 
