@@ -14,13 +14,11 @@ import numpy as np
 from cvtimg._shared.checks import check_numbers, check_shape, check_that
 from cvtimg._shared.extras import optional
 from cvtimg._shared.types import Array
+from cvtimg.blocks.rows import BLOCK_BYTES
 from cvtimg.files.finding import find_images
 from cvtimg.files.remote import is_remote, local_copy, url_of
 from cvtimg.pictures.files import read_image
 from cvtimg.pictures.frames import Frames, is_animated, read_frames
-
-#: Bytes of a block of rows in memory.
-_BLOCK_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +37,7 @@ class Snapshots:
 
     def blocks(self) -> Iterator[tuple[slice, Array]]:
         """Yield (m, D) blocks in order, each with the rows that it holds."""
-        n_rows = max(1, _BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
+        n_rows = max(1, BLOCK_BYTES // (self.n_dims * self.dtype.itemsize))
         for start in range(0, self.n_snapshots, n_rows):
             stop = min(start + n_rows, self.n_snapshots)
             yield slice(start, stop), _checked(self.read(start, stop), start, (stop - start, self.n_dims), self.dtype)

@@ -22,7 +22,7 @@ from cvtimg.blocks.rows import Blocks
 T = TypeVar("T")
 
 #: Rows that are worked on at a time, whatever the size of a block: this bounds the memory for what is made of them.
-_PIECE_ROWS = 1 << 20
+PIECE_ROWS = 1 << 20
 #: Sums that are added at a time: fewer make more tasks, and more wait for each other.
 _WIDTH = 8
 _KEY = "cvtimg-block"
@@ -50,8 +50,8 @@ class Block:
 
     def pieces(self) -> Iterator[tuple[Array, Floats]]:
         """Yield some rows at a time, finite and of a type that the kernels read, with their weights, >= 0."""
-        for start in range(0, len(self.rows), _PIECE_ROWS):
-            part = slice(start, start + _PIECE_ROWS)
+        for start in range(0, len(self.rows), PIECE_ROWS):
+            part = slice(start, start + PIECE_ROWS)
             rows = as_samples("samples", self.rows[part])
             if self.weights is None:
                 yield rows, np.ones(len(rows))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 #: Bytes of a block, where the data do not come in blocks.
-_BLOCK_BYTES = 1 << 25
+BLOCK_BYTES = 1 << 25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +125,7 @@ def _dask_array(array: Any) -> Array:
 
 def block_length(row_bytes: int, most_rows: int = 1 << 22) -> int:
     """Return the number of rows of a block, where the data do not come in blocks."""
-    return max(1, min(most_rows, _BLOCK_BYTES // max(1, row_bytes)))
+    return max(1, min(most_rows, BLOCK_BYTES // max(1, row_bytes)))
 
 
 def dask_arrays() -> Any:

@@ -79,7 +79,7 @@ def test_the_shape_of_snapshots_is_kept() -> None:
 def test_snapshots_on_disk_in_blocks_give_the_same_basis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = reduced_basis(SNAPSHOTS, 5)
     np.save(tmp_path / "rows.npy", SNAPSHOTS)
-    monkeypatch.setattr("cvtimg.bases.snapshots._BLOCK_BYTES", 300 * 8 * 7)
+    monkeypatch.setattr("cvtimg.bases.snapshots.BLOCK_BYTES", 300 * 8 * 7)
     blocks = reduced_basis(tmp_path / "rows.npy", 5)
     assert blocks.energies == pytest.approx(whole.energies)
     assert abs(np.einsum("nd,nd->n", blocks.modes[0], whole.modes[0])) == pytest.approx(np.ones(5))
@@ -203,7 +203,7 @@ def test_arrays_on_disk_and_lazy_ones_are_read_in_blocks(tmp_path: Path, monkeyp
     rows = IMAGES.reshape(5, -1).astype(np.float64)
     zarr.create_array(str(tmp_path / "a.zarr"), data=rows)
     np.save(tmp_path / "a.npy", rows)
-    monkeypatch.setattr("cvtimg.bases.snapshots._BLOCK_BYTES", rows[0].nbytes * 2)
+    monkeypatch.setattr("cvtimg.bases.snapshots.BLOCK_BYTES", rows[0].nbytes * 2)
     for given in (tmp_path / "a.zarr", tmp_path / "a.npy", dask.from_array(rows, chunks=(2, 50))):
         assert [block.shape[0] for _, block in as_snapshots(given).blocks()] == [2, 2, 1]
         assert (rows_of(given) == rows).all()

@@ -29,7 +29,7 @@ WEIGHTS = RNG.integers(0, 4, len(ROWS)).astype(np.float64)
 @pytest.fixture
 def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """Search on fewer rows than there are."""
-    monkeypatch.setattr(block_descent, "_SAMPLE_ROWS", 600)
+    monkeypatch.setattr(block_descent, "PIECE_ROWS", 600)
     monkeypatch.setattr(block_descent, "_ROWS_PER_GENERATOR", 20)
 
 
@@ -82,7 +82,7 @@ def test_bits_do_not_depend_on_who_works() -> None:
 def test_bits_do_not_depend_on_pieces_of_one_tile(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = RNG.integers(0, 256, (4000, 3)).astype(np.uint8)  # whose sums are exact
     expected = tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7)
-    monkeypatch.setattr(passes, "_PIECE_ROWS", 100)
+    monkeypatch.setattr(passes, "PIECE_ROWS", 100)
     assert same_bits(expected, tessellate(as_blocks(da.from_array(rows, chunks=(900, 3))), 7))
 
 
@@ -158,7 +158,7 @@ def test_a_zarr_array_is_read_in_its_chunks(tmp_path: Path) -> None:
 
 def test_a_file_of_numpy_is_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     np.save(tmp_path / "a.npy", ROWS)
-    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 170 * 24)
+    monkeypatch.setattr("cvtimg.blocks.rows.BLOCK_BYTES", 170 * 24)
     opened = open_blocks(tmp_path / "a.npy")
     assert opened.n_blocks == 12
     np.testing.assert_array_equal(opened.rows.compute(), ROWS)
@@ -225,7 +225,7 @@ def test_blocks_of_which_all_rows_are_dropped(tmp_path: Path, monkeypatch: pytes
     rows = ROWS.copy()
     rows[170:340] = np.nan
     np.save(tmp_path / "a.npy", rows)
-    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 170 * 24)
+    monkeypatch.setattr("cvtimg.blocks.rows.BLOCK_BYTES", 170 * 24)
     opened = open_blocks(tmp_path / "a.npy", missing="drop")
     result = tessellate(opened, 4)
     kept = np.isfinite(rows).all(axis=1)

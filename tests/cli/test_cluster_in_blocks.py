@@ -41,7 +41,7 @@ def write_tables(folder: Path, rows: Array = ROWS) -> None:
 @pytest.fixture(autouse=True)
 def here(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr("cvtimg.tables.blocked._LARGE_BYTES", 1000)
-    monkeypatch.setattr("cvtimg.blocks.rows._BLOCK_BYTES", 200 * 24)
+    monkeypatch.setattr("cvtimg.blocks.rows.BLOCK_BYTES", 200 * 24)
     write_tables(here)
     return here
 
