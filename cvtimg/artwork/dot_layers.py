@@ -74,7 +74,7 @@ class _Pen:
         self.size = np.array(ink.shape[::-1], np.float64)
         self.into_ink = WhereMassIs(self.amounts, 0.0 if how.bleed else self.radius)
         n_pixels = np.count_nonzero(self.amounts.density) / self.amounts.scale**2
-        self.spacing = float(np.sqrt(n_pixels / n_dots))
+        self.reach = float(np.sqrt(n_pixels / n_dots)) / 2  # of the cell of a dot
         # In a tessellation of density rho there are rho^(1/2) dots in an area.
         self.density = self.amount * self.amount
 
@@ -82,7 +82,7 @@ class _Pen:
         """Let the density grow where dots are too few, and return its moments."""
         lacking = (self.amounts(points).masses * (self.n_dots / self.amounts.mass)) ** 2
         factors = _of_pixels(lacking, self.amounts, points)  # smoothed, as the error of a single dot is noise
-        self.density *= gaussian_filter(factors, self.spacing, mode="nearest", axes=(0, 1))
+        self.density *= gaussian_filter(factors, self.reach, mode="nearest", axes=(0, 1))
         return picture_moments(self.density, self.n_dots)
 
     def spread(self, *, balanced: bool) -> Floats:
