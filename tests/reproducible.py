@@ -36,7 +36,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "superpixels": lambda: cvtimg.superpixels(PICTURE, 200).labels,
     "segment_hierarchy": lambda: cvtimg.segment_hierarchy(SMALL, n_leaves=200).cut(20),
     "find_edges, find_contours": lambda: [cvtimg.find_edges(LABELS), str(cvtimg.find_contours(LABELS, GRAY)).encode()],
-    "restore": lambda: cvtimg.restore([SMALL]).image,
+    "restore": lambda: cvtimg.restore([SMALL], 8, effort="fast").image,
     "stipple": lambda: cvtimg.stipple(GRAY, 500).points,
     "mosaic": lambda: cvtimg.mosaic(SMALL, 100).image,
     "place_generators": lambda: cvtimg.place_generators(SQUARE, 40).points,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvtimg._shared.checks import check_labeled_image, check_labels, check_non_negative
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Array, Bools, Floats, ImageLike, Ints, Ints64, Points
 from cvtimg.labels import _labels
 from cvtimg.labels.figures import region_means
@@ -81,6 +81,12 @@ class Contours(ReadOnly):
     lines: tuple[Points, ...]
     sides: Ints
     polygons: tuple[Polygon, ...]
+
+    def _claims(self) -> Claims:
+        yield "lines have two sides", self.sides.shape == (len(self.lines), 2)
+        rings = [ring for polygon in self.polygons for ring in polygon.rings]
+        yield "rings are closed", [np.array_equal(ring[0], ring[-1]) for ring in rings]
+        yield "pieces have areas", [polygon.area > 0 for polygon in self.polygons]
 
     def __repr__(self) -> str:
         n_points = sum(map(len, self.lines))

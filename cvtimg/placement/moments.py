@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_picture_density, check_places
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import per_mass
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Floats32, Ints
@@ -43,6 +43,10 @@ class Moments(ReadOnly):
     masses: Floats
     centroids: Floats
     energy: float
+
+    def _claims(self) -> Claims:
+        yield "masses are not negative", self.masses >= 0
+        yield "the energy is not negative", self.energy >= 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.records import Claims, ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.colors.spaces import from_space
 from cvtimg.files.whole import StrPath
@@ -185,6 +185,11 @@ class Restoration(Denoised):
     edge_weight: float
     energies: tuple[float, ...]
     converged: bool
+
+    def _claims(self) -> Claims:
+        yield from Denoised._claims(self)
+        yield "energies never rise", never_rises(self.energies)
+        yield "labels are those of colors", (self.labels >= 0) & (self.labels <= len(self.colors))
 
     @property
     def energy(self) -> float:

@@ -12,6 +12,7 @@ from cvtimg._shared.checks import check_at_least, check_choice, check_picture_de
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
+from cvtimg._shared.records import Claims
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, Indices, Ints, Points
 from cvtimg.sphere.densities import (
     GlobePicture,
@@ -60,6 +61,10 @@ class CoastalGrid(SphereGrid):
 
     on_coast: Bools
     on_land: Bools
+
+    def _claims(self) -> Claims:
+        yield from SphereGrid._claims(self)
+        yield "no point of a coast is on land", ~(self.on_coast & self.on_land)
 
     def _flags(self) -> dict[str, Ints]:
         return {"land": self.on_land.astype(np.int32), "coast": self.on_coast.astype(np.int32)}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_at_least, check_shape, check_that
+from cvtimg._shared.records import Claims
 from cvtimg._shared.types import Array, Bools, Floats, Ints, Points
 from cvtimg.halfedges import connected_parts
 from cvtimg.sphere.densities import from_degrees
@@ -43,6 +44,9 @@ class PartialGrid(SavedGrid):
     whole: SphereGrid
     kept: Bools
     layers: Ints
+
+    def _claims(self) -> Claims:
+        yield "each cell that is kept has a layer", len(self.layers) == np.count_nonzero(self.kept)
 
     @property
     def points(self) -> Points:

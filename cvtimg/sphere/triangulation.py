@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_places, check_that, refuse
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg._shared.types import Bools, Floats, Ints, Points, Triangles
 from cvtimg.engine.samples import along_curve
@@ -145,6 +145,10 @@ class SphereCells(ReadOnly):
     vertices: Points
     offsets: Ints
     corners: Ints
+
+    def _claims(self) -> Claims:
+        yield "three cells meet at each corner", np.bincount(self.corners, minlength=len(self.vertices)) == 3
+        yield "cells have three corners or more", np.diff(self.offsets) >= 3
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

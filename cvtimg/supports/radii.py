@@ -18,7 +18,7 @@ from cvtimg._shared.checks import (
     hints_at_keywords,
 )
 from cvtimg._shared.extras import shapely
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Floats, Indices
 from cvtimg.files.whole import StrPath, write_whole
 from cvtimg.placement import Box, ImplicitRegion, Region, as_region
@@ -52,6 +52,11 @@ class Supports(ReadOnly):
     cover: int
     proved: bool
     region: Region
+
+    def _claims(self) -> Claims:
+        yield "radii are above 0", self.radii > 0
+        yield "each support meets itself", self.overlap.diagonal()
+        yield "supports meet each other", (self.overlap != self.overlap.T).nnz == 0
 
     def __repr__(self) -> str:
         n, n_dims = self.points.shape

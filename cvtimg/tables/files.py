@@ -15,7 +15,7 @@ import numpy as np
 
 from cvtimg._shared.checks import check_choice, check_shape
 from cvtimg._shared.extras import optional
-from cvtimg._shared.records import ReadOnly
+from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Array, Bools, Floats, Ints
 from cvtimg.blocks.opening import BLOCK_SUFFIXES
 from cvtimg.files.finding import find_images, find_remote
@@ -59,6 +59,11 @@ class Table(ReadOnly):
     weights: Floats | None
     kept: Bools
     left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def _claims(self) -> Claims:
+        yield "rows are those kept", len(self.rows) == np.count_nonzero(self.kept)
+        yield "columns have names", len(self.names) == self.rows.shape[1]
+        yield "rows are finite", np.isfinite(self.rows)
 
     def __repr__(self) -> str:
         """Tell the size and the columns in one line."""

@@ -89,14 +89,6 @@ def test_all_kinds_of_tables_give_the_same(here: Path, cluster: RowOf, options: 
     assert [output for *_, output in found] == ["a-labels.parquet", "a-labels.npy", "a-clusters.csv", "a-clusters.csv"]
 
 
-def test_labels_are_those_of_the_nearest_means(here: Path, cluster: RowOf) -> None:
-    for suffix in ("parquet", "npy", "csv"):
-        cluster("a.parquet", "--columns", "x,y", "-o", f"out.{suffix}", "--generators", "m.csv", "--overwrite")
-        means = np.loadtxt("m.csv", delimiter=",", skiprows=1)[:, :2]
-        nearest = ((ROWS[:, None] - means) ** 2).sum(axis=2).argmin(axis=1)
-        np.testing.assert_array_equal(labels_in(Path(f"out.{suffix}")), nearest)
-
-
 def test_rows_without_a_value_are_dropped_or_named(here: Path, cluster: RowOf, run: Run) -> None:
     holed = ROWS.copy()
     holed[5, 0] = holed[300:400, 0] = np.nan

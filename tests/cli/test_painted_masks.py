@@ -14,17 +14,17 @@ READERS = {
     "mask": [
         "quantize photo.png -k 4 --mask {} -o out.png",
         "segment photo.png -k 3 --mask {} -o out.png",
-        "restore photo.png -k 3 --mask {} -o out.png",
+        "restore photo.png -k 3 --effort fast --mask {} -o out.png",
         "mesh {} -n 60 -o out.obj",
         "stipple {} -n 60 -o out.csv",
-        "sphere -n 200 --coast {} -o out.csv",
-        "sphere -n 200 --land {} -o out.csv",
+        "sphere -n 60 --effort fast --coast {} -o out.csv",
+        "sphere -n 60 --land {} -o out.csv",
     ],
     "labels": ["mesh {} -n 60 -o out.obj"],
     "map": [
         "mesh mask-L.png -n 60 --size {} -o out.obj",
         "quantize photo.png -k 4 --weight-map {} -o out.png",
-        "sphere -n 200 --density {} -o out.csv",
+        "sphere -n 60 --density {} -o out.csv",
     ],
 }
 

@@ -67,16 +67,6 @@ def test_the_end_is_a_centroidal_voronoi_tessellation(
     np.testing.assert_allclose(result.energy, reference.energy(rows, density, result.generators), rtol=1e-7)
 
 
-@pytest.mark.parametrize("method", DESCENTS)
-def test_weights_count_as_repetitions(method: str) -> None:
-    rng = np.random.default_rng(8)
-    rows, density = rng.normal(size=(200, 3)), rng.integers(0, 4, 200)
-    weighted = tessellate(rows, 5, density=density, method=method, init=rows[:5])
-    repeated = tessellate(np.repeat(rows, density, axis=0), 5, method=method, init=rows[:5])
-    np.testing.assert_allclose(weighted.generators, repeated.generators, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(weighted.energy, repeated.energy, rtol=1e-6)
-
-
 def test_empty_cells_are_refilled_where_the_energy_is_greatest() -> None:
     rows = np.array([[0.0], [1.0], [100.0], [101.0], [200.0], [204.0]])
     result = tessellate(rows, 4, init=[[0.5], [1e4], [100.5], [202]])
@@ -115,31 +105,10 @@ def test_the_guide_tells_how_much_each_effort_does() -> None:
     assert f"at least {evolution.most:,} children" in guide
 
 
-@pytest.mark.parametrize("init", SEEDINGS)
-def test_the_same_seed_gives_the_same_bits(init: str, photograph: Array) -> None:
-    one, two = (tessellate(color_samples(photograph), 20, init=init, rng=4) for _ in range(2))
-    assert one.generators.tobytes() == two.generators.tobytes()
-    assert one.energies == two.energies
-
-
-PRINT_BITS = """
-import hashlib, numpy as np
-from cvtimg import tessellate
-rows = np.random.default_rng(0).integers(0, 256, (3_000_000, 3)).astype(np.uint8)
-bits = [tessellate(rows, 50, effort="fast").generators.tobytes(), tessellate(rows[:3000], 50).generators.tobytes()]
-print(hashlib.sha256(b"".join(bits)).hexdigest())
-"""
-
-
 def run(code: str, **environment: str) -> str:
     return subprocess.run(
         [sys.executable, "-P", "-c", code], env=os.environ | environment, capture_output=True, text=True, check=True
     ).stdout
-
-
-@pytest.mark.slow
-def test_the_number_of_threads_changes_no_bit() -> None:
-    assert len({run(PRINT_BITS, CVTIMG_THREADS=str(n)) for n in (1, 2, 3)}) == 1
 
 
 def test_instruction_sets_agree() -> None:

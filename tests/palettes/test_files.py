@@ -70,17 +70,6 @@ def test_what_is_written_is_in_the_words_of_the_format(tmp_path: Path) -> None:
     assert set(PALETTE_FORMATS) == {*WRITTEN, ".png"}
 
 
-@pytest.mark.parametrize("suffix", PALETTE_FORMATS)
-@pytest.mark.parametrize("n_colors", [1, 2, 17, 256, 300])
-def test_a_palette_comes_back_with_its_alpha(tmp_path: Path, suffix: str, n_colors: int) -> None:
-    if suffix == ".act" and n_colors > 256:
-        pytest.skip("holds 256 colors")
-    palette = np.random.default_rng(1).integers(0, 256, (n_colors, 4), np.uint8)
-    for n_channels in (3, 4)[: 1 if suffix == ".act" else 2]:
-        write_palette(tmp_path / f"a{suffix}", palette[:, :n_channels], overwrite=True)
-        np.testing.assert_array_equal(read_palette(tmp_path / f"a{suffix}"), palette[:, :n_channels], strict=True)
-
-
 def test_an_act_holds_one_clear_color(tmp_path: Path) -> None:
     palette = np.array([[9, 9, 9, 255], [1, 2, 3, 0], [4, 5, 6, 255]], np.uint8)
     write_palette(tmp_path / "a.act", palette)

@@ -153,17 +153,6 @@ def write_with_profile(path: Path, image: NDArray[np.uint16], icc: bytes) -> Non
 # --- many bands, floating point
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.int32, np.uint32, np.float32, np.float64])
-@pytest.mark.parametrize("suffix", [".tif", ".npy"])
-def test_bands_of_any_number_and_type_come_back(tmp_path: Path, suffix: str, dtype: type) -> None:
-    for n_bands in (1, 2, 3, 4, 5, 224):
-        image = (RNG.random((6, 9, n_bands)) * 250).astype(dtype)
-        image[1, 2] = np.nan if image.dtype.kind == "f" else 7
-        write_image(tmp_path / f"{n_bands}{suffix}", image)
-        expected = image[..., 0] if n_bands == 1 else image
-        np.testing.assert_array_equal(read_image(tmp_path / f"{n_bands}{suffix}"), expected, strict=True)
-
-
 @pytest.mark.parametrize("compression", [None, "zlib", "lzw", "zstd"])
 @pytest.mark.parametrize("planar", ["contig", "separate"])
 @pytest.mark.parametrize("tile", [None, (16, 16)])

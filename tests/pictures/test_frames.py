@@ -11,13 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from PIL import GifImagePlugin, Image, ImageSequence
 
 from cvtimg import quantize, quantize_frames, read_image
-from cvtimg._shared.types import Array, Bytes
+from cvtimg._shared.types import Array
 from cvtimg.pictures import Frames, read_frames, read_pages, write_frames
 from cvtimg.pictures.files import write_image
 from cvtimg.pictures.formats.opening import Selection, selecting
@@ -85,35 +82,6 @@ def test_frames_without_palette_come_back(tmp_path: Path, suffix: str, channels:
     wanted = [np.dstack([image] * 3) if grey_as_rgb else image for image in images]
     durations = (33.4, 33.3, 1) if suffix == ".png" else (33, 34, 1)
     assert_same(tmp_path / f"a{suffix}", wanted, durations)
-
-
-@settings(max_examples=40)
-@given(
-    st.data(),
-    st.sampled_from(SUFFIXES),
-    hnp.arrays(np.uint8, st.tuples(st.integers(1, 8), st.sampled_from([3, 4]))),
-    st.tuples(st.integers(1, 4), st.integers(1, 9), st.integers(1, 9)),
-)
-def test_any_small_animation_comes_back(
-    tmp_path_factory: pytest.TempPathFactory,
-    data: st.DataObject,
-    suffix: str,
-    palette: Bytes,
-    shape: tuple[int, int, int],
-) -> None:
-    if palette.shape[1] == 4:
-        palette = palette.copy()
-        palette[:, 3] = np.where(palette[:, 3] > 99, 255, 0)
-        palette[palette[:, 3] == 0] = 0
-    images = data.draw(hnp.arrays(np.uint8, shape, elements=st.integers(0, len(palette) - 1)))
-    durations = [10 * data.draw(st.integers(1, 300)) for _ in images]
-    path = tmp_path_factory.mktemp("any") / f"a{suffix}"
-    write_frames(path, Frames(tuple(images), tuple(durations), 0), palettes=palette)
-    again = read_frames(path)
-    if len(images) > 1:
-        assert again.durations == pytest.approx(durations)
-    for got, image in zip(again.images, images, strict=True):
-        np.testing.assert_array_equal(over_green(got), over_green(palette[image]))
 
 
 def over_green(image: Array) -> Array:

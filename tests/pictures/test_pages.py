@@ -21,15 +21,6 @@ DEEP = RNG.integers(0, 65536, (3, 2, 12, 9), np.uint16)
 COLORS = RNG.integers(0, 256, (3, 12, 9, 3), np.uint8)
 
 
-def test_pages_of_any_kind_come_back(tmp_path: Path) -> None:
-    for name, stack in {"gray": STACK, "color": COLORS, "float": DEEP[0] / np.float32(7)}.items():
-        write_pages(tmp_path / f"{name}.tif", stack)
-        pages = read_pages(tmp_path / f"{name}.tif")
-        np.testing.assert_array_equal(np.stack(pages.images), stack, strict=True)
-        assert (pages.axes, pages.shape) == ("Q", (len(stack),))
-        assert image_info(tmp_path / f"{name}.tif").frames == len(stack)
-
-
 @pytest.mark.parametrize("stack", [STACK, COLORS, DEEP[0], DEEP[0] / np.float32(7)], ids=lambda one: str(one.dtype))
 def test_pages_of_other_programs_come_back_and_are_not_taken_for_one_image(
     tmp_path: Path, stack: np.ndarray[Any, Any]

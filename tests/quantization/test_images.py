@@ -47,11 +47,6 @@ def test_the_palette_goes_from_dark_to_bright(photograph: NDArray[Any]) -> None:
     assert (np.diff(palette.sum(axis=1)) >= 0).all()
 
 
-def test_more_colors_leave_less_energy(photograph: NDArray[Any]) -> None:
-    energies = [quantize(photograph, k).energy for k in (2, 4, 8, 16, 32, 64, 128, 256)]
-    assert (np.diff(energies) < 0).all()
-
-
 @given(hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=3, max_side=9)), st.integers(2, 30))
 def test_pictures_of_any_shape_get_at_most_the_colors_asked(picture: NDArray[Any], n_colors: int) -> None:
     result = quantize(picture, n_colors, alpha=picture.ndim == 3 and picture.shape[2] in (2, 4))

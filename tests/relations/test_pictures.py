@@ -49,6 +49,7 @@ VERBS: dict[str, tuple[Callable[[Image], Any], Callable[[Any, Any], None]]] = {
     "superpixels": (lambda image: cvtimg.superpixels(image, 40).labels, alike),
     "segment_hierarchy": (lambda image: cvtimg.segment_hierarchy(image).cut(), alike),
     "mosaic": (lambda image: cvtimg.mosaic(image, 30).labels, equal),
+    "stipple": (lambda image: cvtimg.stipple(image, 60).ink, close(1e-2)),
     "energy_curve": (lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]), close(1e-2)),
 }
 
@@ -65,6 +66,18 @@ FORMS: dict[str, Callable[[Image], Any]] = {
 
 #: Changes of gray pictures.
 OF_GRAY: dict[str, Callable[[Image], Any]] = {"three equal bands": lambda image: np.dstack([image] * 3)}
+
+#: Changes of the places of pixels, which do not matter to verbs that look at colors alone.
+OF_PLACES: dict[str, Callable[[Image], Any]] = {
+    "turned": np.rot90,
+    "each pixel twice": lambda image: np.repeat(image, 2, 0),
+    "bands permuted": lambda image: image[..., ::-1],
+}
+OF_COLORS: dict[str, Callable[[Image], Any]] = {
+    "quantize": lambda image: cvtimg.quantize(image, 8).psnr,
+    "energy_curve": lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]),
+    "find_palette": lambda image: np.sort(cvtimg.find_palette(image, 5).tessellation.masses / image.size),
+}
 
 #: What is not so: an array (H, W) of floats is a table to `energy_curve`; three equal errors add up to another rounding
 #: than one, and the descent of a mosaic may end in another of its many minima, not far above or below.
@@ -106,14 +119,31 @@ OF_HOLES: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], None]]] = {
     },
 }
 
-RELATIONS = [
-    Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
-    for verb, (result, follows) in VERBS.items()
-    for inputs in (gray_picture, color_picture)
-    for change, form in {**FORMS, **(OF_GRAY if inputs is gray_picture else {})}.items()
-    if (verb, change, inputs) not in EXCEPT
-] + [
-    Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
-    for verb, (result, follows) in OF_HOLES.items()
-]
+RELATIONS = (
+    [
+        Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
+        for verb, (result, follows) in VERBS.items()
+        for inputs in (gray_picture, color_picture)
+        for change, form in {**FORMS, **(OF_GRAY if inputs is gray_picture else {})}.items()
+        if (verb, change, inputs) not in EXCEPT
+    ]
+    + [
+        Relation(
+            verb,
+            change,
+            color_picture,
+            result,
+            moved,
+            close(5e-3),
+            since="2026-11-28",
+            because="descents end elsewhere",
+        )
+        for verb, result in OF_COLORS.items()
+        for change, moved in OF_PLACES.items()
+    ]
+    + [
+        Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
+        for verb, (result, follows) in OF_HOLES.items()
+    ]
+)
 test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)

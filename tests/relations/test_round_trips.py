@@ -9,16 +9,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from relations.relation import Relation, equal, quick_and_wide
+from relations.relation import Relation, quick_and_wide
 from relations.test_pictures import color_picture, gray_picture
 
 import cvtimg
-from cvtimg._shared.types import Array, Bytes, Floats32, Ints
+from cvtimg._shared.types import Array, Bytes, Ints
+from cvtimg.pictures import Frames, read_frames, write_frames
+from cvtimg.pictures.pages import read_pages, write_pages
+from cvtimg.pictures.tiles import Form, open_bands, write_bands
+
+Indexed = tuple[Array, Bytes]
 
 
-def again(write: Callable[[Path, Any], None], read: Callable[[Path], Any], name: str) -> Callable[[Array], Array]:
-
-    def result(content: Array) -> Array:
+def again(write: Callable[[Path, Any], None], read: Callable[[Path], Any], name: str) -> Callable[[Any], Array]:
+    def result(content: Any) -> Array:
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder) / name, content)
             return np.asarray(read(Path(folder) / name))
@@ -30,10 +34,56 @@ def deep(rng: np.random.Generator) -> NDArray[np.uint16]:
     return color_picture(rng).astype(np.uint16) * np.uint16(211) + np.uint16(7)
 
 
-def measured(rng: np.random.Generator) -> Floats32:
-    """Return seven bands of floating point, some below 0; one row could be bands to a .npy file, and is refused."""
-    sides = rng.integers(2, 40, 2)
-    return rng.normal(0, 1e3, (*sides, 7)).astype(np.float32)
+def of_type(name: str) -> Callable[[np.random.Generator], Array]:
+    """Return what makes up to nine bands of all values of a type; one row could be bands to a .npy file."""
+
+    def inputs(rng: np.random.Generator) -> Array:
+        n_bands = int(rng.integers(1, 10))
+        shape = (*rng.integers(10, 40, 2), *[n_bands] * (n_bands > 1))
+        if name.startswith("float"):
+            values = (rng.normal(size=shape) * 10.0 ** rng.integers(-30, 30)).astype(name)
+            values[1, 2] = np.nan
+            return values
+        ends = np.iinfo(name)
+        return rng.integers(ends.min, ends.max, shape, np.dtype(name).type, endpoint=True)
+
+    return inputs
+
+
+def stack(name: str) -> Callable[[np.random.Generator], Array]:
+    """Return what makes pages, two or more."""
+
+    def inputs(rng: np.random.Generator) -> Array:
+        page = of_type(name)(rng)
+        return np.stack([np.roll(page, number, axis=1) for number in range(rng.integers(2, 5))])
+
+    return inputs
+
+
+def opaque(rng: np.random.Generator, n_bands: int = 3) -> Indexed:
+    """Return indices and their colors, one to 256."""
+    colors = rng.integers(0, 256, (int(rng.integers(1, 257)), n_bands), np.uint8)
+    kind = rng.choice(["uint8", "int32", "uint64"])
+    return rng.integers(0, len(colors), rng.integers(1, 20, 2)).astype(kind), colors
+
+
+def half_seen(rng: np.random.Generator) -> Indexed:
+    """Return indices and colors of which one at least is not opaque."""
+    indices, colors = opaque(rng, 4)
+    colors[0, 3] = 10
+    return indices, colors
+
+
+def write_indexed(path: Path, indexed: Indexed) -> None:
+    cvtimg.write_image(path, indexed[0], palette=indexed[1])
+
+
+def write_tiles(path: Path, image: Array) -> None:
+    write_bands(path, Form(image.shape, image.dtype), [image])
+
+
+def read_tiles(path: Path) -> Array:
+    return np.concatenate(list(open_bands(path)))
 
 
 def see_through(rng: np.random.Generator) -> Bytes:
@@ -41,13 +91,32 @@ def see_through(rng: np.random.Generator) -> Bytes:
     return np.dstack([color_picture(rng), gray_picture(rng)])
 
 
-def labels(rng: np.random.Generator) -> Ints:
-    """Return labels, some above 255."""
-    return (gray_picture(rng).astype(np.int32) // 40) * int(rng.integers(1, 60))
+def labels(rng: np.random.Generator, most: int = 65535) -> Ints:
+    """Return labels of which the highest needs any number of bits."""
+    return (gray_picture(rng).astype(np.int32) // 40) * int(most ** rng.uniform(0, 1) // 6)
 
 
-def colors(rng: np.random.Generator) -> Bytes:
-    return cvtimg.find_palette(color_picture(rng), int(rng.integers(1, 30))).colors
+def many_labels(rng: np.random.Generator) -> Ints:
+    """Return labels, some of which may need more than 16 bits."""
+    return labels(rng, 2**31 - 1)
+
+
+def colors(n_channels: int) -> Callable[[np.random.Generator], Bytes]:
+    return lambda rng: rng.integers(0, 256, (rng.integers(1, 257), n_channels), np.uint8)
+
+
+def film(rng: np.random.Generator) -> Indexed:
+    """Return frames of indices, and their colors."""
+    palette = colors(3)(rng)
+    return rng.integers(0, len(palette), (rng.integers(2, 5), *rng.integers(1, 10, 2)), np.uint8), palette
+
+
+def write_film(path: Path, film: Indexed) -> None:
+    write_frames(path, Frames(tuple(film[0]), (40.0,) * len(film[0]), 0), palettes=film[1])
+
+
+def read_film(path: Path) -> Array:
+    return np.stack(read_frames(path).images)
 
 
 def quantized(rng: np.random.Generator) -> Bytes:
@@ -57,12 +126,13 @@ def quantized(rng: np.random.Generator) -> Bytes:
 _PICTURES = {
     ".png": (color_picture, gray_picture, deep, see_through),
     ".webp": (color_picture, see_through),
-    ".tif": (color_picture, gray_picture, deep, measured),
-    ".npy": (color_picture, gray_picture, deep, measured),
+    ".tif": (color_picture, gray_picture, deep),
+    ".npy": (color_picture, gray_picture, deep),
     ".bmp": (color_picture, gray_picture),
     ".ppm": (color_picture,),
     ".pgm": (gray_picture,),
 }
+_TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
 _PALETTES = (".gpl", ".json", ".hex", ".act", ".ase", ".css", ".scss", ".svg", ".pal", ".txt", ".png")
 _FILES: list[tuple[str, str, Any, Any]] = [
     ("read_image", f"{suffix}, {inputs.__name__}", inputs, again(cvtimg.write_image, cvtimg.read_image, f"a{suffix}"))
@@ -70,16 +140,57 @@ _FILES: list[tuple[str, str, Any, Any]] = [
     for inputs in kinds
 ]
 _FILES += [
-    ("read_labels", suffix, labels, again(cvtimg.write_labels, cvtimg.read_labels, f"a{suffix}"))
-    for suffix in (".png", ".tif", ".tiff", ".npy")
+    ("read_image", f"{suffix}, {name}", of_type(name), again(cvtimg.write_image, cvtimg.read_image, f"a{suffix}"))
+    for suffix in (".tif", ".npy")
+    for name in _TYPES
 ]
 _FILES += [
-    ("read_palette", suffix, colors, again(cvtimg.write_palette, cvtimg.read_palette, f"a{suffix}"))
+    ("segment_file", f"tiles of {suffix}, {name}", of_type(name), again(write_tiles, read_tiles, f"a{suffix}"))
+    for suffix in (".tif", ".zarr")
+    for name in _TYPES
+]
+_FILES += [
+    ("read_pages", name, stack(name), again(write_pages, lambda path: np.stack(read_pages(path).images), "a.tif"))
+    for name in ("uint8", "uint16", "float32")
+]
+_FILES += [
+    ("read_labels", suffix, inputs, again(cvtimg.write_labels, cvtimg.read_labels, f"a{suffix}"))
+    for suffix, inputs in ((".png", labels), (".tif", many_labels), (".tiff", many_labels), (".npy", many_labels))
+]
+_FILES += [
+    ("read_palette", f"{suffix}{alpha}", inputs, again(cvtimg.write_palette, cvtimg.read_palette, f"a{suffix}"))
+    for alpha, inputs in (("", colors(3)), (", alpha", colors(4)))
     for suffix in _PALETTES
+    if (suffix, alpha) != (".act", ", alpha")
 ]
 _FILES += [("quantize", "its own output", quantized, lambda image: cvtimg.quantize(image, 8).image)]
+
+
+def same(before: Array, after: Array) -> None:
+    """Assert that values and their type are the same."""
+    np.testing.assert_array_equal(after, before, strict=True)
+
+
+_INDEXED = ((write_indexed, cvtimg.read_image), (write_film, read_film))
 RELATIONS = [
-    Relation(verb, change, inputs, lambda content: content, lambda content: content, equal, "2026-11-28", rival=result)
+    Relation(verb, change, inputs, lambda content: content, lambda content: content, same, "2026-11-28", rival=result)
     for verb, change, inputs, result in _FILES
+] + [
+    Relation(
+        "read_image",
+        f"{suffix}, indexed, {inputs.__name__}",
+        inputs,
+        lambda indexed: indexed[1][indexed[0]],
+        lambda indexed: indexed,
+        same,
+        "2026-11-28",
+        rival=again(*_INDEXED[inputs is film], f"a{suffix}"),
+    )
+    for inputs, suffixes in {
+        opaque: (".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"),
+        half_seen: (".png", ".tif", ".webp"),
+        film: (".gif", ".png", ".webp"),
+    }.items()
+    for suffix in suffixes
 ]
 test_what_is_written_is_read, test_whatever_is_written_is_read = quick_and_wide(RELATIONS)

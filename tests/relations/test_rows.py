@@ -5,14 +5,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pytest
 from dask import array as da
 from reference import at_threads
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
-from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
 
-from cvtimg import CVT, energy_curve, tessellate
+from cvtimg import energy_curve, tessellate
 from cvtimg._shared.types import Floats
 
 Rows = Floats
@@ -71,7 +69,17 @@ def curve_at(k: int) -> Callable[[Rows], float]:
 
 
 def in_blocks(rows: Rows) -> Any:
-    return da.from_array(with_far(1e9)(rows), chunks=(64, -1))
+    return da.from_array(rows, chunks=(64, -1))
+
+
+def from_generators(rows: Rows) -> float:
+    return energy(rows, init=tessellate(rows, 5).generators, effort="fast")
+
+
+def shares(rows: Rows, **how: Any) -> Rows:
+    """Return the energies of up to six clusters as shares of that of one."""
+    energies = energy_curve(rows, 6, **how).energies
+    return energies / energies[0]
 
 
 _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
@@ -86,42 +94,44 @@ _CHANGES: list[tuple[str, Any, Any, Any, Any, Any]] = [
     ("a row at -9999", clusters, energy, with_far(-9999), close(1e-6), energy_of_six),
     ("50 rows at -99999", clusters, energy, with_far(-99999, 50), close(1e-6), energy_of_six),
     ("3 rows at 1e12", clusters, energy, with_far(1e12, 3), close(1e-6), energy_of_six),
-    ("a far row in blocks", clusters, energy, in_blocks, close(1e-6), energy_of_six),
+    ("a far row in blocks", clusters, energy, lambda rows: in_blocks(with_far(1e9)(rows)), close(1e-6), energy_of_six),
+    ("blocks", clusters, energy, in_blocks, close(1e-6), None),
+    ("a constant column", clusters, energy, lambda rows: np.insert(rows, 1, 7, axis=1), close(1e-9), None),
+    ("its own generators", tables, from_generators, lambda rows: rows, not_above(1 + 1e-9), energy),
     ("a row at -1e20", clusters, energy, with_far(-1e20), close(1e-6), energy_of_six),
     ("a far row of a curve", clusters, curve_at(5), with_far(-1e8), close(1e-3), curve_at(6)),
     ("a row of a curve at -1e20", clusters, curve_at(5), with_far(-1e20), close(1e-3), curve_at(6)),
     ("KMeans from one start", tables, energy, lambda rows: rows, not_above(1.001), one_start),
 ]
+#: Changes after which clusters are the same, whatever their number.
+_OF_CURVES: dict[str, Callable[[Rows], Rows]] = {
+    "an offset": lambda rows: rows + 1e5,
+    "a scale": lambda rows: rows * 1024,
+    "another order of rows": np.random.default_rng(1).permutation,
+    "columns in another order": lambda rows: rows[:, ::-1],
+    "a constant column": lambda rows: np.insert(rows, 1, 7, axis=1),
+    "each row twice": lambda rows: np.repeat(rows, 2, axis=0),
+    "weights as repetition": TAKEN_AS_OFTEN,
+    "another seed": lambda rows: rows,
+}
 RELATIONS = [
     Relation("tessellate", change, inputs, result, changed, follows, since="2026-11-27", rival=rival)
     for change, inputs, result, changed, follows, rival in _CHANGES
+] + [
+    Relation(
+        "energy_curve",
+        change,
+        clusters,
+        partial(shares, density=TIMES) if changed is TAKEN_AS_OFTEN else shares,
+        changed,
+        close(0.02),
+        since="2026-11-28",
+        because="clusters are cut in one of several ways beyond their number",
+        rival=partial(shares, rng=7) if change == "another seed" else shares,
+    )
+    for change, changed in _OF_CURVES.items()
 ]
 test_clusters_follow_their_rows, test_clusters_follow_any_rows = quick_and_wide(RELATIONS)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_labels_masses_and_energies_are_those_of_the_generators(seed: int) -> None:
-    rows = tables(np.random.default_rng(seed))
-    weights = np.random.default_rng(seed).random(len(rows))
-    blocks = tessellate(da.from_array(rows, chunks=(50, -1)), 5)
-    plain, weighted = tessellate(rows, 5), tessellate(rows, 5, density=weights)
-    locked = tessellate(rows, 5, locked=rows[:1])
-    equal(rows[0], locked.generators[0])
-    fitted = CVT(5).fit(rows, sample_weight=weights)
-    centers, score = fitted.cluster_centers_, fitted.score(rows, sample_weight=weights)
-    results = [(*_parts(plain), None), (*_parts(weighted), weights), (*_parts(locked), None), (*_parts(blocks), None)]
-    results += [(centers, fitted.labels_, fitted.masses_, fitted.inertia_, weights)]
-    results += [(centers, fitted.predict(rows), fitted.masses_, -score, weights)]
-    for generators, labels, masses, total, density in results:
-        own = np.ones(len(rows)) if density is None else density
-        apart = cdist(rows, generators)
-        np.testing.assert_array_less(apart[np.arange(len(rows)), labels], apart.min(axis=1) * (1 + 1e-9) + 1e-300)
-        np.testing.assert_allclose(masses, np.bincount(labels, own, 5), rtol=1e-12)
-        np.testing.assert_allclose(total, (own * apart.min(axis=1) ** 2).sum(), rtol=1e-9)
-
-
-def _parts(result: Any) -> tuple[Any, ...]:
-    return result.generators, np.asarray(result.labels), result.masses, result.energy
 
 
 def test_means_of_float64_rows_are_means_in_float64() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from reference import same_partition
-from relations.relation import Relation, quick_and_wide
+from relations.relation import Relation, equal, quick_and_wide
 from relations.test_pictures import color_picture, gray_picture
 
 from cvtimg import segment, superpixels
@@ -88,47 +88,20 @@ _HELD: dict[str, tuple[Callable[[Image], Image], Callable[[Image], Image]]] = {
     "turned": (np.rot90, lambda labels: np.rot90(labels, -1)),
     "transposed": (lambda image: image.swapaxes(0, 1), lambda labels: labels.swapaxes(0, 1)),
 }
-_VALUES: dict[str, Callable[[Image], Image]] = {
-    "an offset and a scale": lambda image: 7 + image.astype(np.uint32) * np.uint32(1000)
-}
 _PICTURES = (gray_picture, color_picture, noisy_picture)
 _TOLD: dict[str, Any] = {"since": "2026-11-27"}
+_CHANGES: list[tuple[str, Any, Callable[[Image], Image], Callable[[Any, Any], None], Any]] = [
+    *((name, labels_of, change, same(back), None) for name, (change, back) in _HELD.items()),
+    ("in a wider frame that does not count", labels_of, lambda image: image, same(lambda labels: labels), of_padded),
+    ("floats in 0..1", lambda a: segment(a, 4).labels, lambda a: a / np.iinfo(a.dtype).max, equal, None),
+    ("an offset and a scale", in_variances, lambda a: 7 + a.astype(np.uint32) * np.uint32(1000), energy, None),
+]
 
 RELATIONS = [
     *(
-        Relation("segment", f"{name}, {inputs.__name__}", inputs, labels_of, change, same(back), **_TOLD)
+        Relation("segment", f"{name}, {inputs.__name__}", inputs, result, change, follows, rival=rival, **_TOLD)
         for inputs in _PICTURES
-        for name, (change, back) in _HELD.items()
-    ),
-    *(
-        Relation(
-            "segment",
-            f"in a wider frame that does not count, {inputs.__name__}",
-            inputs,
-            labels_of,
-            lambda image: image,
-            same(lambda labels: labels),
-            rival=of_padded,
-            **_TOLD,
-        )
-        for inputs in _PICTURES
-    ),
-    *(
-        Relation(
-            "segment",
-            f"floats in 0..1, {inputs.__name__}",
-            inputs,
-            lambda image: segment(image, 4).labels,
-            lambda image: image / np.iinfo(image.dtype).max,
-            np.testing.assert_array_equal,
-            **_TOLD,
-        )
-        for inputs in _PICTURES
-    ),
-    *(
-        Relation("segment", f"{name}, {inputs.__name__}", inputs, in_variances, change, energy, **_TOLD)
-        for inputs in _PICTURES
-        for name, change in _VALUES.items()
+        for name, result, change, follows, rival in _CHANGES
     ),
     *(
         Relation(

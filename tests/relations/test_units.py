@@ -45,6 +45,13 @@ _UNITS: dict[str, Callable[[Polygon], Polygon]] = {
     "turned by 33 degrees": lambda region: affinity.rotate(region, 33, origin=(0, 0)),
     "mirrored": lambda region: affinity.scale(region, -1, 1, origin=(0, 0)),
 }
+_OUTLINES: dict[str, Callable[[Polygon], Polygon]] = {
+    "another start": lambda region: Polygon(np.roll(region.exterior.coords[:-1], 7, axis=0)),
+    "the other way around": lambda region: region.reverse(),
+    "points doubled within rounding": lambda region: Polygon(
+        [place for x, y in region.exterior.coords[:-1] for place in ((x, y), (x + 1e-12, y))]
+    ),
+}
 _ROWS: dict[str, Callable[[Floats], Floats]] = {
     "another order of snapshots": lambda rows: rows[::-1],
     "another order of places": lambda rows: rows[:, ::-1],
@@ -53,6 +60,7 @@ _ROWS: dict[str, Callable[[Floats], Floats]] = {
 _ENDS = "descents from other roundings end elsewhere"
 _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = [
     ("place_generators", _UNITS, star, in_squares(40), close(0.03), _ENDS),
+    ("place_generators", _OUTLINES, star, in_squares(40), close(0.03), _ENDS),
     ("mesh_region", _UNITS, star, area, close(1e-5), "points within rounding are one"),
     ("reduced_basis", _ROWS, snapshots, unexplained, close(1e-6), "rounding"),
 ]

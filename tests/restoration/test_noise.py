@@ -42,7 +42,7 @@ def part(photograph: Array) -> Array:
 # --- the level
 
 
-@pytest.mark.parametrize("sigmas", [(6,), (3, 3), (2, 6), (2, 5, 20)], ids=str)
+@pytest.mark.parametrize("sigmas", [(6,), (2, 6), (2, 5, 20)], ids=str)
 @pytest.mark.parametrize("holes", [0, 0.3])
 def test_versions_with_holes_tell_noise_from_texture(part: Array, sigmas: tuple[float, ...], holes: float) -> None:
     versions = [noisy(part, sigma, seed) for seed, sigma in enumerate(sigmas)]
@@ -318,7 +318,7 @@ def test_nothing_fails(image: Array, n_versions: int, holes: float) -> None:
         np.testing.assert_allclose(result.image, image, rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize(("equal", "holes"), [(1, 0), (1, 0.1), (3, 0)])
+@pytest.mark.parametrize(("equal", "holes"), [(1, 0.1), (3, 0)])
 def test_what_is_known_of_a_photograph_without_noise_comes_back_as_it_is(equal: int, holes: float) -> None:
     photograph = read_image(SAMPLES / "chelsea.png")[60:188, 100:260]
     known = np.random.default_rng(1).random(photograph.shape[:2]) >= holes

@@ -13,7 +13,6 @@ def test_superpixels_are_connected_and_about_as_many_as_asked(photograph: Array,
     result = superpixels(photograph[:255, 3:], n)  # odd sides, which have no halves
     assert abs(result.n_segments - n) <= max(0.1 * n, 0)
     assert all(ndimage.label(result.labels == label)[1] == 1 for label in range(1, result.n_segments + 1))
-    assert (np.diff(result.energies) <= 1e-9 * result.energies[0]).all()
 
 
 def test_superpixels_follow_an_edge() -> None:

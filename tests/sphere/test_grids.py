@@ -25,7 +25,6 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
     assert grid.points.shape == (n, 3)
     assert np.einsum("ij,ij->i", grid.points, grid.points) == pytest.approx(1, abs=1e-14)
     assert grid.triangles.shape == (2 * n - 4, 3)
-    assert grid.areas.sum() == pytest.approx(4 * np.pi)
     hull, own = sets_of(ConvexHull(grid.points).simplices), sets_of(grid.triangles)
     # Where four points are on one circle, which triangles they have is open.
     assert len(hull ^ own) <= 0.01 * len(own)
@@ -88,7 +87,6 @@ def test_points_gather_where_a_picture_is_bright(dtype: Any) -> None:
     grid = sphere_grid(700, density=picture, effort="fast")
     north = grid.points[:, 2] > 0
     assert 0.65 < north.mean() < 0.85  # 0.8 but for the belt where sizes grow
-    assert grid.areas.sum() == pytest.approx(4 * np.pi)
 
 
 @pytest.mark.slow

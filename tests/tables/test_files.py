@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from cvtimg._shared.types import Array
 from cvtimg.blocks import Spread
@@ -74,20 +71,6 @@ def test_text_is_read_with_any_delimiter_quotes_and_header(file: Path, text: str
 def test_headers_and_columns_are_told(file: Path, text: str, options: Any, names: str, rows: list[Any]) -> None:
     table = read(file, text, **options)
     assert (table.names, table.rows.tolist()) == (tuple(names.split()), rows)
-
-
-@given(
-    st.lists(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3), min_size=1),
-    st.sampled_from(",;\t"),
-    st.booleans(),
-)
-def test_what_is_written_with_all_digits_is_read_to_the_last_bit(
-    tmp_path_factory: pytest.TempPathFactory, rows: list[list[float]], delimiter: str, header: bool
-) -> None:
-    file = tmp_path_factory.getbasetemp() / "exact.csv"
-    with file.open("w", newline="") as stream:
-        csv.writer(stream, delimiter=delimiter).writerows([["x", "y", "z"]] * header + rows)
-    np.testing.assert_array_equal(read_table(file).rows, rows)
 
 
 def test_long_tables_are_read_in_order_like_numpy_reads_them(file: Path) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import struct
 import sys
-import tempfile
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from images import BITS, DEEP, DEEP_RGBA, GREY, RGB, RGBA
 from PIL import Image
 
@@ -21,8 +17,6 @@ from cvtimg import quantize
 from cvtimg._shared.records import UnprovenError
 from cvtimg._shared.types import Array, Bytes, Ints64
 from cvtimg.pictures.files import Metadata, encode_image, image_info, read_image, read_metadata, write_image
-
-LOSSLESS = [".png", ".tif", ".tiff", ".webp", ".gif", ".bmp", ".ppm", ".npy"]
 
 
 @pytest.mark.parametrize(("name", "image"), [("a.TIFF", RGB), ("a.PGM", DEEP), ("a.PNG", RGBA)])
@@ -65,16 +59,6 @@ def indexed(k: int, bands: int = 3) -> tuple[Ints64, Bytes]:
     return indices, palette[:, :bands].astype(np.uint8)
 
 
-@pytest.mark.parametrize(
-    ("suffix", "bands"), [*((suffix, 3) for suffix in LOSSLESS), (".png", 4), (".tif", 4), (".webp", 4)]
-)
-def test_an_indexed_picture_loses_no_color_and_no_transparency(tmp_path: Path, suffix: str, bands: int) -> None:
-    for k in (1, 2, 5, 16, 17, 256):
-        indices, palette = indexed(k, bands)
-        write_image(tmp_path / f"{k}{suffix}", indices, palette=palette)
-        np.testing.assert_array_equal(read_image(tmp_path / f"{k}{suffix}"), palette[indices])
-
-
 @pytest.mark.parametrize(("k", "bits"), [(1, 1), (2, 1), (3, 2), (4, 2), (5, 4), (16, 4), (17, 8), (255, 8), (256, 8)])
 def test_an_indexed_png_has_the_smallest_bit_depth_and_keeps_the_indices(tmp_path: Path, k: int, bits: int) -> None:
     indices, palette = indexed(k, 3 + k % 2)
@@ -105,25 +89,6 @@ def test_gif_takes_one_clear_color_and_refuses_half_transparency(tmp_path: Path)
     palette[2, 3] = 7
     with pytest.raises(ValueError, match=r"\.gif cannot hold transparency; use one of \.png"):
         write_image(tmp_path / "b.gif", indices, palette=palette)
-
-
-@st.composite
-def indexed_pictures(draw: st.DrawFn) -> tuple[Array, Bytes]:
-    palette = draw(hnp.arrays(np.uint8, st.tuples(st.integers(1, 256), st.sampled_from([3, 4]))))
-    shape = draw(st.tuples(st.integers(1, 19), st.integers(1, 19)))
-    kind = draw(st.sampled_from([np.uint8, np.int32, np.uint64]))
-    return draw(hnp.arrays(kind, shape, elements=st.integers(0, len(palette) - 1))), palette
-
-
-@settings(max_examples=60, deadline=None)
-@given(indexed_pictures())
-def test_an_indexed_png_of_any_size_comes_back(case: tuple[Array, Bytes]) -> None:
-    indices, palette = case
-    with tempfile.TemporaryDirectory() as folder:
-        write_image(f"{folder}/a.png", indices, palette=palette)
-        image = read_image(f"{folder}/a.png")
-    np.testing.assert_array_equal(image, palette[indices][..., : image.shape[2]])
-    assert image.shape[2] == 4 or palette.shape[1] == 3 or (palette[:, 3] == 255).all()
 
 
 @pytest.mark.parametrize(
