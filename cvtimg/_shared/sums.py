@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.threads import in_parts
+from cvtimg._shared.threads import in_parts, in_stripes
 from cvtimg._shared.types import Array, Floats
 
 
@@ -35,6 +35,16 @@ def take_rows(rows: Array, labels: NDArray[np.integer]) -> Array:
 
     in_parts(take, flat.size, work=taken.size)
     return taken.reshape(*labels.shape, *rows.shape[1:])
+
+
+def copy_rows(rows: Array, out: Array) -> Array:
+    """Copy (H, ...) rows to `out`, and return it; threads share the work."""
+
+    def copy(own: slice) -> None:
+        out[own] = rows[own]
+
+    in_stripes(copy, len(rows), work=2.0 * rows.size)
+    return out
 
 
 def per_mass(sums: Floats, masses: Array) -> Floats:

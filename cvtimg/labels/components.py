@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cvtimg._shared.sums import sum_by_label
-from cvtimg._shared.types import Bools, Floats, Floats32, Ints
+from cvtimg._shared.threads import in_stripes
+from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 from cvtimg.labels import _labels
 
 # --- borders between regions: which regions meet, and at which cracks between their pixels
@@ -41,19 +42,25 @@ class Borders:
 
 def find_borders(labels: Ints) -> Borders:
     """Find the borders between regions (H, W) numbered from 1; 0 is no region."""
-    n_regions = int(labels.max())
+    dtype = np.min_scalar_type(int(labels.max()))  # of up to 16 bits, which are sorted by their digits
     parts = []
     for axis in (1, 0):
         before, after = (labels[:, :-1], labels[:, 1:]) if axis else (labels[:-1], labels[1:])
-        rows, columns = np.nonzero((before != after) & (before > 0) & (after > 0))
-        low, high = np.sort([before[rows, columns] - 1, after[rows, columns] - 1], axis=0).astype(np.int64)
-        parts.append((low * n_regions + high, rows, columns, np.full(len(rows), axis == 0)))
-    keys, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
-    order = np.argsort(keys, kind="stable")
-    unique_keys, starts = np.unique(keys[order], return_index=True)
+
+        def meet(own: slice, axis: int = axis, before: Ints = before, after: Ints = after) -> tuple[Array, ...]:
+            here, there = before[own], after[own]
+            rows, columns = np.nonzero((here != there) & (here > 0) & (there > 0))
+            low, high = np.sort([here[rows, columns] - 1, there[rows, columns] - 1], axis=0).astype(dtype)
+            return low, high, rows + own.start, columns, np.full(len(rows), axis == 0)
+
+        parts += in_stripes(meet, len(before), 8.0 * labels.size, 128)
+    low, high, rows, columns, is_flat = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.lexsort((high, low))
+    pairs = np.stack([low, high], axis=1)[order].astype(np.int32)
+    starts = np.flatnonzero((np.diff(pairs, axis=0, prepend=-1) != 0).any(axis=1))
     return Borders(
-        np.stack(np.divmod(unique_keys, n_regions), axis=1).astype(np.int32),
-        np.append(starts, len(keys)).astype(np.int32),
+        pairs[starts],
+        np.append(starts, len(pairs)).astype(np.int32),
         np.stack([rows, columns], axis=1).astype(np.int32)[order],
         is_flat[order],
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cvtimg._shared.threads import of_each
 from cvtimg._shared.types import Bools, Floats, Floats32
 from cvtimg.restoration.versions import Versions, fill
 
@@ -193,11 +194,20 @@ def _white_part(offsets: Floats32) -> Floats32:
 
 def _departures(band: Floats32) -> Floats32:
     """(H, P) median of what each part of a row departs by from the rows around."""
-    from scipy.ndimage import median_filter
+    half, parts = _ABOUT // 2, np.array_split(band, band.shape[1] // _PART, axis=1)
 
-    apart = band - median_filter(band, (_ABOUT, 1))
-    n_parts = band.shape[1] // _PART
-    return np.stack([np.median(part, axis=1) for part in np.array_split(apart, n_parts, axis=1)], axis=1)
+    def depart(number: int) -> Floats32:
+        part = parts[number]
+        padded = np.pad(part, ((half, half), (0, 0)), mode="symmetric")
+        around = np.stack([padded[row : row + len(part)] for row in range(_ABOUT)])
+        for turn in range(_ABOUT):  # sorts them by exchanges of neighbors: a third of the time of a filter of ranks
+            low, high = around[turn % 2 : -1 : 2], around[turn % 2 + 1 :: 2]
+            least = np.minimum(low, high)
+            np.maximum(low, high, out=high)
+            low[:] = least
+        return np.asarray(np.median(part - around[half], axis=1))
+
+    return np.stack(of_each(depart, len(parts), 100.0 * band.size), axis=1)
 
 
 def _are_of_rows(departures: Floats32) -> bool:

@@ -344,7 +344,8 @@ def _least(patches: Floats) -> float:
     even, odd = _halves_of(patches)
     few = min(_FEWEST * patches.shape[3], int(_OF_FEW * len(patches)))
     n_quiet = min(max(int(_QUIET * len(patches)), few, _PER_VALUE * even[0].size), len(patches))
-    found = [_powers(even[_order_of(odd)[:n_quiet]]), _powers(odd[_order_of(even)[:n_quiet]])]
+    pairs = [(even, odd), (odd, even)]
+    found = [*side_by_side(lambda pair: _powers(pair[0][_order_of(pair[1])[:n_quiet]]), pairs)]
     powers, again = np.concatenate(found, axis=1)
     order = np.argsort(powers)
     # As many directions, but not two, as have a mean that is not above their median: texture would raise the mean.

@@ -31,7 +31,7 @@ import numpy as np
 
 from cvtimg._shared.progress import tell
 from cvtimg._shared.records import ReadOnly
-from cvtimg._shared.sums import take_rows
+from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
 from cvtimg.segmentation import _segments
@@ -89,14 +89,15 @@ def descend(
     # and follows its neighbors. With `connected`, segments stay in one piece and do not vanish. With `detail`, the
     # edge weight is at least that of `State.descend`.
     allowed = Moves(**moves)
-    radius = allowed.radius
-    padded = np.pad(_start(labels, weights).astype(np.int32, copy=False), radius)
+    frame = slice(allowed.radius, -allowed.radius)
+    padded = np.zeros([side + 2 * allowed.radius for side in labels.shape], np.int32)
+    copy_rows(_start(labels, weights), padded[frame, frame])
     known = None if weights is None else np.ascontiguousarray(weights, dtype=np.float32)
     others, stale = np.zeros(padded.shape, np.uint16), np.zeros(padded.shape, np.uint8)
     whole = Layers(np.ascontiguousarray(values, dtype=np.float32), known, padded, others, stale)
     state = State(whole, values.shape, n_segments, allowed)
     energies, edge_weight, converged = state.descend(edge_weight, detail, max_sweeps)
-    inner, cells = padded[radius:-radius, radius:-radius].copy(), state.cells
+    inner, cells = copy_rows(padded[frame, frame], np.empty(labels.shape, np.int32)), state.cells
     return EdgeWeighted(inner, cells.means[1:].copy(), cells.masses[1:].copy(), energies, edge_weight, converged)
 
 
@@ -452,9 +453,8 @@ class State:
 def cells_at_edges(values: Floats32, inside: Bools, n_cells: int) -> Ints:
     """(H, W) superpixels of (H, W, D) values, not quite settled, so that dots and lines are parts that can move."""
     if inside.all() and inside.size > _ENOUGH_FOR_CELLS:
-        rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in inside.shape)
         half = halved(values)
-        return take_rows(cells_at_edges(half, np.ones(half.shape[:2], bool), n_cells).take(columns, axis=1), rows)
+        return doubled(cells_at_edges(half, np.ones(half.shape[:2], bool), n_cells), inside.shape)
     cells = grid_of_cells(inside, min(n_cells, int(inside.sum())))
     weight = compactness_of(values, cells)
     return descend(values, cells, int(cells.max()), edge_weight=weight, connected=True, max_sweeps=_CELL_SWEEPS).labels
@@ -478,6 +478,18 @@ def halved(values: Floats32) -> Floats32:
 
     in_stripes(halve, height, work=8.0 * values.size)
     return half
+
+
+def doubled(labels: Ints, shape: tuple[int, ...]) -> Ints:
+    """Return the labels of an image of half the size as those of the whole one, of a shape (H, W)."""
+    whole = np.empty(shape, np.int32)
+    rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in shape)
+
+    def spread(own: slice) -> None:
+        whole[own] = labels[rows[own]].take(columns, axis=1)
+
+    in_stripes(spread, len(whole), work=4.0 * whole.size)
+    return whole
 
 
 def is_deep(radius: int, planes: Planes | None) -> bool:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.types import Array, Bools
 
 
@@ -30,7 +31,7 @@ class Frame(NamedTuple):
     def back(self, view: Array, shape: tuple[int, ...]) -> Array:
         """Return an array of the image's shape that holds the view, and 0 around it."""
         array = np.zeros((*shape, *view.shape[len(shape) :]), view.dtype)
-        self.of(array)[...] = view
+        copy_rows(view, self.of(array))
         return array
 
 

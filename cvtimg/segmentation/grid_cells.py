@@ -12,15 +12,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.sums import take_rows
 from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
-from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, halved
+from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, doubled, halved
 from cvtimg.segmentation.frames import frame_of
 from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.noise import noise_covariance
@@ -97,6 +95,5 @@ def _settled(field: Floats32, cells: Ints, weight: float, whole: bool) -> EdgeWe
         half = halved(field)
         # A pixel stands for four there, and a border has half the length.
         small: Any = half, cells[: 2 * height : 2, : 2 * width : 2], weight / 2, True
-        rows, columns = (np.minimum(np.arange(side) // 2, side // 2 - 1) for side in cells.shape)
-        cells = take_rows(_settled(*small).labels.take(columns, axis=1), rows)
+        cells = doubled(_settled(*small).labels, cells.shape)
     return descend(field, cells, n_cells, edge_weight=weight, connected=True)

@@ -166,7 +166,9 @@ def to_levels(samples: Array) -> tuple[Array, Spacing]:
         step = 1 if np.gcd.reduce(some, axis=None) == 1 else int(np.gcd.reduce(steps, axis=None))
         if high - low <= _MOST_LEVELS * step:
             dtype = np.uint8 if high - low <= 255 * step else np.uint16
-            return (steps // step).astype(dtype, copy=False), Spacing(limits[0], float(step), 1.0, *limits)
+            return (steps if step == 1 else steps // step).astype(dtype, copy=False), Spacing(
+                limits[0], float(step), 1.0, *limits
+            )
     span = float(high) - float(low)
     shares = (samples.astype(np.float64) - low) / span
     for white in _WHITES if samples.dtype.kind == "f" else ():

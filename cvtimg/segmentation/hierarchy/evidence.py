@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cvtimg._shared.types import Bools, Floats, Floats32
+from cvtimg._shared.types import Bools, Floats, Floats32, Ints
 from cvtimg.labels.components import Borders
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 
@@ -31,7 +31,7 @@ def evidence_of(borders: Borders, views: Sequence[Floats], inside: Bools) -> Flo
     box = inside[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # an image is what its mask leaves of it
     places = borders.places - np.array([rows[0], columns[0]])
     accuracy = SETTINGS.drawing_accuracy * np.hypot(*box.shape)
-    inward = _mean(_inward(box, accuracy)[tuple(places.T)], borders)
+    inward = _mean(_inward(box, places, accuracy), borders)
     around = np.maximum(_mean(_around(places, views[1], borders, box.shape), borders), SETTINGS.least_surround)
     return seen * np.minimum(inward / accuracy, 1) / (around / SETTINGS.usual_surround) ** SETTINGS.inhibition
 
@@ -42,14 +42,17 @@ def chances_of(evidence: NDArray[np.floating]) -> Floats32:
     return (odds / (1 + odds)).astype(np.float32)
 
 
-def _inward(inside: Bools, accuracy: float) -> Floats:
-    """(H, W) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
+def _inward(inside: Bools, places: Ints, accuracy: float) -> Floats:
+    """(P,) distance of pixels from the margin; gaps in it that are smaller than people draw have none."""
     from scipy.ndimage import distance_transform_edt, label
 
-    gaps, _ = label(~inside)
-    is_small = np.bincount(gaps.ravel()) < np.pi * accuracy**2
-    distances: Floats = distance_transform_edt(np.pad(inside | is_small[gaps], 1))
-    return distances[1:-1, 1:-1] - 0.5
+    if not inside.all():
+        gaps, _ = label(~inside)
+        inside = inside | (np.bincount(gaps.ravel()) < np.pi * accuracy**2)[gaps]
+    if inside.all():
+        return np.asarray(np.minimum(places, np.array(inside.shape) - 1 - places).min(axis=1) + 0.5)
+    distances: Floats = distance_transform_edt(np.pad(inside, 1))
+    return distances[tuple(places.T + 1)] - 0.5
 
 
 def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, shape: tuple[int, ...]) -> Floats:
@@ -59,10 +62,10 @@ def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, sh
     width = SETTINGS.surround * np.sqrt(shape[0] * shape[1])
     side = max(1, int(width / 6))  # of cells in which strengths are added up first, in pixels
     cells = places // side
-    sums = np.zeros((2, *(cells.max(axis=0) + 1)))
-    np.add.at(sums[0], tuple(cells.T), np.repeat(strengths, borders.lengths))
-    np.add.at(sums[1], tuple(cells.T), 1)
-    total, length = (gaussian_filter(one, width / side, mode="constant")[tuple(cells.T)] for one in sums)
+    grid = cells.max(axis=0) + 1
+    flat, size = np.ravel_multi_index(tuple(cells.T), grid), int(np.prod(grid))
+    sums = [np.bincount(flat, np.repeat(strengths, borders.lengths), size), np.bincount(flat, np.ones(len(flat)), size)]
+    total, length = (gaussian_filter(one.reshape(grid), width / side, mode="constant").ravel()[flat] for one in sums)
     return total / length
 
 

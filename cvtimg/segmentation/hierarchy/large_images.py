@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from cvtimg._shared.pixels import peak
+from cvtimg._shared.sums import take_rows
+from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, Indices, Ints
 from cvtimg.halfedges import EdgeTable
 from cvtimg.labels.components import absorb_small, connected_pieces, find_borders
@@ -17,8 +19,8 @@ from cvtimg.segmentation.hierarchy.leaves import Leaves
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.touching import numbered
 
-#: Reduced rows at a time.
-_ROWS = 64
+#: Reduced rows at a time, and whole ones.
+_ROWS, _WHOLE_ROWS = 8, 128
 
 
 def reduction(n_pixels: int) -> int:
@@ -34,31 +36,42 @@ def reduced(image: Array, inside: Bools, factor: int) -> tuple[Array, Bools]:
     columns = np.arange(0, width, factor)
     means = np.empty((-(-height // factor), len(columns), n_bands), np.result_type(image.dtype, np.float32))
     occupied = np.empty(means.shape[:2], np.bool_)
-    for first in range(0, len(means), _ROWS):
-        part = slice(first * factor, (first + _ROWS) * factor)
+
+    def reduce(own: slice) -> None:
+        part = slice(own.start * factor, own.stop * factor)
         rows = np.arange(0, len(inside[part]), factor)
         counts = np.add.reduceat(np.add.reduceat(inside[part].astype(np.float64), rows), columns, axis=1)
         weighted = image[part] * inside[part, :, None].astype(np.float64)
         sums = np.add.reduceat(np.add.reduceat(weighted, rows), columns, axis=1)
-        means[first : first + _ROWS] = sums / (np.maximum(counts, 1)[..., None] * peak(image.dtype))
-        occupied[first : first + _ROWS] = counts > 0
+        means[own] = sums / (np.maximum(counts, 1)[..., None] * peak(image.dtype))
+        occupied[own] = counts > 0
+
+    in_stripes(reduce, len(means), 16.0 * image.size, _ROWS)
     return means, occupied
 
 
 def enlarged(leaves: Leaves, image: Array, inside: Bools, factor: int) -> Leaves:
     """Carry the leaves of a reduced image to the whole one, and let their borders follow its edges."""
     height, width = inside.shape
-    blocks = leaves.labels.repeat(factor, axis=0)[:height].repeat(factor, axis=1)[:, :width]
-    labels = np.where(inside, blocks, np.int32(0))
+    blocks = take_rows(leaves.labels.repeat(factor, axis=1)[:, :width], np.arange(height) // factor)
+    labels, parents = blocks, np.arange(len(leaves.sizes))
     if not inside.all():
         # Pieces into which the mask cuts leaves are leaves; very small ones join a neighbor, if they have one.
-        pieces = connected_pieces(labels)
-        labels = numbered(absorb_small(pieces, np.zeros((*labels.shape, 1), np.float32), 4 * factor**2))
-    parents = np.zeros(int(labels.max()) + 1, np.intp)
-    parents[labels] = blocks
-    parents = parents[1:] - 1
+        pieces = connected_pieces(np.where(inside, blocks, np.int32(0)))
+        labels = numbered(absorb_small(pieces, np.zeros((*pieces.shape, 1), np.float32), 4 * factor**2))
+        parents = np.zeros(int(labels.max()) + 1, np.intp)
+        parents[labels] = blocks
+        parents = parents[1:] - 1
     labels = _at_edges(image, labels, factor)
-    sizes = np.bincount(labels.ravel(), minlength=len(parents) + 1)[1:].astype(np.float64)
+    sizes = np.sum(
+        in_stripes(
+            lambda own: np.bincount(labels[own].ravel(), minlength=len(parents) + 1)[1:].astype(np.float64),
+            height,
+            4.0 * labels.size,
+            _WHOLE_ROWS,
+        ),
+        axis=0,
+    )
     shares = (sizes / leaves.sizes[parents])[:, None]
     borders = find_borders(labels)
     return Leaves(
@@ -76,9 +89,14 @@ def _at_edges(image: Array, labels: Ints, factor: int) -> Ints:
     """Move the borders of leaves, no farther than a block or two, to the edges of the image."""
     some = image[:: factor * 4, :: factor * 4]
     low, high = np.percentile(some, (0.1, 99.9))
-    values = image.astype(np.float32)
-    values -= np.float32((low + high) / 2)
-    values *= np.float32(255 / (high - low) if high > low else 1)
+    values = np.empty(image.shape, np.float32)
+
+    def level(own: slice) -> None:
+        values[own] = image[own]
+        values[own] -= np.float32((low + high) / 2)
+        values[own] *= np.float32(255 / (high - low) if high > low else 1)
+
+    in_stripes(level, len(image), 4.0 * image.size)
     n_sweeps = SETTINGS.sweeps * factor
     return descend(
         values, labels, int(labels.max()), edge_weight=SETTINGS.compactness, connected=True, max_sweeps=n_sweeps
