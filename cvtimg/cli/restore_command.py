@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from cvtimg.batch import InputsFailedError, Row, Stopwatch, Task, WrongUsageError, find
 from cvtimg.batch.pipes import is_pipe, stem_of
 from cvtimg.batch.tasks import Missing
-from cvtimg.cli.running import Todo, only, plan_of, planned, plot
+from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
@@ -32,11 +32,6 @@ EXAMPLES = """\
   cvtimg restore day.png night.png --channels -k 12 -o day-12.png
   cvtimg restore film.gif -o clean.gif
 """
-#: Arguments of `restore` alone, and of `denoise` alone.
-FOR_SEGMENTS = {"n_generators", "channels", "edge_weight", "renormalize"}
-FOR_PATCHES = {"noise_like", "rng", "luma", "chroma"}
-#: Correlation of neighbors in what a restored drawing leaves of one version, from which on it was no drawing.
-_STRUCTURE = 0.08
 COLUMNS = ("input", "versions", "k", "noise_like", "unknown", "energy", "seconds", "output")
 
 
@@ -254,43 +249,19 @@ def _check_room(task: Task, n_pages: int) -> None:
 
 
 def _restored(read: VersionFiles, given: Given) -> Denoised:
-    from cvtimg import denoise, restore
-    from cvtimg.restoration import is_drawing
-    from cvtimg.restoration.versions import with_tables
+    from cvtimg.restoration import restore_versions
 
     align, arguments = given.motion if given.align else False, given.arguments
-    about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha}
-    images: list[Any] = read.images
+    # Unless something asks for segments, the picture decides.
+    must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
+    flat = True if must_be_flat else False if given.detail else None
+    about: dict[str, Any] = {"masks": read.masks, "alpha": read.alpha, "align": align, "flat": flat}
     try:
-        # Unless something asks for segments, the picture decides.
-        must_be_flat = given.channels or given.labels or given.number != "auto" or given.edge_weight != "auto"
-        is_flat = must_be_flat
-        if not (is_flat or given.detail):
-            is_flat = is_drawing(images[: 1 if align else None], nodata=given.nodata, **about)
-        if not is_flat:
-            images = [with_tables(image, name) for image, name in zip(images, read.names, strict=True)]
-            return denoise(images, align=align, **about, **only(arguments, arguments.keys() - FOR_SEGMENTS))
-        others = FOR_PATCHES if given.effort != "auto" else {*FOR_PATCHES, "effort"}
-        result = restore(images, align=align, **about, **only(arguments, arguments.keys() - others))
-        if must_be_flat or len(images) > 1 or not _leaves_structure(result.image, images[0], result.coverage > 0):
-            return result
-        images = [with_tables(images[0], read.names[0])]
-        return denoise(images, **about, **only(arguments, arguments.keys() - FOR_SEGMENTS))
+        return restore_versions(
+            read.images, read.names if len(read.names) == len(read.images) else (), **about, **arguments
+        )
     except ValueError as error:
         raise ValueError(_with_names(str(error), read)) from error
-
-
-def _leaves_structure(image: Array, version: Array, known: Bools) -> bool:
-    """Tell whether what a restored image leaves of a version is more than noise, as faint text is."""
-    import numpy as np
-
-    bands = image.reshape(*known.shape, -1)
-    values = version.reshape(*known.shape, -1)[:, :, : bands.shape[2]]
-    inside = known[:, :, None] & (values > values.min()) & (values < values.max())  # what is clipped has a mean
-    apart = np.where(inside, values - bands.astype(np.float64), 0.0)
-    power = np.square(apart).sum()
-    pairs = [(apart[1:] * apart[:-1]).sum(), (apart[:, 1:] * apart[:, :-1]).sum()]
-    return bool(power and np.mean(pairs) > _STRUCTURE * power)
 
 
 def _given_twice(inputs: Sequence[str | Path]) -> list[str]:
@@ -326,7 +297,7 @@ def _write(task: Task, results: Sequence[Any], read: VersionFiles, stack: Pages,
 def _write_each(path: Path, images: Sequence[Array], stack: Pages, source: Any, given: Given) -> list[str]:
     """Write an image, or the pages of a stack or animation; return what there is to say about it."""
     from cvtimg import quantize_frames, write_image
-    from cvtimg.pictures import Metadata, read_frames, write_frames, write_pages
+    from cvtimg.pictures import read_frames, read_scale, write_frames, write_pages
     from cvtimg.pictures.formats.encoding import as_stored
     from cvtimg.pictures.pages import PAGE_SUFFIXES
 
@@ -341,7 +312,7 @@ def _write_each(path: Path, images: Sequence[Array], stack: Pages, source: Any, 
             write_frames(path, frames, overwrite=given.overwrite)
     else:
         stored, notes = as_stored(images[0], path.suffix)
-        write_image(path, stored, metadata=Metadata.of_size(stack.pixel_size), overwrite=given.overwrite)
+        write_image(path, stored, metadata=read_scale(source), overwrite=given.overwrite)
         return notes
     return []
 

@@ -16,7 +16,7 @@ from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 if TYPE_CHECKING:
     from cvtimg._shared.types import Array
     from cvtimg.labels.formats import Drawing
-    from cvtimg.pictures import Metadata, Pages
+    from cvtimg.pictures import Pages
     from cvtimg.pictures.files import ImageInfo
     from cvtimg.segmentation import RegionHierarchy
     from cvtimg.segmentation.files import DividedStack
@@ -107,37 +107,13 @@ class Subject:
         """The segments in rows, with their place in the stack."""
         import numpy as np
 
-        from cvtimg.labels import region_table
+        from cvtimg.segmentation import file_table
 
-        more, size = self.given.properties or (), self.header.pixel_size
         image, channels = self.measured
-        table = region_table(self.labels, image, more, pixel_size=size, channels=channels)
-        if place := self.header.geo_transform:
-            table |= self._on_map(table, place)
-        if self.given.objects:
-            table["touches_edge"] = _touch_edges(self.labels, table["label"])
+        how = {"channels": channels, "objects": self.given.objects, "info": self.header}
+        table = file_table(self.source, self.labels, image, self.given.properties or (), **how)
         n_rows = len(table["label"])
         return {name: np.full(n_rows, at) for name, at in self.place.items()} | table
-
-    def _on_map(self, table: Mapping[str, Array], place: Sequence[float]) -> dict[str, Array]:
-        """Return centroids in the coordinates of the map and, where these are meters, areas in m2."""
-        from cvtimg.pictures import read_metadata
-        from cvtimg.pictures.formats.geotiff import is_in_meters
-
-        a, b, c, d, e, f = place
-        x, y = table["x"], table["y"]
-        columns = {"x_map": a * x + b * y + c, "y_map": d * x + e * y + f}
-        areas = {"area_m2": table["area"] * abs(a * e - b * d)}
-        return (areas if is_in_meters(read_metadata(self.source).geo) else {}) | columns
-
-    def metadata(self, nodata: float | None = None) -> Metadata | None:
-        """Return where and how large pixels are: the georeference of a GeoTIFF, with a value for no data, or a size."""
-        from cvtimg.pictures import Metadata, read_metadata
-
-        if self.header.geo_transform:
-            geo = read_metadata(self.source).geo
-            return Metadata(geo=geo, nodata=nodata) if geo else None
-        return Metadata.of_size(self.header.pixel_size)
 
 
 def check_room(outputs: Mapping[str, Path], n_pages: int) -> None:
@@ -206,13 +182,14 @@ def _other_channels(source: Path, given: Given) -> tuple[Sequence[Array | None],
 def _write_image(kind: str, subject: Subject, path: Path, overwrite: bool) -> None:
     from cvtimg import write_image
     from cvtimg.labels.files import write_labels
+    from cvtimg.pictures import read_scale
     from cvtimg.pictures.formats.encoding import as_stored
 
     if kind == "labels":
-        write_labels(path, subject.labels, metadata=subject.metadata(nodata=0), overwrite=overwrite)
+        write_labels(path, subject.labels, metadata=read_scale(subject.source, nodata=0), overwrite=overwrite)
         return
     stored, _ = as_stored(_drawn(kind, subject, path), path.suffix)
-    write_image(path, stored, alpha=False, metadata=subject.metadata(), overwrite=overwrite)
+    write_image(path, stored, alpha=False, metadata=read_scale(subject.source), overwrite=overwrite)
 
 
 def _write_pages(kind: str, subjects: Sequence[Subject], path: Path, pages: Pages, overwrite: bool) -> None:
@@ -269,18 +246,12 @@ def _table_of(subjects: Sequence[Subject]) -> dict[str, Array]:
     return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
-def _touch_edges(labels: Array, rows: Array) -> Array:
-    """Return 1 for the objects that touch an edge of the image, or a face of the volume, which may cut them off."""
-    from cvtimg.segmentation.counting import at_edges
-
-    return at_edges(labels)[rows].astype(int)
-
-
 def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
     """Measure the objects of each frame, in rows with its number."""
     import numpy as np
 
     from cvtimg.labels import region_table
+    from cvtimg.segmentation.counting import at_edges
 
     frames: dict[int | None, list[Subject]] = {}
     for subject in subjects:
@@ -293,6 +264,6 @@ def _tables_of_volumes(subjects: Sequence[Subject]) -> list[dict[str, Array]]:
         header, channels = planes[0].header, planes[0].measured[1]
         more, size = planes[0].given.properties or (), header.pixel_size
         table = region_table(volume, image, more, pixel_size=size, channels=channels)
-        table["touches_edge"] = _touch_edges(volume, table["label"])
+        table["touches_edge"] = at_edges(volume)[table["label"]].astype(int)
         tables.append(({} if frame is None else {"t": np.full(len(table["label"]), frame)}) | table)
     return tables

@@ -34,6 +34,14 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def number(text: str) -> float:
+    """Return the number that a text stands for."""
+    try:
+        return float(text)
+    except ValueError as error:
+        raise UnfitRequestError(f"{text[:40]!r} must be a number") from error
+
+
 #: What the page is not told of a control.
 _OWN = ("flag", "keyword", "to", "always", "suffix", "pattern", "check", "none")
 

@@ -8,17 +8,18 @@ from typing import Any
 
 from cvtimg._shared.choices import Json
 from cvtimg.explore.controls import (
-    Choice,
+    Brushed,
     Control,
     Number,
     Several,
     Switch,
     Switches,
+    Table,
     UnfitRequestError,
     active,
+    number,
     parse_settings,
 )
-from cvtimg.explore.store import KNOWN
 from cvtimg.explore.tabs import TABS
 from cvtimg.explore.tabs.base import Tab
 from cvtimg.options import options_of, record
@@ -27,23 +28,47 @@ from cvtimg.options import options_of, record
 def settings_of(text: str) -> Json:
     """Return the tab and the settings of a command, and which of its options the page does not have.
 
+    Of several lines the last counts, and what its tab knows of those before it. Of several tabs that show the command,
+    the one counts that has most of its options.
+
     Raises
     ------
     UnfitRequestError
         If the text is no command of cvtimg that the page has a tab for, or a value is not allowed.
     """
     try:
-        program, verb, *words = shlex.split(text.strip().removeprefix("$ "))
+        *before, (program, verb, *words) = [shlex.split(line.removeprefix("$ ")) for line in text.strip().splitlines()]
     except ValueError as error:
         raise UnfitRequestError(f"the command cannot be read: {error}") from error
-    tab = next((tab for tab in TABS.values() if tab.verb == verb), None)
-    if program != "cvtimg" or tab is None:
+    tabs = [tab for tab in TABS.values() if verb in (tab.verb, *tab.verbs)]
+    if program != "cvtimg" or not tabs:
         raise UnfitRequestError(f"no tab of this page is for {program} {verb}")
+    earlier = [
+        (f"{line[1]} {flag}", value)
+        for line in before
+        if line[:1] == ["cvtimg"] and any(line[1:2] == [tab.verb] for tab in TABS.values())
+        for flag, value in _options(line[1], line[2:])
+    ]
+    # Switches first, and what is repeated last: what others mean may hang on them.
+    repeated = {option.flag for option in options_of(verb) if option.many and option.words}
+    options = sorted(_options(verb, words), key=lambda option: (option[1] != "", option[0] in repeated))
+    answers, refusals = list[Json](), list[UnfitRequestError]()
+    for tab in tabs:
+        try:
+            answers.append(_settings_in(tab, earlier, options))
+        except UnfitRequestError as error:
+            refusals.append(error)
+    if not answers:
+        raise refusals[0]
+    return min(answers, key=lambda answer: len(answer["left"]))
+
+
+def _settings_in(tab: Tab, earlier: list[tuple[str, str]], options: list[tuple[str, str]]) -> Json:
     settings: Json = {}
-    # Switches first: what others mean may hang on them.
-    given = sorted(_options(verb, words), key=lambda option: option[1] != "")
-    is_numbered = any(flag == "-k" for flag, _ in given)
-    left = [flag for flag, value in given if not _taken(tab, flag, value, settings, is_numbered)]
+    for flag, text in earlier:
+        settings |= tab.pasted(flag, text)
+    is_numbered = any(flag == "-k" for flag, _ in options)
+    left = [flag for flag, text in options if not _taken(tab, flag, text, settings, is_numbered)]
     parse_settings(tab.controls, settings)
     return {"tab": tab.name, "settings": settings, "left": left}
 
@@ -61,38 +86,37 @@ def _options(verb: str, words: list[str]) -> Iterator[tuple[str, str]]:
             continue  # an input
         if isinstance(option.kind, record.Switch):
             yield name, ""
-        else:
-            value = value if is_joined else next(rest, "")
-            if option.role != "writes":
-                yield option.flag, value
+            continue
+        value = value if is_joined else next(rest, "")
+        if isinstance(option.kind, record.Pair):
+            value = f"{value} {next(rest, '')}"
+        if option.role != "writes":
+            yield option.flag, value
 
 
 def _taken(tab: Tab, flag: str, text: str, settings: Json, is_numbered: bool) -> bool:
     """Put an option into settings, with what it needs of other controls; return whether the page has it."""
     known = {control.name: control for control in tab.controls}
-    aim = known.get("aim")
-    if isinstance(aim, Choice) and (flag, text) == ("-k", "auto"):
-        settings["aim"] = "auto"
+    if said := tab.pasted(flag, text):
+        settings |= {**said, **settings}  # what is usual with it is not what is said
+        for name in said:
+            _bring_into_effect(known[name], known, settings)
         return True
-    value: Any
-    fitting: list[Control]
-    if flag == "--palette" and text in KNOWN and "palette" in known:
-        fitting, value = [known["palette"]], [text]
-    else:
-        fitting = [control for control in tab.controls if flag in _flags(control)]
-        if flag == "--objects" and is_numbered:
-            fitting = fitting[-1:]  # pieces of so many segments
-        value = _value(fitting[0], flag, text, settings) if fitting else None
+    fitting = [control for control in tab.controls if flag in _flags(control)]
+    if flag == "--objects" and is_numbered:
+        fitting = fitting[-1:]  # pieces of so many segments
     if not fitting:
         return False
     in_effect = active(tab.controls, parse_settings(tab.controls, settings))
     control = next((control for control in fitting if control in in_effect), fitting[0])
-    settings[control.name] = value
+    settings[control.name] = _value(control, flag, text, settings)
     _bring_into_effect(control, known, settings)
     return True
 
 
 def _flags(control: Control) -> list[str]:
+    if isinstance(control, Brushed):  # whose files belong to one picture
+        return []
     return [f"--{name}" for name in control.choices] if isinstance(control, Switches) else [control.flag]
 
 
@@ -102,13 +126,14 @@ def _value(control: Control, flag: str, text: str, settings: Json) -> Any:
         return flag[2:]
     if isinstance(control, Switch):
         return not control.default
+    if isinstance(control, Table):
+        cells = zip(control.columns, text.split(",", len(control.columns) - 1), strict=False)
+        row = [_value(column, flag, cell, settings) for column, cell in cells]
+        return [*settings.get(control.name, []), row]
     if isinstance(control, Several):
         return [*settings.get(control.name, []), text]
     if isinstance(control, Number) and text != "auto":
-        try:
-            return float(text.removesuffix(control.suffix))
-        except ValueError as error:
-            raise control.refuse(text, "a number") from error
+        return number(text.removesuffix(control.suffix))
     return text
 
 

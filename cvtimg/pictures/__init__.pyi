@@ -5,6 +5,7 @@ from .files import image_info as image_info
 from .files import read_image as read_image
 from .files import read_indices as read_indices
 from .files import read_metadata as read_metadata
+from .files import read_scale as read_scale
 from .files import write_image as write_image
 from .formats.pixel_size import PixelSize as PixelSize
 from .frames import Frames as Frames

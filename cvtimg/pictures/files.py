@@ -158,6 +158,24 @@ def read_metadata(source: Source, *, keep_profile: bool = False) -> Metadata:
         return decode_metadata(file, keep_profile=keep_profile)
 
 
+def read_scale(source: Source, *, nodata: float | None = None) -> Metadata | None:
+    """Read where and how large pixels are: what results of an image keep of its file.
+
+    The georeference of a GeoTIFF, with a value of the result that stands for no data; else the size of a pixel; None if
+    the file states neither.
+
+    Examples
+    --------
+    >>> read_scale(encode_image(".png", np.zeros((2, 3), np.uint8))) is None
+    True
+    """
+    info = image_info(source)
+    if info.geo_transform is None:
+        return Metadata.of_size(info.pixel_size)
+    geo = read_metadata(source).geo
+    return Metadata(geo=geo, nodata=nodata) if geo else None
+
+
 def write_image(
     path: StrPath,
     image: Array,

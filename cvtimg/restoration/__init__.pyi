@@ -1,4 +1,5 @@
 from .agreement import HIDDEN as HIDDEN
+from .choosing import restore_versions as restore_versions
 from .merging import RENORMALIZATIONS as RENORMALIZATIONS
 from .reconstruction import MeasuredNoise as MeasuredNoise
 from .reconstruction import denoise as denoise

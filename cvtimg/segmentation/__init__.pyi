@@ -2,6 +2,7 @@ from .counting import count_objects as count_objects
 from .editing import Edit as Edit
 from .editing import brush as brush
 from .editing import edit_labels as edit_labels
+from .files import file_table as file_table
 from .grid_cells import superpixels as superpixels
 from .hierarchy.building import segment_hierarchy as segment_hierarchy
 from .hierarchy.tree import RegionHierarchy as RegionHierarchy

@@ -5,7 +5,7 @@ What is larger than memory is divided in strips, by `cvtimg.segmentation.segment
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -15,10 +15,14 @@ import numpy as np
 from cvtimg._shared.choices import Row
 from cvtimg._shared.types import Array, Bools, Ints
 from cvtimg.labels.components import connected_pieces
+from cvtimg.labels.figures import region_table
 from cvtimg.labels.tracking import track_labels
-from cvtimg.pictures.files import ImageInfo
+from cvtimg.pictures.files import ImageInfo, image_info, read_metadata
+from cvtimg.pictures.formats.geotiff import is_in_meters
+from cvtimg.pictures.formats.opening import Source
 from cvtimg.pictures.pages import Pages
 from cvtimg.pictures.stacks import Stack
+from cvtimg.segmentation.counting import at_edges
 from cvtimg.segmentation.editing import edit_labels
 from cvtimg.segmentation.hierarchy.building import segment_hierarchy
 from cvtimg.segmentation.result import Segmentation, measured
@@ -53,6 +57,60 @@ def by_tree(image: Array, n_regions: int | None = None, threshold: float | None 
     """Cut the tree of an image into regions, and measure these on the image itself."""
     tree = segment_hierarchy(image, **options)
     return measured(tree.cut(n_regions, threshold=threshold), image, hierarchy=tree)
+
+
+def file_table(
+    source: Source,
+    labels: Ints,
+    image: Array,
+    properties: Collection[str] = (),
+    *,
+    channels: Sequence[str] | None = None,
+    objects: bool = False,
+    info: ImageInfo | None = None,
+) -> dict[str, Array]:
+    """Measure every region of an image in the units of its file.
+
+    Parameters
+    ----------
+    source : path
+        The file of the image.
+    labels, image, properties
+        As in `cvtimg.labels.region_table`.
+    channels : sequence of str, optional
+        Names of the bands of the image; by default those of the file.
+    objects : bool
+        Whether label 0 is the background of objects.
+    info : ImageInfo, optional
+        The header of the file, if it is at hand.
+
+    Returns
+    -------
+    dict of arrays
+        As `cvtimg.labels.region_table`, with its columns in the unit of the file. Of a GeoTIFF, ``x_map`` and ``y_map``
+        are the centroids on the map and, where these are meters, ``area_m2``. With `objects`, ``touches_edge`` is 1 for
+        objects that an edge of the image may cut off.
+
+    Examples
+    --------
+    >>> from cvtimg.pictures import encode_image
+    >>> image = np.array([[0, 9, 0, 0]], np.uint8)
+    >>> table = file_table(encode_image(".png", image), np.array([[0, 1, 0, 0]]), image)
+    >>> table["area"].tolist()
+    [1.0]
+    """
+    info = info or image_info(source)
+    names = info.channels if channels is None else channels
+    table = region_table(labels, image, properties, pixel_size=info.pixel_size, channels=names)
+    if info.geo_transform:
+        a, b, c, d, e, f = info.geo_transform
+        x, y = table["x"], table["y"]
+        if is_in_meters(read_metadata(source).geo):
+            table["area_m2"] = table["area"] * abs(a * e - b * d)
+        table |= {"x_map": a * x + b * y + c, "y_map": d * x + e * y + f}
+    if objects:
+        table["touches_edge"] = at_edges(labels)[table["label"]].astype(int)
+    return table
 
 
 def divide_stack(

@@ -15,9 +15,9 @@ from commands import Run
 from cvtimg import write_image
 from cvtimg.batch import WrongUsageError
 from cvtimg.cli.overview import COMMANDS
-from cvtimg.cli.restore_command import FOR_SEGMENTS
 from cvtimg.options import options_of
 from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole, collected
+from cvtimg.restoration.choosing import FOR_SEGMENTS
 
 #: The function behind each command, or both of them, and what the command needs beside the option.
 BEHIND = {
@@ -28,7 +28,7 @@ BEHIND = {
     "cluster": ("cvtimg.tessellate", "rows.npy -k 3 -o out.csv"),
     "elbow": ("cvtimg.energy_curve", "in.png"),
     "basis": ("cvtimg.reduced_basis", "rows.npy -n 2 -o out.npz"),
-    "restore": ("cvtimg.restore cvtimg.denoise", "in.png -o out.png"),
+    "restore": ("cvtimg.restoration.choosing.restore cvtimg.restoration.choosing.denoise", "in.png -o out.png"),
 }
 #: Where the defaults of other commands are, and those of records; the last that has an argument is right.
 USUAL = {verb: names for verb, (names, _) in BEHIND.items()} | {

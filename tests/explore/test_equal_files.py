@@ -33,6 +33,7 @@ from cvtimg.explore.controls import (
 )
 from cvtimg.explore.layers import Window
 from cvtimg.explore.opened import Picture
+from cvtimg.explore.pasted import settings_of
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs.base import Request
 
@@ -48,8 +49,8 @@ BASE: dict[str, dict[str, Any]] = {
     "design": {"n": 12},
     "sphere": {"n": 42, "cell_width": 3000},
 }
-#: The tabs that the quick suite tries.
-QUICK = {"colors", "palette"}
+#: The tabs that the quick suite tries, and those that take long for pictures of all kinds.
+QUICK, SLOW = {"colors", "palette"}, ("segments", "restore")
 #: Values to try of numbers, where twice the default does not do.
 VALUES: dict[tuple[str, str], Any] = {
     ("colors", "psnr"): 27.5,
@@ -200,6 +201,18 @@ def test_each_option_gives_the_same_file(tab: str, settings: dict[str, Any], sto
     check_equal(store, tab, opened(store, scene), settings, 1)
 
 
+@pytest.mark.parametrize(("tab", "settings"), [pytest.param(*case.values, id=case.id) for case in cases()])
+def test_a_command_that_is_shown_and_pasted_is_shown_again(tab: str, settings: Any, store: Store, scene: Any) -> None:
+    drawn = {control.name for control in TABS[tab].controls if isinstance(control, Brushed)}
+    settings = {name: value for name, value in settings.items() if name not in drawn}
+    request = request_for(store, tab, opened(store, scene), settings)
+    shown = TABS[tab].recipe(request)
+    pasted = settings_of(f"{shown.before}\n$ {shlex.join(shown.words)}".replace("--space ", "--space="))
+    again = TABS[pasted["tab"]]
+    request = replace(request, settings=parse_settings(again.controls, pasted["settings"]))
+    assert (again.recipe(request).words, pasted["left"]) == (shown.words, [])
+
+
 @pytest.mark.parametrize("tab", [pytest.param(tab, marks=[] if tab in QUICK else [pytest.mark.slow]) for tab in TABS])
 def test_each_kind_of_file_is_the_same(tab: str, store: Store, scene: NDArray[Any]) -> None:
     check_equal(store, tab, opened(store, scene), {})
@@ -284,22 +297,25 @@ def test_several_versions_give_the_same_file(settings: dict[str, Any], store: St
     check_equal(store, "restore", picture, {"versions": versions, **settings})
 
 
-@pytest.mark.parametrize("kind", ["gray", "rgba", "transparent", "indexed", "16-bit", "-dash"])
-@pytest.mark.parametrize("tab", ["colors", pytest.param("segments", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["gray", "rgba", "transparent", "indexed", "16-bit", "-dash", "jpeg", "um"])
+@pytest.mark.parametrize("tab", ["colors", *(pytest.param(tab, marks=pytest.mark.slow) for tab in SLOW)])
 def test_pictures_of_all_kinds_give_the_same_file(kind: str, tab: str, store: Store, scene: NDArray[Any]) -> None:
     if kind == "16-bit":
         deep = scene[..., 0].astype(np.uint16) * 257 + 3
         Image.fromarray(deep).save("a.png")
         picture = store.picture(store.key_of(Path("a.png")))
+    elif kind == "um":
+        tifffile.imwrite("a.tif", scene[..., 0], imagej=True, resolution=(4, 4), metadata={"unit": "um"})
+        picture = store.picture(store.key_of(Path("a.tif")))
     elif kind == "indexed":
         Image.fromarray(scene).quantize(12, dither=Image.Dither.NONE).save("a.png")
         picture = store.picture(store.key_of(Path("a.png")))
     else:
         alpha = np.full((*scene.shape[:2], 1), 255, np.uint8)
         alpha[5:30, 5:30] = 0 if kind == "transparent" else 255
-        pixels = {"gray": scene[..., 1], "-dash": scene}.get(kind, np.concatenate([scene, alpha], axis=2))
-        picture = opened(store, pixels, "-a.png" if kind == "-dash" else "a.png")
-    check_equal(store, tab, picture, {}, 1)
+        pixels = {"gray": scene[..., 1], "-dash": scene, "jpeg": scene}.get(kind, np.dstack([scene, alpha]))
+        picture = opened(store, pixels, {"-dash": "-a.png", "jpeg": "a.jpg"}.get(kind, "a.png"))
+    check_equal(store, tab, picture, {}, None if kind == "um" else 1)
     if tab == "colors":
         check_equal(store, tab, picture, {"k": 5, "locked": ["#ff0000"]}, 1)
 
@@ -324,19 +340,12 @@ def test_every_control_has_an_effect_on_the_command_or_shows_another() -> None:
         names = {name for control in tab.controls for name in control.when}
         for control in tab.controls:
             silent = not (control.flag or control.keyword) and control.name not in names
-            assert not silent or isinstance(control, Files) or (tab.name, control.name) in SAID_BY_TABS
+            assert not silent or isinstance(control, Files) or control.name in SAID_BY_TABS[tab.name].split()
 
 
 #: Controls whose value a tab says in its own words.
-SAID_BY_TABS = {
-    ("colors", "k"),
-    ("colors", "strength"),
-    ("palette", "colors"),
-    ("stipple", "least"),
-    ("stipple", "greatest"),
-    ("stipple", "pen_width"),
-    ("mosaic", "palette"),
-    ("restore", "seen"),
-    ("mesh", "k"),
-    ("mesh", "least"),
+SAID_BY_TABS = {"colors": "k strength", "stipple": "least greatest pen_width", "mesh": "k least"} | {
+    "palette": "colors",
+    "mosaic": "palette",
+    "restore": "seen",
 }

@@ -386,26 +386,6 @@ def test_one_archive_has_the_results_of_all_pictures(page: TestClient) -> None:
     assert page.post("/all", content=json.dumps(wrong)).status_code == 422
 
 
-@pytest.mark.parametrize(
-    ("command", "tab", "settings"),
-    [
-        ("cvtimg quantize a.png -k 12 --lock '#ff0000' --lock '#00ff00' -o b.png", "colors", {"k": 12}),
-        ("$ cvtimg quantize a.png -k auto --space=lab", "colors", {"aim": "auto", "space": "lab"}),
-        ("cvtimg quantize a.png --max-bytes 60kB", "colors", {"aim": "max_bytes", "max_bytes": 60}),
-        ("cvtimg segment a.png -k 300 --superpixels", "segments", {"way": "superpixels", "cells": 300}),
-        ("cvtimg segment -k 4 --objects a.png", "segments", {"way": "segments", "k": 4, "pieces": "objects"}),
-        ("cvtimg mesh l.png --edge-length 5 -o m.vtu", "mesh", {"by": "edge", "edge_length": 5}),
-    ],
-)
-def test_a_command_that_is_pasted_sets_the_controls(
-    page: TestClient, command: str, tab: str, settings: dict[str, Any]
-) -> None:
-    answer = page.post("/command", content=command.encode()).json()
-    assert answer["tab"] == tab
-    assert answer["settings"] | settings == answer["settings"]
-    assert answer["left"] == []
-
-
 def test_settings_are_kept_by_name_but_not_what_belongs_to_a_picture(
     page: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -67,6 +67,7 @@ class Tab:
     title: ClassVar[str]
     about: ClassVar[str]
     verb: ClassVar[str]  # The command
+    verbs: ClassVar[tuple[str, ...]] = ()  # Other commands that the tab shows
     controls: ClassVar[tuple[Control, ...]]  # What can be chosen
     # (int, int): height and width of the drawing, for tabs that need no picture.
     sheet: ClassVar[tuple[int, int] | None] = None
@@ -125,6 +126,10 @@ class Tab:
         if self.compared and not request.source.frames:
             outcome.image = evaluated(self.compared, values)
         return outcome
+
+    def pasted(self, flag: str, text: str) -> Json:
+        """Return the settings that a word of a command says which no control has; nothing for what the page lacks."""
+        return {}
 
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""

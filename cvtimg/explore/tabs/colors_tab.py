@@ -26,12 +26,14 @@ from cvtimg.explore.controls import (
     Settings,
     UnfitRequestError,
     controls_of,
+    number,
 )
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, all_of, brushes, missing, reading
 from cvtimg.options.common import color_bits
+from cvtimg.palettes.known import known_palettes
 from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
@@ -140,7 +142,7 @@ class ColorsTab(Tab):
             )
         shape, dtype = request.picture.array.shape, request.picture.array.dtype
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
-        suffixes = [".png", ".webp", ".gif"] if in_png else [".npy"]
+        suffixes = [".png", ".webp", ".gif"][: None if dtype == np.uint8 else 1] if in_png else [".npy"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
         return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *self.map_outputs(request)]
 
@@ -159,6 +161,13 @@ class ColorsTab(Tab):
         if "dither_strength" in (keywords := self.keywords(settings)):
             more += ("--dither-strength", f"{keywords['dither_strength']:g}")
         return Tab.words(self, request, *more)
+
+    def pasted(self, flag: str, text: str) -> Json:
+        if flag == "--dither-strength":
+            return {"strength": number(text)}
+        if flag == "--palette" and text in known_palettes():
+            return {"aim": "palette", "palette": [text], "strength": 1.0}
+        return {"aim": "auto"} if (flag, text) == ("-k", "auto") else {}
 
     def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments; there is no usual strength of dithering for given palettes."""

@@ -12,7 +12,7 @@ import numpy as np
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Code, Line, call
-from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, words_of
+from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, visible
@@ -58,6 +58,10 @@ class MeshTab(Tab):
         "min_size",
         "effort",
     )
+
+    def pasted(self, flag: str, text: str) -> Json:
+        name = {"segment -k": "k", "segment --min-size": "least"}.get(flag)
+        return {"of": "segments", name: number(text)} if name else {}
 
     def outputs(self, request: Request) -> Sequence[Output]:
         return [Output(label, "-o", f"{{}}-mesh{suffix}") for suffix, label in _FILES.items()]

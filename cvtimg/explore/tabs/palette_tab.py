@@ -52,6 +52,7 @@ class PaletteTab(Tab):
     title = "Palette"
     about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
     verb = "palette"
+    verbs = ("quantize",)
     most_drafted = SMALL
     controls: ClassVar[tuple[Control, ...]] = (
         *controls_of(
@@ -82,6 +83,14 @@ class PaletteTab(Tab):
         ),
         *controls_of("quantize", ("ramp", {"when": _GIVEN}), ("dither", {"when": _GIVEN})),
     )
+
+    def pasted(self, flag: str, text: str) -> Json:
+        if flag == "--main":
+            return {"start": "main"}
+        if flag != "--palette":
+            return {}
+        colors = text.split(",")
+        return {"start": "hand", "colors": colors} if text[:1] == "#" else {"start": "given", "palette": [text]}
 
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the palette in all formats, and the picture in it where the command makes that, too."""

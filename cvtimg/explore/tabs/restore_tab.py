@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from cvtimg.pictures.files import image_suffixes
 from cvtimg.restoration import Denoised, Restoration
 
 _FLAT = {"when": {"way": ["flat"]}}
-#: Formats of results of 8 bits, the first of others, too; AVIF loses a little.
-_SUFFIXES = [suffix for suffix in (".png", ".webp", ".avif") if suffix in image_suffixes()]
-_RESTORED = "{}-restored.png"
+_IMAGE = Code("result.with_alpha()")
 
 
 class RestoreTab(Tab):
@@ -72,14 +70,18 @@ class RestoreTab(Tab):
         ),
     )
 
+    def pasted(self, flag: str, text: str) -> Json:
+        return {"way": "detail"} if flag == "--detail" else {}
+
     def outputs(self, request: Request) -> Sequence[Output]:
+        scale = {"metadata": call("cvtimg.pictures.read_scale", Code("paths[0]"))}
         files = [
-            Output(f"Restored image, {suffix[1:].upper()}", "-o", f"{{}}-restored{suffix}")
-            for suffix in _SUFFIXES[: None if request.picture.array.dtype == np.uint8 else 1]
+            Output(f"Restored image, {end[1:].upper()}", "-o", f"{{}}-restored{end}", WRITE_IMAGE, (_IMAGE,), scale)
+            for end in _suffixes(request.picture.array.dtype)
         ]
         if request.settings["way"] != "flat":
             return files
-        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", WRITE_IMAGE, (_LABELS,))]
+        return [*files, Output("Segments, PNG", "--labels", "{}-labels.png", WRITE_IMAGE, (_LABELS,), scale)]
 
     def recipe(self, request: Request) -> Recipe:
         versions = _versions(request)
@@ -87,7 +89,7 @@ class RestoreTab(Tab):
         which = (versions[0] if len(versions) == 1 else versions[0].whole_file or versions[0]).words[1:]
         words = ["cvtimg", self.verb, *files, *which, *["--detail"] * (request.settings["way"] == "detail")]
         words += words_of(self.controls, request.settings)
-        return Recipe(words, self.lines(request), for_many=False, always=_RESTORED)
+        return Recipe(words, self.lines(request), for_many=False, always=self.outputs(request)[0].pattern)
 
     def lines(self, request: Request) -> list[Line]:
         versions = _versions(request)
@@ -99,24 +101,24 @@ class RestoreTab(Tab):
             read = f"[page for name in [{names}] for page in {pages}.images]"
         else:
             read = f"[cvtimg.read_image(name) for name in [{names}]]"
-        arrays = [picture.array for picture in versions]
-        return [Line("images", Code(read), arrays), Line("result", self._call(request.settings))]
+        files = Code(f"[{', '.join(literal(picture.name) for picture in versions)}]")
+        lines = [
+            Line("paths", files, [picture.path for picture in versions]),
+            Line("images", Code(read), [picture.array for picture in versions]),
+        ]
+        return [*lines, Line("result", self._call(request.settings, Code("paths")))]
 
-    def _call(self, settings: Settings) -> Code:
-        """Return what restores segments or detail; where the picture decides, both."""
-        keywords, reading = self.keywords(settings), {}
+    def _call(self, settings: Settings, *paths: Code) -> Code:
+        """Return what restores segments or detail; where the picture decides, either."""
+        keywords = self.keywords(settings)
         if settings["align"]:
             keywords["align"] = settings["motion"]
         if "nodata" in self.in_effect(settings):
-            reading["nodata"] = settings["nodata"]
-        number = (settings["k"],) if settings["way"] == "flat" else ()
-        for_segments = {name: value for name, value in keywords.items() if name not in ("noise_like", "luma", "chroma")}
-        images = Code("images")
-        flat = call("cvtimg.restore", images, *number, **for_segments, **reading)
-        detailed = call("cvtimg.denoise", images, **keywords, **reading)
+            keywords["nodata"] = settings["nodata"]
         if settings["way"] != "auto":
-            return flat if settings["way"] == "flat" else detailed
-        return Code(f"{flat} if {call('cvtimg.restoration.is_drawing', images, **reading)} else {detailed}")
+            keywords["flat"] = settings["way"] == "flat"
+        number = {"n_generators": settings["k"]} if settings["way"] == "flat" else {}
+        return call("cvtimg.restoration.restore_versions", Code("images"), *paths, **number, **keywords)
 
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
@@ -154,6 +156,12 @@ def _versions(request: Request) -> list[Picture]:
         listed = ", ".join(f"{picture.name} {picture.size[1]} x {picture.size[0]}" for picture in versions)
         raise UnfitRequestError(f"Versions must be of one size, or be aligned with the image that is shown: {listed}")
     return versions
+
+
+def _suffixes(dtype: np.dtype[Any]) -> list[str]:
+    """Return formats that hold samples of a type; AVIF loses a little."""
+    suffixes = {np.uint8: (".png", ".webp", ".avif"), np.uint16: (".png",)}.get(dtype.type, (".tif",))
+    return [suffix for suffix in suffixes if suffix in image_suffixes()]
 
 
 def _kinds(result: Denoised) -> Json:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from cvtimg._shared.choices import Json, Options
-from cvtimg.explore.calls import Code, Line, call, evaluated, run
+from cvtimg.explore.calls import Code, Line, call, evaluated, literal, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Outcome, Output
@@ -18,6 +18,7 @@ from cvtimg.explore.tabs.base import IMAGE, MASK, WRITE_IMAGE, Request, Tab, bru
 from cvtimg.labels import region_means
 from cvtimg.segmentation import Edit, Objects
 
+_FILE = Code("file")
 _SEGMENTS = {"way": ["segments"]}
 #: Options of segments that counting does without.
 _BY_COLOR = ("shading", "averaging", "smallest_detail", "edge_weight", "edge_radius")
@@ -94,15 +95,20 @@ class SegmentsTab(Tab):
         edges = call("cvtimg.find_edges", labels, **ignored)
         means = call("cvtimg.labels.mean_picture", labels, IMAGE)
         contours = call("cvtimg.plotting.contour_drawing", call("cvtimg.find_contours", labels), labels, IMAGE)
-        table, name = call("cvtimg.labels.region_table", labels, IMAGE), {"image": Path(request.picture.name).name}
-        if has_ground:
-            table = Code(f"{{**{table}, {_TOUCHES}}}")
-        drawn = ("-o", "{}-labels.png", "cvtimg.labels.write_labels", (labels,))
+        picture = request.picture
+        channels = {"channels": [*picture.header.channels]} if picture.chosen else {}
+        measured = {**channels, "objects": True} if has_ground else channels
+        table = call("cvtimg.segmentation.file_table", _FILE, labels, IMAGE, **measured)
+        scale, of_labels = ({"metadata": call("cvtimg.pictures.read_scale", _FILE, **of)} for of in ({}, {"nodata": 0}))
+        of_means = {"alpha": False, **scale}
+        end = ".png" if picture.array.dtype in (np.uint8, np.uint16) else ".tif"
+        name = {"image": Path(picture.name).name}
+        drawn = ("-o", "{}-labels.png", "cvtimg.labels.write_labels", (labels,), of_labels)
         return [
             Output("Labels, PNG", *drawn),
-            Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", WRITE_IMAGE, (overlay,)),
-            Output("Mean colors, PNG", "--mean", "{}-mean.png", WRITE_IMAGE, (means,), {"alpha": False}),
-            Output("Edges, PNG", "--edges", "{}-edges.png", WRITE_IMAGE, (edges,)),
+            Output("Outlines over the image, PNG", "--overlay", "{}-overlay.png", WRITE_IMAGE, (overlay,), scale),
+            Output(f"Mean colors, {end[1:].upper()}", "--mean", f"{{}}-mean{end}", WRITE_IMAGE, (means,), of_means),
+            Output("Edges, PNG", "--edges", "{}-edges.png", WRITE_IMAGE, (edges,), scale),
             Output("Contours, SVG", "--contours", "{}-contours.svg", "cvtimg.labels.write_contours", (contours,)),
             Output("Table of segments, CSV", "--table", "{}-table.csv", "cvtimg.labels.write_table", (table,), name),
             *self.map_outputs(request),
@@ -111,6 +117,7 @@ class SegmentsTab(Tab):
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
         lines, inside = visible(request, self.map_lines(request))
+        lines = [Line(_FILE, Code(literal(request.picture.name)), request.picture.path), *lines]
         tree = Line("tree", call("cvtimg.segment_hierarchy", IMAGE, **inside))
         divided = self._call(settings, inside)
         if settings["way"] == "hierarchy":
@@ -165,12 +172,6 @@ class SegmentsTab(Tab):
         counts = np.bincount(labels.ravel(), minlength=len(colors))
         facts: Json = {"k": int(np.count_nonzero(counts[1:])), "counts": counts.tolist(), "labels": True}
         return Indexed(labels, colors), facts
-
-
-_TOUCHES = (
-    "'touches_edge': numpy.isin(numpy.unique(labels[labels > 0]), "
-    "[*labels[0], *labels[-1], *labels[:, 0], *labels[:, -1]]).astype(int)"
-)
 
 
 def _cut(settings: Settings, *, is_small: bool) -> Code:

@@ -10,7 +10,7 @@ from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
-from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of
+from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of, number
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
@@ -88,6 +88,12 @@ class StippleTab(Tab):
         ("pen_width", {"always": False, "when": {"by": ["n"]}}),
         "order",
     )
+
+    def pasted(self, flag: str, text: str) -> Json:
+        if flag != "--radius-range":
+            return {}
+        least, greatest = map(number, text.split(" "))
+        return {"limited": True, "least": least, "greatest": greatest}
 
     def outputs(self, request: Request) -> Sequence[Output]:
         drawing = _drawing(self, request.settings)
