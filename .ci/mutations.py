@@ -346,13 +346,17 @@ def candidates(suite: Suite, mutation: Mutation, first: str | None) -> list[str]
     """Return the tests that reach a mutation: one of a given name, then those of its package, the quickest first."""
     lines = suite.reaching.get(mutation.path, {})
     numbers = {test for line in range(mutation.line, mutation.last + 1) for test in lines.get(line, ())}
-    if not numbers:  # a line that runs as the module is imported
-        numbers = {test for tests in lines.values() for test in tests}
     tests = list(suite.seconds)
     subject = Path(mutation.path).parts[1].removesuffix(".py")
+    is_near = {test: subject in test.partition("::")[0].split("/") for test in tests}
+    if (
+        not numbers
+    ):  # a line that runs as the module is imported, so that a test may take what it makes and run no other
+        numbers = {test for tests in lines.values() for test in tests}
+        numbers |= {number for number, test in enumerate(tests) if is_near[test]}
 
     def order(test: str) -> tuple[bool, bool, float]:
-        return name_of(test) != first, subject not in test.partition("::")[0].split("/"), suite.seconds[test]
+        return name_of(test) != first, not is_near[test], suite.seconds[test]
 
     return sorted((tests[number] for number in numbers), key=order)
 
