@@ -124,7 +124,7 @@ def scans(folder: Path) -> dict[str, Mesh]:
 
     found, random = {}, np.random.default_rng(0)
     for path in sorted(folder.iterdir()):
-        mesh = trimesh.load_mesh(path)
+        (mesh := trimesh.load_mesh(path)).merge_vertices(merge_tex=True, merge_norm=True)  # noise opens no seams
         points, faces = np.array(mesh.vertices), np.array(mesh.faces, np.int32)
         edges, lengths = mesh.edges_unique.ravel(), mesh.edges_unique_length.repeat(2)
         around = np.bincount(edges, lengths, len(points)) / np.maximum(np.bincount(edges, minlength=len(points)), 1)

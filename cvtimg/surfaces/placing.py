@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,6 +46,7 @@ class SurfaceEffort:
     first_part: float = 0.4  # edges shorter than this part of the distance of points are collapsed first,
     growth: float = 1.1  # then the part grows so
     last_part: float = 30.0  # up to this
+    more: float = 0.02  # by this part more points are tried where there are too few
     stretch: float = 1.5  # edges that this makes are no longer than this multiple of that part
 
 
@@ -120,26 +122,53 @@ def surface_points(
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")
     check_in_range("feature_angle", feature_angle, 0 <= feature_angle <= 180, "in 0..180 degrees")
-    apart = float(shape.triangulation.areas().sum() / (HEXAGON * EFFORTS[effort].looked_at)) ** 0.5
+    how = EFFORTS[effort]
+    apart = float(shape.triangulation.areas().sum() / (HEXAGON * how.looked_at)) ** 0.5
     mesh = split_long_edges(shape.triangulation, ConstantDensity(apart), shape.on_surface)
-    sizes = Sizes(mesh, n, as_density(density))
-    return _placed(shape, mesh, n, sizes, EFFORTS[effort], 180.0 if shape.is_smooth else feature_angle)
+    angle = 180.0 if shape.is_smooth else feature_angle
+    start, least = partial(_Start.of, shape, mesh, effort=how, density=as_density(density), angle=angle), n
+    # With more points there may be more edges that they have to follow.
+    while (chosen := start(least)).n_least > least:
+        least = chosen.n_least + int(how.more * chosen.n_least)
+    allowed = f"at least {least}: fewer points do not make triangles of this shape, with its edges"
+    hint = "" if shape.is_smooth else "; a larger feature_angle keeps fewer of these"
+    check_in_range("n", n, least == n, allowed + hint)
+    return _placed(shape, chosen, how)
 
 
-def _placed(
-    surface: Surface, mesh: SurfaceTriangulation, n: int, sizes: Sizes, effort: SurfaceEffort, angle: float
-) -> SurfacePoints:
-    """Place points by the cells of a triangulation."""
-    whole = _split(surface, mesh, sizes, effort.fine)
-    apart = sizes(whole.points)
-    apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
-    features = find_features(whole, angle, apart)
-    kept, places = place_on_curves(whole, features, apart, angle)
-    fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
-    goals = whole.points.copy()
-    goals[kept] = surface.on_surface(places) if len(kept) else places
-    used, triangles = _collapsed(fine, apart[sites], n, kept, sites, effort)
-    mesh = SurfaceTriangulation(goals[sites[used]], triangles)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Start:
+    """The points that are placed, before they move."""
+
+    fine: SurfaceTriangulation  # cut along features
+    sizes: Sizes
+    goals: Points  # of vertices (N, 3) before the cut,
+    sites: Indices  # which are these of those after it
+    used: Indices  # those that are points
+    triangles: Triangles
+    n_least: int  # how many points there have to be
+
+    @classmethod
+    def of(
+        cls, surface: Surface, mesh: SurfaceTriangulation, n: int, effort: SurfaceEffort, density: Density, angle: float
+    ) -> _Start:
+        """Choose points by the cells of a triangulation."""
+        sizes = Sizes(mesh, n, density)
+        whole = _split(surface, mesh, sizes, effort.fine)
+        apart = sizes(whole.points)
+        apart = apart * (n / max(n - extra_points(whole, apart), n / 2)) ** 0.5
+        features = find_features(whole, angle, apart)
+        kept, places = place_on_curves(whole, features, apart, angle)
+        fine, sites = whole.cut(features) if len(kept) else (whole, np.arange(len(whole.points)))
+        goals = whole.points.copy()
+        goals[kept] = surface.on_surface(places) if len(kept) else places
+        return cls(fine, sizes, goals, sites, *_collapsed(fine, apart[sites], n, kept, sites, effort))
+
+
+def _placed(surface: Surface, start: _Start, effort: SurfaceEffort) -> SurfacePoints:
+    """Move points, and measure their cells."""
+    fine, sizes, sites, used = start.fine, start.sizes, start.sites, start.used
+    mesh = SurfaceTriangulation(start.goals[sites[used]], start.triangles)
     offset, n_iter = _relax(surface, fine, mesh, used, sizes.density, effort)
     # The sides of a cut become one again.
     _, first, joined = np.unique(sites[used], return_index=True, return_inverse=True)
@@ -160,10 +189,10 @@ def _split(surface: Surface, mesh: SurfaceTriangulation, sizes: Sizes, part: flo
 
 def _collapsed(
     fine: SurfaceTriangulation, sizes: Floats, n: int, kept: Indices, sites: Indices, effort: SurfaceEffort
-) -> tuple[Indices, Triangles]:
+) -> tuple[Indices, Triangles, int]:
     """Collapse the shortest edges until n sites of vertices are left, those kept among them.
 
-    Returns the vertices that are left, and triangles of these.
+    Returns the vertices that are left, triangles of these, and how many have to be left.
     """
     ranks = fine.on_boundary().astype(np.uint8)
     ranks[np.isin(sites, kept)] = 2
@@ -179,10 +208,7 @@ def _collapsed(
     used, corners = np.unique(mesh.triangles[left], return_inverse=True)
     if n_on_curves:  # those that one side cannot do without stay on all
         return _collapsed(fine, sizes, n, np.union1d(kept, sites[used[ranks[used] == 1]]), sites, effort)
-    allowed = f"at least {n_left + len(kept)}: fewer points do not make triangles of this shape"
-    allowed += ", with its edges; a larger feature_angle keeps fewer of these" if len(kept) else ""
-    check_in_range("n", n, n_left == most, allowed)
-    return used.astype(np.intp), corners.reshape(-1, 3).astype(np.int32)
+    return used.astype(np.intp), corners.reshape(-1, 3).astype(np.int32), n_left + len(kept)
 
 
 def _relax(

@@ -36,7 +36,6 @@ def implicit(function: Callable[[Any], Any], **options: Any) -> Callable[[], Any
         (placed(3), "surface of type int must be a Surface, a path"),
         (placed(cube(), 3), "n=3 must be an integer >= 4"),
         (placed(cube(), 7), r"n=7 must be at least 8: .* a larger feature_angle keeps fewer"),
-        (placed(torus(), 5), r"n=5 must be at least \d+"),
         (placed(cube(), 1 << 30), r"n=\d+ must be at most"),
         (placed(cube(), feature_angle=200), r"feature_angle=200 must be in 0\.\.180 degrees"),
         (placed(cube(), density=lambda p: 0 * p[:, 0]), "density must be > 0 somewhere"),
