@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -212,6 +213,11 @@ def test_the_gain_of_a_division_is_that_of_two_halves(turned):
     center, half = ([5, 20], [0, 10]) if turned else ([20, 5], [10, 0])
     assert middles[0] == pytest.approx(center)
     assert np.abs(offsets[0]) == pytest.approx(half, abs=0.05)
+
+
+@pytest.mark.parametrize(("effort", "n_steps"), [("fast", 25), ("balanced", 80), ("best", 480)])
+def test_efforts_are_numbers_of_steps(effort: Any, n_steps: int) -> None:
+    assert len(cvtimg.mosaic(PHOTO[:9, :9], 3, effort=effort).energies) == n_steps + 1
 
 
 def test_relocation_lowers_the_error_of_a_mosaic(monkeypatch):

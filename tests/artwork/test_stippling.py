@@ -13,6 +13,7 @@ from cvtimg import place_generators, stipple
 from cvtimg.artwork import Stipples, find_tour, ink_coverage
 from cvtimg.artwork.dot_layers import DOTS
 from cvtimg.artwork.stipples import draw_dots
+from cvtimg.artwork.stippling import _Count
 from cvtimg.artwork.tones import process_coverages
 from cvtimg.colors.spaces import to_space
 
@@ -139,6 +140,11 @@ def test_a_light_drawing_keeps_the_order_of_tones_and_covers_a_third_at_most() -
     assert (np.diff(light.ravel()[order]) <= 1e-5).all() or (np.diff(light.ravel()[order]) >= -1e-5).all()
     assert light.max() == 1
     assert (light == 0).mean() == pytest.approx(0.02, abs=0.02)
+
+
+@pytest.mark.parametrize(("side", "n_dots"), [(40, 400), (400, 20_000)])
+def test_by_default_dots_are_enough_for_faces_or_a_quarter_of_the_pixels(side: int, n_dots: int) -> None:
+    assert _Count(None, None, 1).of(np.ones((side, side), np.float32)) == n_dots
 
 
 @pytest.mark.parametrize(("other", "is_kept"), [(180, True), (185, True), (200, False)])
