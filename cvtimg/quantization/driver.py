@@ -64,13 +64,14 @@ class _Aiming(NamedTuple):
     power: float = 0.75
     points_by_price: float = 1.2
     power_of_phrases: float = 0.65  # of the price of a bit of LZW
-    points_by_strength: float = 12.0
+    share_by_strength: float = 0.4  # of what is lost, for less diffusion
     strengths: Sequence[float] = tuple(np.linspace(0.4, 0.6, 201).tolist())
     most_unlike: float = 8.0  # times as much, or as little, is lost by other images
     trial_matches: int = 4  # enough to tell a quality within half a point
-    # Prices of a bit, in squared levels, between which a quality is sought: with higher ones, smooth areas show streaks
-    # and lose gentle texture, which the measure does not see.
-    prices: Sequence[float] = tuple(np.linspace(1.2, 0.02, 237).tolist())
+    # Prices of a bit, in squared levels, between which a quality is sought. At qualities of 40 to 70, files at 2.4 take
+    # .85 of the bytes of fewer colors at 1.2, and smooth areas show fewer streaks; above that, gentle texture is lost,
+    # which the measure does not see.
+    prices: Sequence[float] = tuple(np.geomspace(2.4, 0.02, 237).tolist())
     # Phrases of LZW make no long streaks: at 4.8, files of qualities below 75 take a tenth to a quarter less than with
     # fewer colors at 1.2.
     prices_of_phrases: Sequence[float] = tuple(np.geomspace(4.8, 0.02, 237).tolist())
@@ -78,10 +79,12 @@ class _Aiming(NamedTuple):
     all_prices: Sequence[float] = tuple(np.geomspace(16.0, 0.02, 33).tolist())
     # A search for a quality ends with a result that is better by `close`, or after `n_trials`: of prices, of numbers.
     close: float = 0.5
-    near: float = 1.5  # to the quality with few matches is near enough to go on with all
+    # To the quality with few matches is near enough to go on with all; above it are other numbers of colors tried, that
+    # prices then lower.
+    near: float = 1.5
     far: float = 6.0  # above the quality are the same colors enough, at another price or diffusion
-    aside: float = 1.5  # above the quality are other numbers of colors tried, that prices then lower
-    dearer: float = 2.0  # times the highest price, by which the quality of a number of colors is lowered
+    dearer: float = 4.0  # times the highest price, by which the quality of a number of colors is lowered
+    others: float = 2.5  # times as many colors, or a share of them, are tried after the first number
     n_trials: int = 4  # with one of few matches
     n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
@@ -426,7 +429,7 @@ class _Search:
                 reached = min(above, default=math.inf) <= _AIMING.near
                 if n + 1 >= n_left and (reached or not given or (not above and self._rungs[-1] in self._found)):
                     break
-                more = 2 * more or close / 2 if n + 1 >= n_left and not above else 0.0
+                more = 2 * more or close / 2 if n + 2 >= n_left and not above else 0.0
                 wanted = least + given * close / 2 + more
                 after = self._after(rung, quality, wanted)
                 if abs(quality - wanted) <= (close / 2 if given else 2.5 * close) or (after is None and above):
@@ -443,8 +446,11 @@ class _Search:
         if min(misses) < 0 < max(misses) or -_AIMING.near <= quality - wanted <= _AIMING.far:
             after.append(self._toward(finely, wanted))
         other = self._toward(self._rungs, wanted)
-        aside = _AIMING.aside if self._given else -_AIMING.close
+        aside = _AIMING.near if self._given else -_AIMING.close
         after.append(other if other.n_colors == self._palettes.most else self._toward(self._rungs, wanted + aside))
+        # A number of colors and the next may be far from each other.
+        reaching = [one for one in self._found if self._result(one) >= wanted]
+        after += [self._toward(self._finely(min(reaching, key=self._result).n_colors), wanted)] if reaching else []
         return next((one for one in after if one not in self._found), None)
 
     def _begun(self) -> _Rung:
@@ -456,8 +462,11 @@ class _Search:
         wanted = self.least() + given * _AIMING.close / 2
         if given and abs(seen - wanted) <= _AIMING.near:
             return rung
-        rung = self._at(self._rungs, wanted)
-        for _ in range(0 if given else _AIMING.n_usual):
+        first, rung = rung.n_colors, self._at(self._rungs, wanted)
+        if given and rung.n_colors != first:
+            number = int(min(max(rung.n_colors, first / _AIMING.others), first * _AIMING.others, self._palettes.most))
+            rung = rung if number == rung.n_colors else self._rungs[0]._replace(n_colors=number)
+        for _ in range(int(abs(seen - wanted) > _AIMING.far) if given else _AIMING.n_usual):
             missed = 0.0 if rung in self._tried else abs(self._trial(rung) - wanted)
             rung = self._toward(self._rungs, wanted)
             if missed <= _AIMING.near:
@@ -577,7 +586,7 @@ class _Palettes:
         price = rung.price ** (_AIMING.power_of_phrases if self._how.rate.coder == "lzw" else 1)
         paid = _AIMING.points_by_price * price * math.log2(self.most)
         lost = self._unlike * math.hypot(_AIMING.points_by_error * self._error(rung.n_colors), paid)
-        return _AIMING.points - lost - _AIMING.points_by_strength * (COMPACT_STRENGTH - rung.strength)
+        return _AIMING.points - lost * (1 + _AIMING.share_by_strength * (COMPACT_STRENGTH - rung.strength))
 
     def expect(self, rung: _Rung, seen: float) -> None:
         """Expect a loss of the usual times a factor, by which the quality seen would have been expected."""

@@ -35,7 +35,7 @@ def test_for_eyes_files_are_smaller_and_look_the_same_or_nearly_as_the_colors_ca
     assert eyes.quality == pytest.approx(min(85, best.quality - 1), abs=1)
 
 
-def test_a_quality_is_reached_in_four_mappings_and_not_much_more_and_less_gives_a_smaller_file(
+def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_a_smaller_file(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sizes, n_mappings = list[int](), list[int]()
@@ -51,7 +51,7 @@ def test_a_quality_is_reached_in_four_mappings_and_not_much_more_and_less_gives_
         assert quality <= result.quality < quality + (2 if quality < 60 else 0.5)
         assert result.quality == cvtimg.visual_quality(PART, result.image)
         sizes.append(n_bytes(result))
-    assert max(n_mappings[1:]) <= 4  # of few colors each is a step of some points
+    assert max(n_mappings[1:]) <= 5  # of few colors each is a step of some points
     assert sizes[0] < sizes[1] < 0.9 * sizes[2]
     monkeypatch.setattr(driver, "_AIMING", driver._AIMING._replace(n_trials=1))  # more until it is reached
     assert cvtimg.quantize(PART, quality=45, **FAST).quality >= 45
