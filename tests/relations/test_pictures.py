@@ -76,7 +76,7 @@ OF_PLACES: dict[str, Callable[[Image], Any]] = {
 OF_COLORS: dict[str, Callable[[Image], Any]] = {
     "quantize": lambda image: cvtimg.quantize(image, 8).psnr,
     "energy_curve": lambda image: np.divide(*cvtimg.energy_curve(image, 6).energies[[3, 0]]),
-    "find_palette": lambda image: np.sort(cvtimg.find_palette(image, 5).tessellation.masses / image.size),
+    "find_palette": lambda image: cvtimg.find_palette(image, 5).tessellation.energy / image.size,
 }
 
 #: What is not so: an array (H, W) of floats is a table to `energy_curve`; three equal errors add up to another rounding
@@ -111,6 +111,7 @@ def of_seen(verb: Callable[[Image], Any]) -> Callable[[tuple[Image, Image]], Any
 OF_HOLES: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], None]]] = {
     **VERBS,
     "find_palette": (lambda image: cvtimg.find_palette(image, 6).colors, equal),
+    "stipple": (lambda image: cvtimg.stipple(image, 200).points, equal),
     "count_objects": (lambda image: cvtimg.segmentation.count_objects(image).labels, equal),
     "denoise": (lambda image: cvtimg.denoise([image]).image, equal),
     **{
