@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import shlex
 import shutil
 import tempfile
 import threading
@@ -241,5 +242,5 @@ def _plain(name: str) -> str:
 
 def _reason(path: Path, error: Exception, name: str) -> str:
     """Return why a file cannot be used, with the name that a person knows for the one that it has here."""
-    why = one_line(error).replace(f"{path}: ", "").replace(str(path), name)
+    why = one_line(error).replace(f"{path}: ", "").replace(str(path), shlex.quote(name))
     return why.replace("--max-pixels raises it", "the command line has --max-pixels")

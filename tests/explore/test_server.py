@@ -407,9 +407,9 @@ def test_a_text_that_is_no_command_of_a_tab_is_refused(page: TestClient, command
 
 
 def test_a_file_that_is_no_image_is_told_by_its_name(page: TestClient) -> None:
-    answer = page.post("/picture", params={"name": "coast.geojson"}, content=b'{"type": "FeatureCollection"}')
+    answer = page.post("/picture", params={"name": "a coast.geojson"}, content=b'{"type": "FeatureCollection"}')
     assert answer.status_code == 422
-    assert "the file" not in answer.text
+    assert "cvtimg mesh 'a coast.geojson' -o" in answer.text
 
 
 def test_a_picture_that_is_opened_again_is_no_longer_the_oldest(

@@ -6,6 +6,7 @@ import errno
 import logging
 import math
 import os
+import shlex
 import sys
 import threading
 import warnings
@@ -281,7 +282,7 @@ def _why_unread(error: Exception, path: str) -> str:
         return "no such file"
     if isinstance(error, UnidentifiedImageError):
         suffix = "." + path.rpartition(".")[2].lower()
-        known = (use.format(path) for suffixes, use in _OTHER_FILES.items() if suffix in suffixes.split())
+        known = (use.format(shlex.quote(path)) for suffixes, use in _OTHER_FILES.items() if suffix in suffixes.split())
         return next(known, "cannot be read: unknown image format")
     is_said = isinstance(error, (UnfitContentError, ImportError, MemoryError))
     if is_said or (isinstance(error, OSError) and error.errno is not None):
