@@ -190,8 +190,10 @@ def _summary(versions: Sequence[VersionFiles], results: Sequence[Any]) -> Row:
 
 
 def _defects(result: Denoised) -> list[str]:
-    """Say what else than noise was taken out of versions."""
+    """Say what else than noise was taken out of versions, and what of it is left in a photograph."""
     from cvtimg._shared.pixels import white_of
+    from cvtimg.restoration.defects import without_defects
+    from cvtimg.restoration.versions import stack_versions
 
     unit, said = float(white_of(result.image.dtype)) / 255, []
     if result.impulses.any():
@@ -201,6 +203,11 @@ def _defects(result: Denoised) -> list[str]:
             said.append(f"{what} differ by {levels.max():.1f} levels of 8 bits, which is taken away")
     if said:
         said.append("--hidden none keeps all")
+    if not hasattr(result, "labels"):
+        _, left = without_defects(stack_versions([result.image], alpha=False))
+        kinds = zip(("rows", "columns"), left.stripes[0] / unit, strict=True)
+        said += [f"{what} of the result differ by {level:.1f} levels of 8 bits" for what, level in kinds if level]
+        said += [f"{share:.1%} of the pixels of the result are impulses" for share in left.impulses if share]
     return said
 
 

@@ -23,11 +23,9 @@ from cvtimg.restoration.versions import Versions, fill
 
 #: Models of motion, from simple to rich, and how many of the generators below each has.
 MODELS = {"translation": 2, "euclidean": 3, "affine": 6, "homography": 8}
-#: Generators of motions: translations, rotation, scale, stretch, shear, perspectives. Each model is a group.
-_GENERATORS = np.zeros((8, 3, 3))
-_GENERATORS[[0, 1], [0, 1], 2] = 1
-_GENERATORS[2:6, :2, :2] = [[[0, -1], [1, 0]], [[1, 0], [0, 1]], [[1, 0], [0, -1]], [[0, 1], [1, 0]]]
-_GENERATORS[[6, 7], 2, [0, 1]] = -1
+#: Generators of motions: translations, rotation, scales, shear, perspectives. Each model is a group.
+_GENERATORS = np.eye(9).reshape(9, 3, 3)[[2, 5, 3, 0, 4, 1, 6, 7]]
+_GENERATORS[2] -= _GENERATORS[2].T
 
 #: Longest side, in pixels, of the top of the pyramid; blur of each level, which removes noise that would outvote the
 #: image; and that below which, down to one, the structure lies that phase correlation compares.

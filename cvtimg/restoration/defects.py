@@ -159,9 +159,11 @@ def _stripes(image: Floats32) -> Floats32:
     """(H, W, C) what offsets of the rows of an image add, or gains, whichever explain more; 0 without evidence."""
     if min(image.shape[:2]) < 4 * _PART:
         return np.zeros_like(image)
+    if not (offsets := _offsets(image)).any():
+        return np.zeros_like(image)
     least, shift = image.min(), np.ptp(image) / np.float32(64) + np.float32(1e-30)
     logs = np.log(image - least + shift)  # in which gains are offsets
-    without = [image - _offsets(image), np.exp(logs - _offsets(logs)) + least - shift]
+    without = [image - offsets, np.exp(logs - _offsets(logs)) + least - shift]
     left = [sum(np.square(_departures(band)).sum() for band in np.moveaxis(one, 2, 0)) for one in without]
     return image - without[int(np.argmin(left))]
 

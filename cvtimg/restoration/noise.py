@@ -14,10 +14,13 @@ texture in it; it tells how noise follows the level of the picture, and what ban
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.ndimage import uniform_filter
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
@@ -32,8 +35,9 @@ _SIDES, _PER_VALUE, _MOST = (8, 4, 3, 2), 10, 1 << 20
 _QUIET, _OF_FEW, _FEWEST, _AGAIN = 0.1, 0.25, 80, 3.0
 #: Shares of patches, from quiet to loud, between which those lie that tell how texture grows.
 _GROWING = (0.2, 0.5)
-#: Share of values at an end of the levels from which on a patch is cut off; and a block.
-_CUT_OFF = (0.02, 0.1)
+#: Share of values at an end of the levels from which on a patch is cut off; a block; and, where most patches have a
+#: smaller one, but all have some, one that tells what bands share.
+_CUT_OFF = (0.02, 0.1, 0.2)
 #: Rounds in which the noise of each version is found from what two and two differ by.
 _ROUNDS = 32
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
@@ -139,14 +143,13 @@ class Noise:
             # What JPEG files have lost is noise, too; what versions in place differ by has it already.
             if lost and (not in_place or versions.n_versions == 1):
                 own = (shared or SharedNoise.white(variance * np.eye(lost[0].shape[2]))).autocovariance
-                shared = SharedNoise(
-                    own + sum(SharedNoise.of(one).autocovariance for one in lost) / len(versions.dtypes)
-                )
+                shared = SharedNoise(own + sum(SharedNoise.of(one).autocovariance for one in lost) / len(levels))
         if _is_shared(across) and (shared is None or np.trace(shared.bands) < np.trace(across)):
             shared = SharedNoise.white(across)  # else texture would give it neighbors
             bands = [np.sqrt(np.diag(across)) * ratio for ratio in ratios]
         elif shared:  # the level of white noise tells little of its bands, and of versions whose difference has it
             bands = [np.sqrt(np.diag(shared.bands)) * (1 if in_place else ratio) for ratio in ratios]
+        _Look.of.cache_clear()
         if level is not None:
             bands = [np.full(len(own), level) for own in bands]
         return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
@@ -167,7 +170,7 @@ def _is_shared(covariance: Floats) -> bool:
 # --- what noise shows in
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Look:
     """What noise is measured in."""
 
@@ -177,11 +180,10 @@ class _Look:
     has_texture: bool  # False where versions were subtracted
     white: float | None  # where values end, if pixels are missing, so that few patches are whole
 
-    @classmethod
-    def of(cls, versions: Versions, *numbers: int) -> _Look:
+    @staticmethod
+    @lru_cache(maxsize=1)  # all that is measured of a single version has the same
+    def of(versions: Versions, *numbers: int) -> _Look:
         """Take one version, or what two of them differ by."""
-        from scipy.ndimage import uniform_filter
-
         bands = [versions.bands(number) for number in numbers]
         image = np.mean(bands, axis=0)
         values = image if len(bands) == 1 else np.subtract(*bands) * np.float32(np.sqrt(0.5))
@@ -191,9 +193,9 @@ class _Look:
             spread = np.sqrt(versions.noisiness(uniform_filter(image, (5, 5, 0))))[:, :, None]
             values = np.divide(values, spread, dtype=np.float32)
         white = versions.white if versions.lines is None and np.isinf(lost).any() else None
-        return cls(values, image, lost, len(bands) == 1, white)
+        return _Look(values, image, lost, len(bands) == 1, white)
 
-    def patches(self, *sides: int, per_value: int = _PER_VALUE) -> tuple[Floats, Floats] | None:
+    def patches(self, *sides: int, per_value: int = _PER_VALUE, most: float = 0.0) -> tuple[Floats, Floats] | None:
         """(N, side, side, C) patches of the first side of which enough are whole, and their levels, (N, C)."""
         for side in sides or _SIDES:
             if min(self.lost.shape) >= side:
@@ -202,14 +204,24 @@ class _Look:
                     np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
                     for one in (self.values, self.image, self.lost)
                 )
-                share, cut_off = lost.mean(axis=(2, 3)), _CUT_OFF[side > _SIDES[0]]
+                share, cut_off = lost.mean(axis=(2, 3)), max(_CUT_OFF[side > _SIDES[0]], most)
                 if self.white and not sides and side < _SIDES[0]:  # too few are not cut off, by chance
                     cut_off = _CUT_OFF[int(np.median(np.append(share[share <= _CUT_OFF[1]], 0)) > cut_off)]
-                inside = share <= cut_off
-                if np.count_nonzero(inside) >= max(per_value * values[0, 0].size, _FEWEST):
+                inside, enough = share <= cut_off, max(per_value * values[0, 0].size, _FEWEST)
+                if np.count_nonzero(inside) >= max(enough, (most > 0) * inside.size / 2):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
                     return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
         return None
+
+    @cached_property
+    def levels(self) -> Floats:
+        """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
+        found = self.patches()
+        levels = np.full(self.values.shape[2], np.nan) if found is None else _levels_in(found[0])
+        if found is not None and self.white and found[0].shape[1] < _SIDES[0]:
+            means, sigmas = (one.astype(np.float32) for one in (found[1], levels + 1e-3))
+            levels /= np.sqrt(Clipped.of(means, sigmas, self.white).variance.mean(axis=0))
+        return levels
 
 
 def _looks(versions: Versions, *, in_place: bool) -> list[tuple[int, ...]]:
@@ -230,7 +242,7 @@ def _order_of(halves: Floats) -> Indices:
     """(N,) patches from quiet to loud, where each direction counts by what is usual in it."""
     rows = halves - halves.mean(axis=0)
     squares = np.square(rows @ np.linalg.eigh(rows.T @ rows)[1])
-    usual = np.median(squares, axis=0)  # 0 where most are flat, as drawings are
+    usual = np.median(squares.T.copy(), axis=1, overwrite_input=True)  # 0 where most are flat, as drawings are
     return np.argsort((squares / np.maximum(usual, 1e-9 * usual.max() + 1e-30)).sum(axis=1), kind="stable")
 
 
@@ -264,9 +276,12 @@ def _covariances(versions: Versions, *, in_place: bool) -> list[Floats]:
 def _covariance_of(versions: Versions, *numbers: int) -> Floats:
     """(C, C) covariance of the noise of bands, of a version or of half of what two differ by; NaN where unknown."""
     look = _Look.of(versions, *numbers)
-    large, squares = look.patches(_SIDES[0], per_value=1), np.diag(np.square(_levels_of(look)))
+    squares = np.diag(np.square(look.levels))
     if look.has_texture and not squares.any():  # flat patches, as of drawings: axes would hang on rounding
         return squares
+    large = look.patches(_SIDES[0], per_value=1)
+    if look.has_texture and len(squares) > 1 and (large is None or _QUIET * len(large[0]) < _FEWEST):
+        large = look.patches(_SIDES[0], per_value=1, most=_CUT_OFF[2])
     if large is not None and _QUIET * len(large[0]) >= _FEWEST and np.isfinite(squares).all():
         axes, powers = _flat(large[0], squares)
     elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):
@@ -292,8 +307,6 @@ def _flat(patches: Floats, least: Floats) -> tuple[Floats, Floats]:
     # grow by, from quiet patches to louder ones, tells the slope h / m; n is where the line of the one against the
     # other meets equal power. The slope is at most that of texture whose power falls as the square of frequency: D. J.
     # Field, J. Opt. Soc. Am. A 4 (1987) 2379-2394, doi 10.1364/JOSAA.4.002379. `least`, (C, C), is noise that is known.
-    from scipy.fft import dct
-
     n, side, _, n_bands = patches.shape
     rings = np.add.outer(np.arange(side), np.arange(side)).ravel()
     squares = np.add.outer(np.square(np.arange(side)), np.square(np.arange(side))).ravel()
@@ -317,16 +330,6 @@ def _flat(patches: Floats, least: Floats) -> tuple[Floats, Floats]:
     falls = (1 / squares[groups[1]]).mean() / (1 / squares[groups[0]]).mean()
     slope = np.clip(growth[1] / np.maximum(growth[0], 1e-30), 0, falls)
     return axes, high - slope / (1 - slope) * np.maximum(middle - high, 0)
-
-
-def _levels_of(look: _Look) -> Floats:
-    """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
-    found = look.patches()
-    levels = np.full(look.values.shape[2], np.nan) if found is None else _levels_in(found[0])
-    if found is not None and look.white and found[0].shape[1] < _SIDES[0]:
-        means, sigmas = (one.astype(np.float32) for one in (found[1], levels + 1e-3))
-        levels /= np.sqrt(Clipped.of(means, sigmas, look.white).variance.mean(axis=0))
-    return levels
 
 
 def _levels_in(patches: Floats) -> Floats:
@@ -419,15 +422,14 @@ def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
 def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
-    found, level = look.patches(_BLOCK, per_value=1), _levels_of(look).min()
+    found, level = look.patches(_BLOCK, per_value=1), look.levels.min()
     if found is None or not level > 0:
         return None
     rows = found[0].reshape(len(found[0]), _BLOCK**2, -1) / level
     planes, _ = np.linalg.qr([(1, *place) for place in np.ndindex(_BLOCK, _BLOCK)])  # what fits them best is no noise
     blocks = (rows - planes @ (planes.T @ rows)).reshape(found[0].shape)
-    turned = blocks[:, ::-1, ::-1]
     even, odd = _halves_of(blocks)
-    halves = ((blocks + turned) / 2, _order_of(odd)), ((blocks - turned) / 2, _order_of(even))
+    halves = [((blocks + sign * blocks[:, ::-1, ::-1]) / 2, _order_of(half)) for sign, half in ((1, odd), (-1, even))]
     side = np.hanning(_BLOCK + 2)[1:-1]
     window, sides = np.outer(side, side), (2 * _BLOCK,) * 2
 
@@ -440,7 +442,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
     if look.has_texture:
-        quiet = quiet - _texture_in(quiet, spectrum(*_GROUPS[1:]), white, frequencies)
+        quiet = _without_texture(quiet, spectrum(*_GROUPS[1:]), white, frequencies)
     squares, axes = np.linalg.eigh(quiet)
     squares = np.maximum(squares, white)
     power = squares[frequencies >= _HIGH].mean() / white  # texture that all bands share leaves none
@@ -451,18 +453,20 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     return _near(powers, sides) / _near(seen, sides)
 
 
-def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats) -> Floats:
-    """(X, Y, 1, 1) part of the spectrum of quiet blocks in each pair of bands that is texture."""
+def _without_texture(quiet: Floats, louder: Floats, white: float, frequencies: Floats) -> Floats:
+    """(X, Y, C, C) part of the spectrum of quiet blocks in each pair of bands that is noise."""
     rings, n_bands = (frequencies * _RINGS).astype(np.intp), quiet.shape[2]
 
     def by_ring(values: NDArray[np.complex128]) -> Floats:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
     first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
-    together = quiet.sum(axis=(2, 3)).real / n_bands
-    common = by_ring(together)
-    apart = (first - common) / max(n_bands - 1, 1)
+    together, common_next = (one.sum(axis=(2, 3)).real / n_bands for one in (quiet, louder))
+    common, apart_next = by_ring(together), (next_ - by_ring(common_next)).sum()
     steady = np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1)
+    # What bands differ by is texture where all of it grows by as much again, as in pictures of many colors.
+    share = np.clip(1 - (apart_next / max((first - common).sum(), 1e-30) - _GROWS), 0, 1)
+    apart = share * (first - common) / max(n_bands - 1, 1)
     noise = steady * np.maximum(common - apart, 0) + np.minimum(common, apart)
     if n_bands > 1:
         beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
@@ -476,4 +480,7 @@ def _texture_in(quiet: Floats, louder: Floats, white: float, frequencies: Floats
             ratios, middle = noise / np.maximum(apart, 1e-30), _RINGS // 3
             ratios[:middle] = np.minimum.accumulate(ratios[middle::-1])[:0:-1]
             noise = np.minimum(noise, ratios * apart)
-    return np.asarray((1 - noise / np.maximum(common, 1e-30))[rings] * together / n_bands)[:, :, None, None]
+    gray, bands = np.full((n_bands, n_bands), 1 / n_bands), np.eye(n_bands)
+    texture = (1 - noise / np.maximum(common, 1e-30))[rings] * together
+    kept = gray + np.sqrt(share) * (bands - gray)
+    return np.asarray(kept @ (quiet - texture[:, :, None, None] * gray - white * bands) @ kept + white * bands)

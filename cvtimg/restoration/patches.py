@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.fft import dct
 
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import in_parts, in_stripes, side_by_side
@@ -33,8 +34,8 @@ SIDE = 2 * REACH + 1
 _N_SAMPLES = 1 << 14
 #: Ratio of the noise of bands up to which it is taken for equal.
 _EQUAL = 1.25
-#: Lightness and opponent colors, as columns. Chroma counts double: it varies less, so noise hides less of what differs.
-_OPPONENT = (np.array([[1, 2, 2], [1, 0, -4], [1, -2, 2]]) / np.sqrt([3, 2, 6])).astype(np.float32)
+#: How often opponent colors count, beside lightness: they vary less, so noise hides less of what differs.
+_CHROMA = 2
 #: Every covariance has this part of its trace in all directions, so that float32 is precise enough.
 _PRECISE = 1e-7
 #: Covariances of the estimate, which has lost some detail, are raised by this factor.
@@ -86,7 +87,10 @@ class Axes:
 
     def looks(self, image: Floats32) -> Floats32:
         """(H, W, D) what patches are compared by: opponent colors of three bands, or the first axes."""
-        return product(image, _OPPONENT) if image.shape[2] == 3 else image[:, :, self.slices[0]]
+        if image.shape[2] != 3:
+            return image[:, :, self.slices[0]]
+        # Cosines of three bands are lightness, red against blue, and green against both.
+        return product(image, (dct(np.eye(3), norm="ortho") * [1, _CHROMA, _CHROMA]).astype(np.float32))
 
 
 def cells_of(rows: Array, most: int, **how: Any) -> Tessellation:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
+from PIL.JpegImagePlugin import samplings
 from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
@@ -22,8 +23,6 @@ from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indi
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
 
-#: Subsampling as Pillow has it, by the pixels to the right and down of the image for one of chroma.
-_SUBSAMPLINGS = {(1, 1): 0, (2, 1): 1, (2, 2): 2}
 #: Side of the blocks of JPEG, and the largest of what is compressed again.
 _SIDE, _LARGEST = 8, 512
 #: What is rounded for the second time loses less: this factor of its variance was lost the first time.
@@ -38,17 +37,17 @@ class Rounding:
     # blocks, where noise is measured, do not show it, because their coefficients are rounded to zero.
 
     tables: list[list[int]]  # of luma, and of chroma if there is any
-    subsampling: int
+    subsampling: int  # as Pillow has it
 
     @classmethod
     def of(cls, image: ImageLike) -> Rounding | None:
         """Return that of a Pillow image of a JPEG file, which has `quantization` and `layer`; None of others."""
         tables = getattr(image, "quantization", None)
         layers: Sequence[Sequence[int]] = getattr(image, "layer", ())
-        if not tables or len(layers) not in (1, 3):
+        sides: Any = tuple(side for layer in layers for side in layer[1:3])
+        if not tables or (len(layers) != 1 and sides not in samplings):
             return None
-        subsampling = _SUBSAMPLINGS.get((layers[0][1] // layers[-1][1], layers[0][2] // layers[-1][2]))
-        return None if subsampling is None else cls([tables[layer[3]] for layer in layers[:2]], subsampling)
+        return cls([tables[layer[3]] for layer in layers[:2]], samplings.get(sides, -1))
 
     def lost(self, values: Array) -> Floats | None:
         """(H, W, C) noise like what was rounded away of values, of no more than the middle of them; None of others."""
