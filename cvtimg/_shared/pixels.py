@@ -12,6 +12,8 @@ from cvtimg._shared.types import Array, Bools
 
 #: Pillow modes whose samples are grey or RGB, perhaps with alpha: others hold indices, ink or other coordinates.
 _PLAIN_MODES = ("1", "L", "LA", "I", "I;16", "I;16L", "I;16B", "F", "RGB", "RGBA")
+#: Samples of which the usual range is taken.
+_SOME = 1 << 16
 
 
 class AlphaArray(np.ndarray[Any, Any]):
@@ -93,6 +95,23 @@ def not_black(mask: Array) -> Bools:
 def peak(dtype: np.dtype[Any]) -> float:
     """Return the value of white: the largest integer of the type, or 1 for floating point."""
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def white_among(samples: Array) -> float:
+    """Return the value of white among finite samples: `peak`, but their range where floating point is no share of it.
+
+    That is where it leaves 0..1, or where all of it would be black with 8 bits.
+    """
+    if samples.dtype.kind in "iu" or not samples.size:
+        return peak(samples.dtype)
+    low, high = float(samples.min()), float(samples.max())
+    return 1.0 if (low >= 0 and 1 / 255 <= high <= 1) or low == high else high - low
+
+
+def usual_range(*arrays: Array) -> float:
+    """Return the range of all samples but one in a hundred at each end, of some: no hot pixel widens it."""
+    some = np.concatenate([array.reshape(-1)[:: 1 + array.size // _SOME] for array in arrays])
+    return float(np.ptp(np.quantile(some.astype(np.float64), (0.01, 0.99))))
 
 
 def white_of(dtype: np.dtype[Any]) -> Any:

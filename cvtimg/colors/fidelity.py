@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import white_among
 from cvtimg._shared.types import Array
 
 
@@ -28,5 +28,8 @@ class Fidelity:
 
     @property
     def psnr(self: Any) -> float:
-        """Peak signal-to-noise ratio in dB, infinite if exact; the peak is the white of the type, 1 for floats."""
-        return float(psnr(self.mse, peak(self.palette.dtype)))
+        """Peak signal-to-noise ratio in dB, infinite if exact.
+
+        The peak is the white of the type; for floating point it is 1, or the range of a palette that leaves 0..1.
+        """
+        return float(psnr(self.mse, white_among(self.palette)))

@@ -26,7 +26,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, Row, SpaceName
 from cvtimg._shared.notebooks import drawn
-from cvtimg._shared.pixels import array_of, peak
+from cvtimg._shared.pixels import array_of, white_among
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
 from cvtimg._shared.types import Floats, ImageLike
 from cvtimg.colors.places import to_places
@@ -318,7 +318,7 @@ def _weighted(
         counted = samples if isinstance(samples, ColorSamples) else color_samples(samples)
         n_channels = counted.colors.shape[1]
         plain = space == "rgb" and not counted.alpha
-        scale = Scale(float(counted.density.sum() * n_channels), peak(counted.colors.dtype) if plain else None)
+        scale = Scale(float(counted.density.sum() * n_channels), white_among(counted.colors) if plain else None)
         places = to_places(counted.colors, space, counted.alpha)
         return WeightedSamples(places, counted.density, counted.in_order), scale, False
     rows = check_rows("samples", samples)

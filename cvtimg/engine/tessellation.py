@@ -46,6 +46,10 @@ from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond,
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
 from cvtimg.files.whole import StrPath
 
+#: Fraction by which labels of float32 may raise the energy of colors, which one far away does by more; less takes
+#: float64, twice as slow, for thousands of colors in spaces of floats, too.
+_LOSS_OF_COLORS = 1e-3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tessellation(ReadOnly):
@@ -221,15 +225,22 @@ def _tessellate_line(line: Line, weights: Floats, asked: _Asked) -> Tessellation
 
 
 def _tessellate_colors(samples: WeightedSamples, asked: _Asked) -> Tessellation:
-    """Tessellate colors, whose range float32 always suffices for."""
+    """Tessellate colors in float32, or as rows where it cannot hold those near each other beside one far away."""
+    asked_of_colors = asked._replace(effort=replace(asked.effort, evolution=None))
     points = pack(samples.rows, samples.density, in_order=samples.in_order)
-    end, _, _ = _descended(points, asked._replace(effort=replace(asked.effort, evolution=None)))
+    try:
+        end, _, _ = _descended(points, asked_of_colors)
+    except TooFewSamplesError:  # that differ in float32
+        return _tessellate_rows(samples.rows, samples.density, asked_of_colors, in_order=samples.in_order)
     labels = end.labels_of(points)
     masses, sums = cell_moments(points, labels, asked.n_generators)
     parts = cell_energies(points, end.generators, labels)
     moments = RowMoments(masses, sums, parts / points.frame.scale / points.frame.scale)
     places = points.frame.outward(end.generators)
     result = _result(end, places, labels[: points.n_points], moments, asked.volume_power, points.frame)
+    is_short = samples.rows.dtype in (np.uint8, np.uint16)  # whose values and differences float32 holds
+    if not (is_short or asked.watch.stopped or float32_suffices(points, float(parts.sum()), _LOSS_OF_COLORS)):
+        return _tessellate_rows(samples.rows, samples.density, asked_of_colors, in_order=samples.in_order)
     return proven(result, samples.rows, samples.density, asked.to_nearest)
 
 

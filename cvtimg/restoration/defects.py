@@ -26,6 +26,8 @@ _ALONE, _NEAR = 0.25, 2.0
 #: Ranges of what is around by which lone pixels stand out, and by which many of them must: of what stands out by one in
 #: 24 photographs, and in lights of a width of .5 pixels, no more than this part does so by as many, and none in wider.
 _LONE, _FAR, _RARELY = 2.0, 3.0, 0.05
+#: Ranges by which a single one stands out: the narrowest light, of a width of .35 pixels, has 1 / 64 of it in the next.
+_BY_ITSELF = 64
 #: Correlation of the offsets of rows in the left and in the right half, from which on they are those of the rows.
 _ALIKE = 0.6
 #: Pixels above and below with which rows are compared, and columns of which each tells their offset.
@@ -131,6 +133,7 @@ def _lone(bands: Floats32, around: Floats32) -> Bools | None:
         return None  # drawn: any dot is true
     unit = spread + usual + np.float32(np.nanmax(bands) - np.nanmin(bands)) / 64
     for apart in (bands - high, low - bands):
+        hits |= (apart > _BY_ITSELF * (spread + usual)).any(axis=2)
         out, lone, most = ((apart > times * unit).any(axis=2) for times in (1, _LONE, _FAR))
         n = np.count_nonzero(most)
         if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > unit]):

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import array_of, peak, white_of
+from cvtimg._shared.pixels import array_of, peak, usual_range, white_of
 from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.colors.places import has_alpha
@@ -27,6 +27,8 @@ from cvtimg.colors.spaces import to_space
 _SIDE, _LARGEST = 8, 512
 #: What is rounded for the second time loses less: this factor of its variance was lost the first time.
 _FIRST_TIME = 1.3
+#: Largest floating point, and one by the least: powers of more are beyond what float32 holds.
+_OF_FLOATS = 1e17
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,8 +194,9 @@ class Versions:
     @property
     def rounding(self) -> float:
         """Standard deviation that no noise is taken to be below: a level of 8 bits, of the range that is used."""
+        # Hot pixels, and numbers that stand for no data, are not in that range.
         span = max(float(values.max()) for values in self.stack) - min(float(values.min()) for values in self.stack)
-        return (span or 1.0) / 256
+        return (min(span, 2 * usual_range(*self.stack) or span) or 1.0) / 256
 
     def level(self, space: SpaceName) -> float:
         """Return an 8-bit level in the units of the first version's color space, which `space` names."""
@@ -284,6 +287,12 @@ def _read(
         inside = np.asarray(mask) != 0
         check_shape(f"masks[{number}]", inside.shape, inside.shape == known.shape, f"{known.shape}, as the version")
         known &= inside
+    if values.dtype.kind == "f" and known.any():
+        size = float(np.abs(values[known]).max())
+        within = size == 0 or 1 / _OF_FLOATS < size < _OF_FLOATS
+        check_that(
+            f"images[{number}] of values up to {size:g}", within, f"have a size of {1 / _OF_FLOATS:g} to {_OF_FLOATS:g}"
+        )
     return values, known
 
 

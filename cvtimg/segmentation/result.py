@@ -242,6 +242,6 @@ def sorted_ends(
     generators = values.to_picture(means + values.center)
     new_label = dark_to_bright(generators, masses)
     order = in_order(new_label)
-    unit = values.unit**2
+    unit = np.square(values.unit)
     found = {"energy": energy / unit, "energies": tuple(one / unit for one in energies)}
     return new_label, {"generators": generators[order], "masses": masses[order], **found}

@@ -1,9 +1,9 @@
 """An image, or the part of it inside a mask, as values in a color space: what is segmented.
 
-Values do not depend on the type of the image: white is 255 in every space, as in an 8-bit image, and evenly spaced
-samples are converted to their levels first, the smallest whole numbers that distinguish them. An 8-bit image keeps its
-levels whatever type holds it: 16-bit integers 257 times as large, or floating point in 0..1. Results computed from the
-levels are then identical to the last bit.
+Values do not depend on the type of the image: white, which is the range of floating point that leaves 0..1, is 255 in
+every space, as in an 8-bit image, and evenly spaced samples are converted to their levels first, the smallest whole
+numbers that distinguish them. An 8-bit image keeps its levels whatever type holds it: 16-bit integers 257 times as
+large, or floating point in 0..1. Results computed from the levels are then identical to the last bit.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_partial_image
+from cvtimg._shared.checks import check_partial_image, check_that
 from cvtimg._shared.choices import SpaceName
-from cvtimg._shared.pixels import peak
+from cvtimg._shared.pixels import peak, usual_range, white_among
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import SPACES, from_space, to_space
@@ -37,11 +37,7 @@ class PictureValues:
     spacing: Spacing  # of the samples whose levels, in "rgb", those colors are
     space: SpaceName  # the color space
     dtype: np.dtype[np.generic]  # type of the image
-
-    @property
-    def unit(self) -> float:
-        """The value of 1 in the units of the image or, in another space, of that space."""
-        return unit_of(self.space, self.dtype)
+    unit: float  # the value of 1 in the units of the image or, in another space, of that space
 
     def field(self) -> Floats32:
         """(H, W, D) values about their `center`; 0 outside the mask."""
@@ -104,17 +100,24 @@ def from_nearest(pixels: Array, known: Bools) -> Array:
     return pixels[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
 
 
-def unit_of(space: SpaceName, dtype: np.dtype[np.generic]) -> float:
-    """Return the value of 1 in the units of images of this type or, in another space, of that space."""
-    return 255 / (peak(dtype) if space == "rgb" else SPACES[space].white)
-
-
 def picture_values(image: ImageLike, space: SpaceName, mask: ArrayLike | None) -> PictureValues:
     """Convert an image to a color space; pixels with NaN or infinity in any band are outside the mask."""
     array, inside = check_partial_image("image", image, mask)
     rows = array.reshape(inside.size, -1) if inside.all() else array[inside]
+    _check_together(rows)
     levels, spacing = to_levels(rows)
     return values_of(color_samples(levels[None]), inside, space, array.dtype, spacing)
+
+
+def _check_together(samples: Array) -> None:
+    """Refuse floating point of which a few values are so far from the others that float32 cannot hold these."""
+    if samples.dtype.kind != "f":
+        return
+    low, high = float(samples.min()), float(samples.max())
+    most = usual_range(samples)
+    is_lost = 0 < most < 2.0**-15 * (high - low)  # fewer than 256 levels of float32
+    values = f"image in {low:g}..{high:g}, most of it within {most:.3g},"
+    check_that(values, not is_lost, "not have values so far from the others; a mask or nodata leaves them out")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,9 +149,13 @@ def values_of(
 ) -> PictureValues:
     """Return the values of distinct colors, which are levels of samples in the units of the image."""
     if space == "rgb":
-        return PictureValues(inside, samples, spacing.step * 255 / (spacing.white * peak(dtype)), spacing, space, dtype)
-    places = to_space(spacing.samples(samples.colors) / peak(dtype), space) * unit_of(space, dtype)
-    return PictureValues(inside, replace(samples, rows=places), 1.0, spacing, space, dtype)
+        limits = spacing.samples(np.array([samples.colors.min(), samples.colors.max()]))
+        white = white_among(limits) if dtype.kind == "f" else peak(dtype)
+        scale = spacing.step * 255 / (spacing.white * white)
+        return PictureValues(inside, samples, scale, spacing, space, dtype, 255 / white)
+    unit = 255 / SPACES[space].white
+    places = to_space(spacing.samples(samples.colors) / peak(dtype), space) * unit
+    return PictureValues(inside, replace(samples, rows=places), 1.0, spacing, space, dtype, unit)
 
 
 def to_levels(samples: Array) -> tuple[Array, Spacing]:

@@ -146,5 +146,17 @@ RELATIONS = (
         Relation(verb, "hidden colors", with_holes, of_seen(result), noisy_below, follows, since="2026-11-28")
         for verb, (result, follows) in OF_HOLES.items()
     ]
+    + [
+        Relation(
+            "quantize",
+            "a far row",
+            lambda rng: gray_picture(rng).astype(float),
+            lambda image: cvtimg.quantize(image, 5).palette[:5],
+            lambda image: np.vstack([image, np.full((1, image.shape[1]), 1e20)]),
+            close(1e-6),
+            since="2026-11-28",
+            rival=lambda image: cvtimg.quantize(image, 6).palette[:5],
+        )
+    ]
 )
 test_a_result_follows_its_picture, test_a_result_follows_any_picture = quick_and_wide(RELATIONS)

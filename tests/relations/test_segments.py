@@ -106,6 +106,18 @@ RELATIONS = [
     *(
         Relation(
             "segment",
+            f"floats times 2^{power}",
+            lambda rng: gray_picture(rng).astype(float),
+            lambda image: segment(image, "auto").labels,
+            lambda image, power=power: image * 2.0**power,  # type: ignore[misc]
+            np.testing.assert_array_equal,
+            since="2026-11-28",
+        )
+        for power in (-40, 30)
+    ),
+    *(
+        Relation(
+            "segment",
             f"a volume with its {name} turned over",
             lambda rng: np.stack([gray_picture(rng, (18, 18)) for _ in range(6)]),
             of_volume,

@@ -112,6 +112,12 @@ def with_flat(case: Case) -> Case:
     return case[0], [*case[1], np.full_like(case[1][0], 37)]
 
 
+def with_hot_pixel(version: Array) -> Array:
+    hot = version.astype(float)
+    hot[30, 41] = 1e6
+    return hot
+
+
 def as_shorts(case: Case) -> Array:
     """(H, W, C) what is restored of values of 16 bits, in levels of 8 bits."""
     return restored((case[0], [version * np.uint16(257) for version in case[1]])) / 257
@@ -160,6 +166,7 @@ RELATIONS = [
     Relation("denoise", "bands permuted", ONE, error, reversed_bands, close(0.03), SINCE, "other patches are alike"),
     Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
+    Relation("denoise", "a hot pixel", ONE, error, each(with_hot_pixel), close(0.1), LATER, "what is near is filled"),
     Relation("denoise", "its own output", ONE, again, as_it_is, not_above(1.1), LATER, "details go", error),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
