@@ -82,7 +82,7 @@ def quantize(given: Given) -> Todo:
     plan = plan_of(given, partial(_name, given=given), joined=joined, beside=beside)
     if given.in_place and not _may_replace(plan, given):
         return lambda: 1
-    how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes else "error"}
+    how = given.arguments | {"overwrite": given.overwrite, "goal": "eyes" if for_eyes and not chosen else "error"}
     palette = how.pop("palette", None)
     if given.shared_palette and not given.dry_run:
         running = running_of(given)

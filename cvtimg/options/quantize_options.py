@@ -100,7 +100,7 @@ QUANTIZE = (
         "goal",
         Choice(get_args(GoalName)),
         "What the result is for: error, the least squared error, or eyes, a small file that looks the same; by default "
-        "eyes if nothing else says what is wanted.",
+        "eyes for pictures, and error for measurements, if nothing else says what is wanted.",
         metavar="NAME",
         excludes=("number=auto", "psnr"),
     ),

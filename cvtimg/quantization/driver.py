@@ -135,6 +135,12 @@ class QuantizeOptions:
     n_matches: int | None = None
     keeps_exact: bool = True
 
+    @property
+    def has_aim(self) -> bool:
+        """Whether anything tells what is wanted."""
+        aims = (self.n_colors, self.psnr, self.max_bytes, self.palette, self.quality)
+        return self.goal == "eyes" or any(aim is not None for aim in aims)
+
     def aimed(self) -> QuantizeOptions:
         """Return what the goal and the quality stand for."""
         if check_choice("goal", self.goal, get_args(GoalName)) == "error" and self.quality is None:

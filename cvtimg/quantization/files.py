@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import with_mark
+from cvtimg._shared.pixels import AlphaArray, peak, with_mark
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, read_metadata
@@ -23,6 +23,7 @@ from cvtimg.pictures.tiles import TILED_SUFFIXES, needs_tiles
 from cvtimg.quantization.dithering import blue_noise_mask
 from cvtimg.quantization.driver import QuantizeOptions, quantized
 from cvtimg.quantization.images import PictureSource
+from cvtimg.quantization.looks import MAX_ENTRIES
 from cvtimg.quantization.series import QuantizedSeries, SeriesSource
 from cvtimg.quantization.tiled import TiledSource
 
@@ -134,8 +135,10 @@ def quantize_file(
         The suffix selects the format; of an image in tiles, .tif, .tiff or .zarr. Up to 256 colors of 8 bits are
         written indexed where the format allows. A TIFF keeps the georeference.
     how : QuantizeOptions
-        What is wanted. Given colors of 8 or 16 bits are brought to the depth of the image. An indexed image of at most
-        `n_colors` colors keeps its palette. The bytes that count are those of the target.
+        What is wanted; if nothing is said, the goal "eyes" for shades as screens show them, and for measurements, such
+        as heights, counts of few bits of 16 and what leaves 0..1, 256 colors of least error. Given colors of 8 or 16
+        bits are brought to the depth of the image. An indexed image of at most `n_colors` colors keeps its palette.
+        The bytes that count are those of the target.
     reading : Reading
         What of the file is quantized.
     writing : Writing
@@ -167,9 +170,10 @@ def quantize_file(
     """
     target, lap = Path(target), on_stage or (lambda stage: None)
     smallest = how.n_colors is None and how.palette is None  # no index is asked for
-    how = replace(how, suffix=target.suffix.lower()).aimed()
-    smallest = smallest and how.goal == "eyes"
-    how.check(weights=reading.weights)
+    how = replace(how, suffix=target.suffix.lower())
+    if how.has_aim:
+        how = how.aimed()
+        how.check(weights=reading.weights)
     in_tiles = needs_tiles(source, target) if reading.tiles is None else reading.tiles
     keep_profile = writing.keep_metadata and how.palette is None and how.locked is None  # given colors are in sRGB
     stack = open_stack(
@@ -181,6 +185,13 @@ def quantize_file(
         keep_profile=keep_profile,
         max_pixels=reading.max_pixels,
     )
+    if not how.has_aim:
+        how = replace(how, goal="eyes").aimed() if _for_screens(stack) else replace(how, n_colors=MAX_ENTRIES)
+        if how.goal == "error":
+            warn(
+                f"measurements, not shades of a screen: {MAX_ENTRIES} colors of least error; see goal='eyes'"
+            )
+    smallest = smallest and how.goal == "eyes"
     _check_fit(stack, target, how, reading, writing)
     if how.suffix == ".gif":
         stack = _without_half_transparency(stack, reading)
@@ -220,6 +231,20 @@ def quantize_file(
     _write_palette(writing, result)
     lap("write")
     return result
+
+
+def _for_screens(stack: Stack) -> bool:
+    """Whether samples are shades as screens show them: of 8 bits, or from 0 to white and not all nearly black."""
+    if stack.kind == "tiles":
+        return bool(stack.content.form.dtype == np.uint8)
+    image = stack.content if stack.kind == "image" else stack.content.images[0]
+    if image.dtype == np.uint8:
+        return True
+    colors = image[..., :-1] if isinstance(image, AlphaArray) else image
+    if stack.masks and stack.masks[0] is not None:
+        colors = colors[stack.masks[0]]
+    white, seen = peak(image.dtype), colors[np.isfinite(colors)]
+    return bool(seen.size and seen.min() >= 0 and white / 16 <= seen.max() <= white)
 
 
 def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Reading, writing: Writing) -> None:
