@@ -134,7 +134,9 @@ def suffix_for(source: StrPath) -> str:
     with suppress(OSError):  # which is told when the file is read
         if suffix in (".gif", ".tif", ".tiff", ".npy"):
             info = image_info(source)
-            fits = info.kind == "image" and info.bits <= 16 and len(info.bands) - info.has_alpha in (1, 3)
+            is_signed = info.mode in ("I", "int8", "int16")
+            fits = info.bits <= 16 and not is_signed and len(info.bands) - info.has_alpha in (1, 3)
+            fits = fits and info.kind == "image"
             return ".png" if fits and info.geo_transform is None else suffix
     return ".png"
 

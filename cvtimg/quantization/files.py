@@ -188,9 +188,7 @@ def quantize_file(
     if not how.has_aim:
         how = replace(how, goal="eyes").aimed() if _for_screens(stack) else replace(how, n_colors=MAX_ENTRIES)
         if how.goal == "error":
-            warn(
-                f"measurements, not shades of a screen: {MAX_ENTRIES} colors of least error; see goal='eyes'"
-            )
+            warn(f"measurements, not shades of a screen: {MAX_ENTRIES} colors of least error; see goal='eyes'")
     smallest = smallest and how.goal == "eyes"
     _check_fit(stack, target, how, reading, writing)
     if how.suffix == ".gif":
