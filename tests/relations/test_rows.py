@@ -78,7 +78,7 @@ def from_generators(rows: Rows) -> float:
 
 def shares(rows: Rows, **how: Any) -> Rows:
     """Return the energies of up to five clusters as shares of that of one; a sixth may divide any of these."""
-    energies = energy_curve(rows, 6, **how).energies[:5]
+    energies = energy_curve(rows, 6, effort="balanced", **how).energies[:5]
     return energies / energies[0]
 
 
