@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -90,14 +89,11 @@ def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float
 
 def spread(blocks: Floats32, shape: tuple[int, ...]) -> Floats32:
     """Interpolate between the centers of blocks, of which the last one along an axis may be cut off."""
-    across, down, *along = (_shares(length, n) for length, n in zip(shape[::-1], blocks.shape[::-1], strict=True))
-    for shares in along:
-        blocks = np.tensordot(shares, blocks, 1)
-    return np.asarray(down @ blocks @ across.T)
-
-
-@lru_cache(maxsize=8)
-def _shares(length: int, n_blocks: int) -> Floats32:
-    """Return the share of each block in each of the pixels along an axis."""
-    at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
-    return np.maximum(1 - np.abs(at[:, None] - np.arange(n_blocks)), 0).astype(np.float32)
+    for axis, length in enumerate(shape):
+        n_blocks = blocks.shape[axis]
+        at = np.clip((np.arange(length) + 0.5) / -(-length // n_blocks) - 0.5, 0, n_blocks - 1)
+        after = np.ceil(at).astype(np.intp)
+        shares = (after - at).astype(np.float32).reshape(-1, *(1,) * (len(shape) - axis - 1))
+        last = blocks.take(after, axis)
+        blocks = last + shares * (blocks.take(np.floor(at).astype(np.intp), axis) - last)
+    return blocks
