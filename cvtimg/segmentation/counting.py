@@ -56,10 +56,12 @@ class Settings:
     significant: float = 4.0  # times the noise that the blur leaves, by which objects differ from the background
     above_noise: float = 5.0  # the same for pixels of a dim object
     dimmest: float = 0.15  # contrast of the dimmest objects
+    speck: int = 5  # pixels, at most, that a single one becomes by the least blur; more takes small dots for noise
     n_peels: int = 3  # how often brighter objects are taken away
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
     convex: float = 0.93  # of its hull, what one object fills; two discs that overlap by a sixth of their width do
     full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
+    spots: float = 0.001  # share of what lies deep in objects that is no part of them; more takes texture for gaps
     depth: float = 0.015  # of saddles, in the logarithm of the distance ...
     offset: float = 0.7  # ... plus this, in pixels
     blur_of_distance: float = 0.8  # pixels; corners of pixels make maxima
@@ -179,7 +181,8 @@ def count_objects(
     del gray
     radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
-    if not radius or not _are_two(contrast, inside) or SETTINGS.significant * white >= 1:
+    is_noise = SETTINGS.significant * white >= 1 or _are_impulses(contrast, inside)
+    if not radius or is_noise or not _are_two(contrast, inside):
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
@@ -374,6 +377,17 @@ def _are_two(contrast: Floats32, inside: Bools) -> bool:
     return bool(np.count_nonzero(np.abs(values - 0.5) < width) < most)
 
 
+def _are_impulses(contrast: Floats32, inside: Bools) -> bool:
+    """Tell whether what stands out is as small as pixels, and as many pieces are below the ground as above it."""
+    from scipy.ndimage import label
+
+    pieces, above = label((contrast > 0.5) & inside)
+    if not above or np.median(np.bincount(pieces.ravel())[1:]) > SETTINGS.speck:
+        return False
+    below = label((contrast < -SETTINGS.dimmest) & inside)[1]
+    return bool(above - below <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
+
+
 def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
@@ -431,8 +445,9 @@ def split(
     if fine > 1:
         contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
-    objects = _peeled(np.where(inside, contrast, np.float32(0)), threshold, max(radius * fine * SETTINGS.thin, 1), size)
-    distance = _distance(objects, size, fine)
+    thick = max(radius * fine * SETTINGS.thin, 1)
+    objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, thick, size)
+    distance = _distance(objects & (shares >= _level_of_necks(objects, shares, size)), size, fine)
     if necks.depth == np.inf:
         parts = np.asarray(label(objects)[0], np.int32)
     elif necks.depth is not None:
@@ -442,6 +457,15 @@ def split(
         if parts.ndim == 2:
             parts = join_at_ripples(parts, distance * fine, necks.ripples, fine)
     return parts[(slice(None, None, fine),) * contrast.ndim]
+
+
+def _level_of_necks(objects: Bools, shares: Floats32, size: tuple[float, ...]) -> float:
+    """Return the share of contrast halfway between outlines and what lies deep in objects: there, gaps are open."""
+    from scipy.ndimage import distance_transform_edt
+
+    away = distance_transform_edt(objects, size)[objects]
+    deep = shares[objects][away > np.median(away)] if away.size else away
+    return 0.5 * (0.5 + float(np.clip(np.quantile(deep, SETTINGS.spots), 0.5, 1))) if deep.size else 0.5
 
 
 def _distance(objects: Bools, size: tuple[float, ...], fine: int = 1) -> Floats32:
@@ -459,22 +483,25 @@ def _at_necks(distance: Floats32, objects: Bools) -> Ints:
     return split_at_saddles(height, objects, SETTINGS.depth)
 
 
-def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[float, ...]) -> Bools:
-    """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave."""
+def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[float, ...]) -> tuple[Bools, Floats32]:
+    """Return the pixels of objects at half of the contrast of each: bright ones first, then what they leave.
+
+    And of each pixel its share of the contrast of the piece of which it is; half, where it is none.
+    """
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
-    rest, found = contrast > min(threshold, 0.5), np.zeros(contrast.shape, np.bool_)
+    rest, shares = contrast > min(threshold, 0.5), np.full(contrast.shape, np.float32(0.5))
     for _ in range(SETTINGS.n_peels):
-        pieces, n_pieces = label(rest)
         if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
             break
+        pieces, n_pieces = label(rest)
         levels = np.append(np.inf, median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
         core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
-        found |= core
+        shares[core] = contrast[core] / levels[pieces[core]]
         # What is left counts where it is thick: in balls of this radius.
         kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > radius
         rest = distance_transform_edt(~kernels, size) <= radius if kernels.any() else kernels
-    return _whole(found)
+    return _whole(shares > 0.5), shares
 
 
 def _whole(objects: Bools) -> Bools:

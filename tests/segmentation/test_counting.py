@@ -84,9 +84,9 @@ def test_the_background_can_be_named() -> None:
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (60, 50)])
 def test_nothing_is_found_where_there_is_nothing(shape: tuple[int, int]) -> None:
-    for image in (np.zeros(shape, np.uint8), np.random.default_rng(1).normal(0, 1, (60, 50))):
-        found = count_objects(image)
-        assert (found.n_segments, int(found.labels.max())) == (0, 0)
+    rng = np.random.default_rng(1)
+    for image in (np.zeros(shape), rng.normal(0, 1, (60, 50)), rng.choice([0, 9, 18], (60, 50), p=[0.02, 0.96, 0.02])):
+        assert not count_objects(image).labels.any()
     assert count_objects(np.full((3, *shape), 7, np.uint8), spacing=(1, 1, 1)).n_segments == 0
 
 
@@ -118,7 +118,7 @@ def test_what_is_measured_can_be_said() -> None:
 def test_doubtful_counts_say_why() -> None:
     half = pytest.warns(UserWarning, match="above half of the image")
     with half, pytest.warns(UserWarning, match="cover 9[0-9]% of what counts"):
-        count_objects(noisy(1.0 - drawn(0.4), 0.05), background="darkest")
+        count_objects(noisy(1.0 - drawn(0.3), 0.05), background="darkest")
     volume = np.stack([noisy(drawn(), 0.1) * (1 < plane < 5) for plane in range(7)])
     with pytest.warns(UserWarning, match="objects are flat, 3 planes"):
         count_objects(volume, spacing=(1, 1, 1))
