@@ -98,11 +98,6 @@ def error_of_neighbors(case: Case) -> float:
     return error_of(median_filter(case[1][0], (3, 3, 1)), case)
 
 
-def again(case: Case) -> float:
-    """Mean squared error when what is restored is restored once more, in squared levels."""
-    return error((case[0], [restored(case)]))
-
-
 def first_band(case: Case) -> Array:
     """(H, W) first band of what is restored; the only one of a gray picture."""
     return restored(case).reshape(SIDE, SIDE, -1)[:, :, 0]
@@ -167,7 +162,6 @@ RELATIONS = [
     Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
     Relation("denoise", "a hot pixel", ONE, error, each(with_hot_pixel), close(0.1), LATER, "what is near is filled"),
-    Relation("denoise", "its own output", ONE, again, as_it_is, not_above(1.1), LATER, "details go", error),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
 ] + [
