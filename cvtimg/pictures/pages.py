@@ -263,7 +263,7 @@ def write_pages(
         for image in given.images:
             check_indexed(image, palette)
     with writing(path, overwrite=overwrite) as file:
-        _encode(file, given, palette)
+        encode_pages(file, given, palette)
 
 
 def _decode_all(file: BinaryIO) -> _Decoded:
@@ -366,7 +366,7 @@ def _by_pillow(file: BinaryIO, numbers: Sequence[int]) -> list[Array]:
     return images
 
 
-def _encode(file: BinaryIO, pages: Pages, palette: Bytes | None) -> None:
+def encode_pages(file: BinaryIO, pages: Pages, palette: Bytes | None) -> None:
     """Write pages, following the conventions of ImageJ or OME if `pages.kind` says so."""
     kind, images = pages.kind, pages.images
     if palette is not None and kind:

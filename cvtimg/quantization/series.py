@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +21,7 @@ from cvtimg.engine.tessellation import Tessellation
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.formats.metadata import Metadata
 from cvtimg.pictures.frames import Frames, encode_frames, write_frames
-from cvtimg.pictures.pages import Pages, write_pages
+from cvtimg.pictures.pages import Pages, encode_pages, write_pages
 from cvtimg.quantization.driver import QuantizeOptions, Source, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES, Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
@@ -259,7 +260,12 @@ class SeriesSource(Source):
         self.images, self.n_pixels = frames.images, sum(samples.inverse.size for samples in self._samples)
 
     def size(self, result: QuantizedSeries) -> int:
-        """Return the bytes of its animation."""
+        """Return the bytes of its animation, or of its pages."""
+        if isinstance(self._frames, Pages):
+            content = io.BytesIO()
+            images, palette, alpha = self.stored(result).values()
+            encode_pages(content, replace(self._frames, images=tuple(images), has_alpha=bool(alpha)).parted(), palette)
+            return content.tell()
         frames, palettes = result.content
         return len(encode_frames(self._suffix, frames, palettes, self._metadata))
 
