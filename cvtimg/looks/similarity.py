@@ -21,6 +21,9 @@ from cvtimg.looks import _looks
 
 #: Each scale has half the width and height of the one before; smaller images have fewer.
 _N_SCALES, _LEAST_SIDE = 6, 8
+#: Sides from which on the content of images is judged as it is: with five scales quality is about that with six, with
+#: fewer as much as 60 points above or 25 below. Larger ones enlarge more images.
+_ENOUGH = 128
 #: A Gaussian of sigma 1.5.
 _BELL = np.exp(-(np.arange(-5, 6) ** 2) / 4.5)
 _BLUR = (_BELL / _BELL.sum()).astype(np.float32)
@@ -96,20 +99,20 @@ class Qualities:
     """The `content_quality` and the `visual_quality` of images against an original, which is prepared once."""
 
     def __init__(self, original: Array) -> None:
-        bands = np.asarray(original)
+        self._original, bands = original, _enlarged(original)
         seen_through = bands.ndim == 3 and has_alpha(bands.shape[2]) and (bands[..., -1] != peak(bands.dtype)).any()
         # In sRGB the error of a pixel is affine in what is behind it: no gray shows more of it than black or white.
         self._of_grounds = [VisualQuality(bands, ground) for ground in ((0.0, 1.0) if seen_through else (0.5,))]
-        self._original = bands
+        self._is_apart = seen_through or bands.shape != np.shape(original)
 
     def content(self, image: Array) -> float:
         """Return the quality of the content of an image."""
-        return min(quality.judged(image)[1] for quality in self._of_grounds)
+        bands = _enlarged(image)
+        return min(quality.judged(bands)[1] for quality in self._of_grounds)
 
     def whole(self, image: Array) -> float:
         """Return the quality of an image with its canvas, on gray."""
-        on_gray, *others = self._of_grounds
-        return VisualQuality(self._original)(image) if others else on_gray(image)
+        return (VisualQuality(self._original) if self._is_apart else self._of_grounds[0])(image)
 
 
 def visual_quality(original: Array, image: Array) -> float:
@@ -137,8 +140,9 @@ def content_quality(original: Array, image: Array) -> float:
 
     `visual_quality` is a mean over all pixels, so an empty canvas hides what befalls a small logo on it. Here errors
     are divided by the pixels near which the original is not of one color (in a window of 11 x 11 pixels, the reach of
-    the measure, at each of its scales): a wider canvas does not change the quality. Photographs without clipped areas
-    have the same quality by both. This is what `cvtimg.quantize` aims at for eyes.
+    the measure, at each of its scales): a wider canvas does not change the quality. Pixels of images of less than 128
+    pixels across, such as icons, are repeated until they have as many: of fewer scales the measure means little. Other
+    photographs without clipped areas have the same quality by both. This is what `cvtimg.quantize` aims at for eyes.
 
     Parameters
     ----------
@@ -154,6 +158,16 @@ def content_quality(original: Array, image: Array) -> float:
     True
     """
     return Qualities(original).content(image)
+
+
+def _enlarged(image: Array) -> Array:
+    """Repeat the pixels of a small image along each axis until it has enough."""
+    bands = np.asarray(image)
+    if bands.ndim not in (2, 3) or 0 in bands.shape:  # which is refused
+        return bands
+    for axis, side in enumerate(bands.shape[:2]):
+        bands = np.repeat(bands, -(-_ENOUGH // side), axis)
+    return bands
 
 
 def _score(total: float) -> float:

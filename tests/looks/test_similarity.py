@@ -48,10 +48,10 @@ def test_images_of_other_sizes_are_refused() -> None:
 
 
 def test_the_content_of_a_photograph_has_its_visual_quality_and_that_of_a_small_logo_is_worse() -> None:
-    cat = cvtimg.read_image("sample_images/chelsea.png")[:96, :128]
+    cat = cvtimg.read_image("sample_images/chelsea.png")[:128, :160]
     assert cvtimg.content_quality(cat, cat // 32 * 36) == pytest.approx(cvtimg.visual_quality(cat, cat // 32 * 36))
     canvas = np.full((400, 500, 3), 255, np.uint8)
-    canvas[:96, :128] = cat
+    canvas[:128, :160] = cat
     flat = np.where(canvas < 255, canvas // 32 * 36, 255)
     assert cvtimg.content_quality(canvas, flat) < cvtimg.visual_quality(canvas, flat) - 5
 

@@ -124,7 +124,7 @@ def test_what_stands_still_in_an_animation_does_not_flicker() -> None:
 
 def test_a_pan_of_few_colors_is_no_larger_than_its_frames_alone_and_reaches_a_low_quality(tmp_path: Path) -> None:
     strip = cvtimg.quantize(COFFEE, 24, dither="floyd-steinberg", **FAST).image
-    frames = Frames(tuple(strip[:120, 12 * n : 12 * n + 160] for n in range(3)), (80.0,) * 3, 0)
+    frames = Frames(tuple(strip[:128, 12 * n : 12 * n + 160] for n in range(3)), (80.0,) * 3, 0)
     how, sizes = QuantizeOptions(quality=60, engine=FAST), []
     for name, several in (("pan", frames.images), *((f"{n}", frames.images[n : n + 1]) for n in range(3))):
         cvtimg.pictures.write_frames(tmp_path / f"{name}.webp", Frames(several, (80.0,) * len(several), 0))
@@ -148,10 +148,10 @@ def test_of_a_range_of_qualities_of_an_animation_the_upper_end_is_reached_and_le
     frames = film(2)
     ranged = quantize_frames(frames, quality=(50, 60), **FAST)
     pairs = zip(frames.images, ranged.results, strict=True)
-    assert 60 <= np.mean([cvtimg.visual_quality(image, one.image) for image, one in pairs]) < 66
+    assert 60 <= np.mean([cvtimg.content_quality(image, one.image) for image, one in pairs]) < 66
     with pytest.warns(UserWarning, match=r"quality=90 is out of reach of 48 colors: \d\d\.\d"):
         best = quantize_frames(frames, 48, quality=(30, 90), **FAST)
-    with pytest.raises(ValueError, match=f"must be at most {best.quality:.1f} at its lower end, which 48 colors reach"):
+    with pytest.raises(ValueError, match=f"must be at most {best.content_quality:.1f} at its lower end, which 48 colors reach"):
         quantize_frames(frames, 48, quality=(85, 90), **FAST)
 
 
@@ -160,8 +160,14 @@ def test_the_quality_of_pages_is_the_mean(tmp_path: Path) -> None:
     cvtimg.pictures.write_pages(tmp_path / "a.tif", cvtimg.pictures.Pages(film(2).images, "Q", (2,), "", {}))
     pages = quantize_file(tmp_path / "a.tif", tmp_path / "b.tif", QuantizeOptions(quality=60, engine=FAST))
     assert pages.kind == "pages"
-    assert pages.quality is not None
-    assert 60 <= pages.quality < 66
+    assert pages.content_quality is not None
+    assert 60 <= pages.content_quality < 66
+
+
+@pytest.mark.parametrize("step", [8, 4])
+def test_icons_keep_their_pixels_whatever_a_mean_over_few_scales_says(step: int) -> None:
+    icon = COFFEE[: 16 * step : step, : 16 * step : step]
+    assert cvtimg.quantize(icon, goal="eyes").psnr > 35
 
 
 def test_gray_and_frames_and_masks() -> None:
