@@ -385,7 +385,7 @@ def _are_impulses(contrast: Floats32, inside: Bools) -> bool:
     if not above or np.median(np.bincount(pieces.ravel())[1:]) > SETTINGS.speck:
         return False
     below = label((contrast < -SETTINGS.dimmest) & inside)[1]
-    return bool(above - below <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
+    return bool(abs(above - below) <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
 
 
 def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:
