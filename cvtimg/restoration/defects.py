@@ -101,6 +101,8 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     if not any(_are_impulses(*of_end) for of_end in zip(alone, ends, n_others, strict=True)):
         return None
     least = 1.5 * np.quantile((high - low)[judged & ~ends[0] & ~ends[1]], _QUIET)  # three of them
+    # Where noise is cut off at the other end, that is what is around.
+    apart = np.where(judged, apart, np.abs(bands - np.where(ends[0], white, black)) * np.isfinite(around).all(axis=0))
     for end, level, n in zip(ends, (black, white), counts, strict=True):
         # More neighbors at the same end than chance puts there: what is there is true.
         share = min(2 * n / end.size, 0.5)
