@@ -88,17 +88,20 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     high = np.max(around, axis=0, initial=-np.inf, where=is_between)
     judged = is_between.sum(axis=0) >= _BETWEEN
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
-    # What stands out does so by more than the range of what is around.
-    stands_out = apart > np.maximum(high - low, (white - black) / np.float32(256))
-    alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
-    counts = [np.count_nonzero(one) for one in alone]
-    # Dithering stands out by a step of its levels, as a rule.
-    heights, half = [apart[one] for one in alone if one.any()], np.max(white - black) / 2
-    if not any(np.count_nonzero(own > half) > _ALONE * len(own) or _vary(own) for own in heights):
-        return None
-    n_below = np.count_nonzero(others & (bands < low))
-    n_others = n_below, np.count_nonzero(others) - n_below
-    if not any(_are_impulses(*of_end) for of_end in zip(alone, ends, n_others, strict=True)):
+    # What stands out does so by more than the range of what is around, or by twice that, where noise does so by once.
+    around_by = np.maximum(high - low, (white - black) / np.float32(256))
+    for stands_out in (apart > around_by, apart > _LONE * around_by):
+        alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
+        counts = [np.count_nonzero(one) for one in alone]
+        # Dithering stands out by a step of its levels, as a rule.
+        heights, half = [apart[one] for one in alone if one.any()], np.max(white - black) / 2
+        if not any(np.count_nonzero(own > half) > _ALONE * len(own) or _vary(own) for own in heights):
+            return None
+        n_below = np.count_nonzero(others & (bands < low))
+        n_others = n_below, np.count_nonzero(others) - n_below
+        if any(_are_impulses(one, end & judged, n) for one, end, n in zip(alone, ends, n_others, strict=True)):
+            break
+    else:
         return None
     least = 1.5 * np.quantile((high - low)[judged & ~ends[0] & ~ends[1]], _QUIET)  # three of them
     # Where noise is cut off at the other end, that is what is around.

@@ -25,7 +25,7 @@ from scipy.ndimage import uniform_filter
 from cvtimg._shared.progress import each
 from cvtimg._shared.threads import side_by_side
 from cvtimg._shared.types import Floats, Floats32, Indices
-from cvtimg.restoration.versions import Clipped, Versions
+from cvtimg.restoration.versions import Clipped, Versions, fill
 
 #: Sides of patches, of which the largest is taken that has enough for chance not to make their covariance: this number
 #: for each of their values. The last number is that of the pixels that are looked at, about.
@@ -188,7 +188,10 @@ class _Look:
         image = np.mean(bands, axis=0)
         values = image if len(bands) == 1 else np.subtract(*bands) * np.float32(np.sqrt(0.5))
         lost = np.max([versions.cut_off(number).mean(axis=2, dtype=np.float32) for number in numbers], axis=0)
-        lost[~versions.known[:, :, numbers].all(axis=2)] = np.inf
+        known = np.asarray(versions.known[:, :, numbers].all(axis=2))
+        lost[~known] = np.inf
+        if len(bands) == 1 and not known.all():  # for what a few holes may be in
+            values = image = fill(np.where(known[:, :, None], image, np.float32(0)), known.astype(np.float32))
         if versions.lines is not None:
             spread = np.sqrt(versions.noisiness(uniform_filter(image, (5, 5, 0))))[:, :, None]
             values = np.divide(values, spread, dtype=np.float32)
@@ -204,12 +207,15 @@ class _Look:
                     np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
                     for one in (self.values, self.image, self.lost)
                 )
+                holes = np.isinf(lost).mean(axis=(2, 3))
+                lost = np.minimum(lost, 1) if most else lost
                 share, cut_off = lost.mean(axis=(2, 3)), max(_CUT_OFF[side > _SIDES[0]], most)
                 if self.white and not sides and side < _SIDES[0]:  # too few are not cut off, by chance
                     cut_off = _CUT_OFF[int(np.median(np.append(share[share <= _CUT_OFF[1]], 0)) > cut_off)]
                 inside, enough = share <= cut_off, max(per_value * values[0, 0].size, _FEWEST)
                 if np.count_nonzero(inside) >= max(enough, (most > 0) * inside.size / 2):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
+                    patches /= np.sqrt(1 - holes[inside])[:, None, None, None]  # which are filled without noise
                     return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
         return None
 
@@ -281,7 +287,7 @@ def _covariance_of(versions: Versions, *numbers: int) -> Floats:
         return squares
     large = look.patches(_SIDES[0], per_value=1)
     if look.has_texture and len(squares) > 1 and (large is None or _QUIET * len(large[0]) < _FEWEST):
-        large = look.patches(_SIDES[0], per_value=1, most=_CUT_OFF[2])
+        large = look.patches(_SIDES[0], per_value=1, most=min(_CUT_OFF[2] + float(np.isinf(look.lost).mean()), 0.5))
     if large is not None and _QUIET * len(large[0]) >= _FEWEST and np.isfinite(squares).all():
         axes, powers = _flat(large[0], squares)
     elif look.has_texture or large or np.count_nonzero(look.lost == 0) < _FEWEST * len(squares):

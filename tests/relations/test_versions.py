@@ -86,11 +86,15 @@ def error_of_median(case: Case) -> float:
     return error_of(np.median(case[1], axis=0), case)
 
 
-def clean_but_for_impulses(rng: np.random.Generator) -> Case:
-    """Return a photograph, and it with a tenth of the pixels black or white."""
-    clean = ONE(rng)[0]
-    hit, ends = rng.random((SIDE, SIDE, 1)) < 0.1, rng.choice(np.uint8([0, 255]), (SIDE, SIDE, 1))
-    return clean, [np.where(hit, ends, clean)]
+def with_impulses(is_noisy: bool) -> Any:
+    """Return what makes a photograph, and it, or a noisy version, with a tenth of the pixels black or white."""
+
+    def inputs(rng: np.random.Generator) -> Case:
+        clean, noisy = ONE(rng)
+        hit, ends = rng.random((SIDE, SIDE, 1)) < 0.1, rng.choice(np.uint8([0, 255]), (SIDE, SIDE, 1))
+        return clean, [np.where(hit, ends, noisy[0] if is_noisy else clean)]
+
+    return inputs
 
 
 def error_of_neighbors(case: Case) -> float:
@@ -152,7 +156,8 @@ _RIVALS: list[tuple[str, str, Any, Any, Any, float]] = [
     ("denoise", "one version: itself", ONE, error, error_of_mean, 1),
     ("denoise", "three versions: their mean", THREE, error, error_of_mean, 1),
     ("denoise", "outliers: their median", lambda rng: with_passers_by(spoiled(5)(rng)), error, error_of_median, 1),
-    ("denoise", "impulses: a median", clean_but_for_impulses, error, error_of_neighbors, 0.25),
+    ("denoise", "impulses: a median", with_impulses(False), error, error_of_neighbors, 0.25),
+    ("denoise", "noise and impulses: a median", with_impulses(True), error, error_of_neighbors, 1),
     ("restore", "versions: their mean", flat_versions, error_in_flat_colors, error_of_mean, 1),
 ]
 RELATIONS = [
