@@ -164,10 +164,9 @@ def test_the_quality_of_pages_is_the_mean(tmp_path: Path) -> None:
     assert 60 <= pages.content_quality < 66
 
 
-@pytest.mark.parametrize("step", [8, 4])
-def test_icons_keep_their_pixels_whatever_a_mean_over_few_scales_says(step: int) -> None:
-    icon = COFFEE[: 16 * step : step, : 16 * step : step]
-    assert cvtimg.quantize(icon, goal="eyes").psnr > 35
+def test_icons_keep_their_pixels_whatever_a_mean_over_few_scales_says() -> None:
+    icons = (COFFEE[: 16 * step : step, : 16 * step : step] for step in (4, 8))
+    assert min(cvtimg.quantize(icon, goal="eyes").psnr for icon in icons) > 35
 
 
 def test_gray_and_frames_and_masks() -> None:

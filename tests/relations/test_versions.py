@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,15 +87,11 @@ def error_of_median(case: Case) -> float:
     return error_of(np.median(case[1], axis=0), case)
 
 
-def with_impulses(is_noisy: bool) -> Any:
-    """Return what makes a photograph, and it, or a noisy version, with a tenth of the pixels black or white."""
-
-    def inputs(rng: np.random.Generator) -> Case:
-        clean, noisy = ONE(rng)
-        hit, ends = rng.random((SIDE, SIDE, 1)) < 0.1, rng.choice(np.uint8([0, 255]), (SIDE, SIDE, 1))
-        return clean, [np.where(hit, ends, noisy[0] if is_noisy else clean)]
-
-    return inputs
+def with_impulses(rng: np.random.Generator, *, noisy: bool) -> Case:
+    """Return a photograph, and it, or a noisy version, with a tenth of the pixels black or white."""
+    clean, versions = ONE(rng)
+    hit, ends = rng.random((SIDE, SIDE, 1)) < 0.1, rng.choice(np.uint8([0, 255]), (SIDE, SIDE, 1))
+    return clean, [np.where(hit, ends, versions[0] if noisy else clean)]
 
 
 def error_of_neighbors(case: Case) -> float:
@@ -115,6 +112,11 @@ def with_hot_pixel(version: Array) -> Array:
     hot = version.astype(float)
     hot[30, 41] = 1e6
     return hot
+
+
+def error_of_floats(case: Case) -> float:
+    """Mean squared error of what is restored of floating point, in squared levels."""
+    return error(each(np.float64)(case))
 
 
 def as_shorts(case: Case) -> Array:
@@ -156,8 +158,8 @@ _RIVALS: list[tuple[str, str, Any, Any, Any, float]] = [
     ("denoise", "one version: itself", ONE, error, error_of_mean, 1),
     ("denoise", "three versions: their mean", THREE, error, error_of_mean, 1),
     ("denoise", "outliers: their median", lambda rng: with_passers_by(spoiled(5)(rng)), error, error_of_median, 1),
-    ("denoise", "impulses: a median", with_impulses(False), error, error_of_neighbors, 0.25),
-    ("denoise", "noise and impulses: a median", with_impulses(True), error, error_of_neighbors, 1),
+    ("denoise", "impulses: a median", partial(with_impulses, noisy=False), error, error_of_neighbors, 0.25),
+    ("denoise", "noise and impulses: a median", partial(with_impulses, noisy=True), error, error_of_neighbors, 1),
     ("restore", "versions: their mean", flat_versions, error_in_flat_colors, error_of_mean, 1),
 ]
 RELATIONS = [
@@ -166,7 +168,7 @@ RELATIONS = [
     Relation("denoise", "bands permuted", ONE, error, reversed_bands, close(0.03), SINCE, "other patches are alike"),
     Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
-    Relation("denoise", "a hot pixel", ONE, error, each(with_hot_pixel), close(0.1), LATER, "what is near is filled"),
+    Relation("denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.1), LATER, "it is filled"),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
     Relation("restore", "versions in another order", flat_versions, in_flat_colors, backwards, but_for_ties, LATER),
 ] + [
