@@ -32,7 +32,8 @@ _BY_ITSELF = 64
 _ALIKE = 0.6
 #: Pixels above and below with which rows are compared, and columns of which each tells their offset.
 _ABOUT, _PART = 9, 16
-#: Rounds in which offsets are found: all but the waves that are longer than what rows are compared with.
+#: Rounds in which lone pixels are found once there are some, and offsets: all but the waves that are longer than what
+#: rows are compared with.
 _ROUNDS = 4
 
 
@@ -136,13 +137,19 @@ def _lone(bands: Floats32, around: Floats32) -> Bools | None:
     spread, hits = high - low, np.zeros(bands.shape[:2], np.bool_)
     if not np.isfinite(spread).any() or (usual := np.nanquantile(spread, _QUIET)) == 0:
         return None  # drawn: any dot is true
-    unit = spread + usual + np.float32(np.nanmax(bands) - np.nanmin(bands)) / 64
+    step, are_many = usual + np.float32(np.nanmax(bands) - np.nanmin(bands)) / 64, False
     for apart in (bands - high, low - bands):
         hits |= (apart > _BY_ITSELF * (spread + usual)).any(axis=2)
-        out, lone, most = ((apart > times * unit).any(axis=2) for times in (1, _LONE, _FAR))
+        out, lone, most = ((apart > times * (spread + step)).any(axis=2) for times in (1, _LONE, _FAR))
         n = np.count_nonzero(most)
-        if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > unit]):
-            hits |= lone
+        if binom.sf(n - 1, np.count_nonzero(out), _RARELY) < _CHANCE and _vary(apart[apart > spread + step]):
+            hits, are_many = hits | lone, True
+    for _ in range(_ROUNDS if are_many else 0):  # those that are left, also two beside each other
+        rest = np.sort(_around(np.where(hits[:, :, None], np.float32(np.nan), bands)), axis=0)  # NaN last
+        n_known = np.isfinite(rest).sum(axis=0)
+        low, high = rest[1], np.take_along_axis(rest, np.maximum(n_known - 2, 0)[None], axis=0)[0]
+        apart = np.where(n_known >= _BETWEEN, np.maximum(bands - high, low - bands), 0)
+        hits |= (apart > _FAR * (high - low + step)).any(axis=2)
     return hits if hits.any() else None
 
 
