@@ -66,6 +66,7 @@ def superpixels(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from cvtimg import superpixels
     >>> image = np.zeros((40, 60), np.uint8)
     >>> image[:, 33:] = 200
