@@ -98,14 +98,15 @@ def peak(dtype: np.dtype[Any]) -> float:
 
 
 def white_among(samples: Array) -> float:
-    """Return the value of white among finite samples: `peak`, but their range where floating point is no share of it.
+    """Return the value of white among finite samples: `peak`, but what most use where floating point is no share of it.
 
     That is where it leaves 0..1, or where all of it would be black with 8 bits.
     """
     if samples.dtype.kind in "iu" or not samples.size:
         return peak(samples.dtype)
     low, high = float(samples.min()), float(samples.max())
-    return 1.0 if (low >= 0 and 1 / 255 <= high <= 1) or low == high else high - low
+    is_share = (low >= 0 and 1 / 255 <= high <= 1) or low == high
+    return 1.0 if is_share else usual_range(samples) or high - low
 
 
 def usual_range(*arrays: Array) -> float:

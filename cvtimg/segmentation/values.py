@@ -1,9 +1,10 @@
 """An image, or the part of it inside a mask, as values in a color space: what is segmented.
 
-Values do not depend on the type of the image: white, which is the range of floating point that leaves 0..1, is 255 in
-every space, as in an 8-bit image, and evenly spaced samples are converted to their levels first, the smallest whole
-numbers that distinguish them. An 8-bit image keeps its levels whatever type holds it: 16-bit integers 257 times as
-large, or floating point in 0..1. Results computed from the levels are then identical to the last bit.
+Values do not depend on the type of the image: white is 255 in every space, as in an 8-bit image, and evenly spaced
+samples are converted to their levels first, the smallest whole numbers that distinguish them. White of floating point
+that leaves 0..1 is the range that most of it uses. An 8-bit image keeps its levels whatever type holds it: 16-bit
+integers 257 times as large, or floating point in 0..1. Results computed from the levels are then identical to the last
+bit.
 """
 
 from __future__ import annotations
@@ -113,10 +114,10 @@ def _check_together(samples: Array) -> None:
     """Refuse floating point of which a few values are so far from the others that float32 cannot hold these."""
     if samples.dtype.kind != "f":
         return
-    low, high = float(samples.min()), float(samples.max())
-    most = usual_range(samples)
-    is_lost = 0 < most < 2.0**-15 * (high - low)  # fewer than 256 levels of float32
-    values = f"image in {low:g}..{high:g}, most of it within {most:.3g},"
+    low, middle, mean = float(samples.min()), float(np.median(samples)), float(samples.mean(dtype=np.float64))
+    # Values are held as parts of the range from the least one, and about their mean: in fewer levels than 8 bits have?
+    is_lost = 0 < (most := usual_range(samples)) < 2.0**-15 * max(middle - low, abs(mean - middle))
+    values = f"image in {low:g}..{float(samples.max()):g}, most of it within {most:.3g},"
     check_that(values, not is_lost, "not have values so far from the others; a mask or nodata leaves them out")
 
 
@@ -149,8 +150,7 @@ def values_of(
 ) -> PictureValues:
     """Return the values of distinct colors, which are levels of samples in the units of the image."""
     if space == "rgb":
-        limits = spacing.samples(np.array([samples.colors.min(), samples.colors.max()]))
-        white = white_among(limits) if dtype.kind == "f" else peak(dtype)
+        white = white_among(spacing.samples(samples.colors)) if dtype.kind == "f" else peak(dtype)
         scale = spacing.step * 255 / (spacing.white * white)
         return PictureValues(inside, samples, scale, spacing, space, dtype, 255 / white)
     unit = 255 / SPACES[space].white
