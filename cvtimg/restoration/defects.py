@@ -91,7 +91,11 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
     # What stands out does so by more than the range of what is around, or by twice that, where noise does so by once.
     around_by = np.maximum(high - low, (white - black) / np.float32(256))
-    for stands_out in (apart > around_by, apart > _LONE * around_by):
+    inside = judged & ~ends[0] & ~ends[1]
+    quiet = np.quantile((high - low)[inside], _QUIET) if inside.any() else 0.0  # 0 in drawings, where areas count
+    judged_ends = [end & judged for end in ends] if quiet else ends
+    for times in (1, _LONE) if quiet else (1,):
+        stands_out = apart > times * around_by
         alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
         counts = [np.count_nonzero(one) for one in alone]
         # Dithering stands out by a step of its levels, as a rule.
@@ -100,11 +104,11 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
             return None
         n_below = np.count_nonzero(others & (bands < low))
         n_others = n_below, np.count_nonzero(others) - n_below
-        if any(_are_impulses(one, end & judged, n) for one, end, n in zip(alone, ends, n_others, strict=True)):
+        if any(_are_impulses(*of_end) for of_end in zip(alone, judged_ends, n_others, strict=True)):
             break
     else:
         return None
-    least = 1.5 * np.quantile((high - low)[judged & ~ends[0] & ~ends[1]], _QUIET)  # three of them
+    least = 1.5 * quiet  # three of them
     # Where noise is cut off at the other end, that is what is around.
     apart = np.where(judged, apart, np.abs(bands - np.where(ends[0], white, black)) * np.isfinite(around).all(axis=0))
     for end, level, n in zip(ends, (black, white), counts, strict=True):
