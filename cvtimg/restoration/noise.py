@@ -207,15 +207,16 @@ class _Look:
                     np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
                     for one in (self.values, self.image, self.lost)
                 )
-                holes = np.isinf(lost).mean(axis=(2, 3))
-                lost = np.minimum(lost, 1) if most else lost
+                if most:
+                    holes, lost = np.isinf(lost).mean(axis=(2, 3)), np.minimum(lost, 1)
                 share, cut_off = lost.mean(axis=(2, 3)), max(_CUT_OFF[side > _SIDES[0]], most)
                 if self.white and not sides and side < _SIDES[0]:  # too few are not cut off, by chance
                     cut_off = _CUT_OFF[int(np.median(np.append(share[share <= _CUT_OFF[1]], 0)) > cut_off)]
                 inside, enough = share <= cut_off, max(per_value * values[0, 0].size, _FEWEST)
                 if np.count_nonzero(inside) >= max(enough, (most > 0) * inside.size / 2):
                     patches = np.moveaxis(values[inside], 1, 3).astype(np.float64)
-                    patches /= np.sqrt(1 - holes[inside])[:, None, None, None]  # which are filled without noise
+                    if most:  # others have none; they are filled without noise
+                        patches /= np.sqrt(1 - holes[inside])[:, None, None, None]
                     return patches, image[inside].mean(axis=(2, 3), dtype=np.float64)
         return None
 

@@ -23,6 +23,8 @@ from cvtimg.colors.spaces import SPACES, from_space, to_space
 from cvtimg.segmentation.local_means import in_even_light
 
 _MOST_LEVELS = 65535
+#: Part of the size of values in which float32 has 256 levels, as 8 bits have; more refuses more images.
+_LOST = 2.0**-15
 #: White of integers that floating point may stand for, which is 1 if it is from 0 to 1.
 _WHITES = (1, 255, 65535)
 
@@ -114,11 +116,14 @@ def _check_together(samples: Array) -> None:
     """Refuse floating point of which a few values are so far from the others that float32 cannot hold these."""
     if samples.dtype.kind != "f":
         return
-    low, middle, mean = float(samples.min()), float(np.median(samples)), float(samples.mean(dtype=np.float64))
-    # Values are held as parts of the range from the least one, and about their mean: in fewer levels than 8 bits have?
-    is_lost = 0 < (most := usual_range(samples)) < 2.0**-15 * max(middle - low, abs(mean - middle))
-    values = f"image in {low:g}..{float(samples.max()):g}, most of it within {most:.3g},"
-    check_that(values, not is_lost, "not have values so far from the others; a mask or nodata leaves them out")
+    low, high, most = float(samples.min()), float(samples.max()), usual_range(samples)
+    if not 0 < most < _LOST * (high - low):  # before what takes longer
+        return
+    middle, mean = float(np.median(samples)), float(samples.mean(dtype=np.float64))
+    # Values are held as parts of the range from the least one, and about their mean.
+    values = f"image in {low:g}..{high:g}, most of it within {most:.3g},"
+    are_held = most >= _LOST * max(middle - low, abs(mean - middle))
+    check_that(values, are_held, "not have values so far from the others; a mask or nodata leaves them out")
 
 
 @dataclass(frozen=True, slots=True)
