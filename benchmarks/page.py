@@ -27,7 +27,7 @@ from playwright.sync_api import Browser, sync_playwright
 sys.path.insert(0, str(ROOT / "tests"))
 from visits import Visit
 
-from cvtimg.explore.app import static_files
+from cvtimg.explore.app import STATIC
 
 #: Sizes of the pictures in pixels, by what they are called.
 SIZES = {"0.4": (768, 512), "2": (1732, 1155), "12": (4096, 3000)}
@@ -152,7 +152,7 @@ def main() -> None:
     columns = ("start", "opened", "drag median", "drag p95", "storm", "dithered drag", "exact")
     cells = [[row["megapixels"], *(f"{row[column]:.0f}" for column in columns), str(row["equal"])] for row in rows]
     print_table(f"Milliseconds; {machine()}", ["megapixels", *columns, "equal"], cells)
-    n_bytes = sum(len(path.read_bytes()) for path in static_files().values())
+    n_bytes = sum(len(path.read_bytes()) for path in STATIC.iterdir())
     goals = ", ".join(f"{name} {goal}" for name, goal in GOALS.items())
     print(f"\nThe page has {n_bytes} bytes. Requests to other machines: {sum(row['outside'] for row in rows)}.")
     print(f"To reach, in milliseconds: {goals}.")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
+import mimetypes
 import re
 import time
+import zipfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from io import BytesIO
@@ -17,36 +18,24 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from cvtimg._shared.choices import Json, SpaceName
 from cvtimg.colors import SPACES
-from cvtimg.explore.alternatives import WANTED, fitting, seen_quality
 from cvtimg.explore.channel import Channel
-from cvtimg.explore.collection import add_result
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.guard import ENTRANCE, Credentials, Guard
 from cvtimg.explore.opened import most_pixels
-from cvtimg.explore.pasted import settings_of
-from cvtimg.explore.presets import change_presets, presets
+from cvtimg.explore.outcomes import WANTED, fitting, seen_quality
+from cvtimg.explore.pasted import change_presets, presets, settings_of
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
-from cvtimg.explore.tabs import TABS, opened
+from cvtimg.explore.tabs import TABS, opened, requested
 
-_KINDS = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".png": "image/png",
-}
-_STATIC = Path(__file__).parent / "static"
-
-
-def static_files() -> dict[str, Path]:
-    """Return the files of the page by their addresses; no other file is ever sent."""
-    files = {f"/{path.name}": path for path in sorted(_STATIC.iterdir()) if path.suffix in _KINDS}
-    return {"/": files.pop("/index.html"), **files}
+#: The files of the page; no other file is ever sent.
+STATIC = Path(__file__).parent / "static"
+mimetypes.add_type("text/javascript", ".js")  # which Windows may call text
 
 
 class Server:
@@ -56,18 +45,19 @@ class Server:
         self.store = Store()
         self._own, self._paths, self._keep = credentials, paths, keep
         self._n_pages, self._last_used = 0, time.monotonic()
-        files = static_files()
-        routes: list[Any] = [Route(address, self._static(path)) for address, path in files.items()]
-        routes += [
+        routes: list[Any] = [
             Route(ENTRANCE, self._enter),
             Route("/about", self._about),
             Route("/thumbnail/{key}", self._thumbnail),
             Route("/all.zip", self._all),
-            Route("/forget", self._forget, methods=["POST"]),
             Route("/file/{result}/{output}", self._file),
             WebSocketRoute("/live", self._live),
         ]
-        store, described = self.store, self.store.described
+        store = self.store
+
+        def described(key: str) -> Json:
+            return store.entry(key).about
+
         asked: dict[str, Callable[..., Json]] = {
             "/picture/{key}": described,
             "/distinct/{key}": lambda key: {"distinct": store.picture(key).samples.n_colors},
@@ -78,8 +68,9 @@ class Server:
             "/picture": lambda name, content: described(store.open_sent(name, content).key),
             "/sample": lambda name, content: described(store.open_sent("sample.png", _sample()).key),
             "/palette": store.open_palette,
+            "/forget": lambda name, content: store.forget(),
             "/command": lambda name, content: settings_of(content.decode(errors="replace")),
-            "/all": lambda name, content: add_result(store, _understood(content)),
+            "/all": lambda name, content: _add_result(store, _understood(content)),
             "/presets": lambda name, content: self._presets(_understood(content)),
             "/resize": lambda name, content: self._resized(_understood(content)),
         }
@@ -87,19 +78,14 @@ class Server:
             Route(address, partial(self._answer, make), methods=["GET", "POST"]) for address, make in asked.items()
         ]
         routes += [Route(address, partial(self._take, use), methods=["POST"]) for address, use in sent.items()]
-        self.app = Guard(Starlette(routes=routes), credentials, files)
+        routes.append(Mount("/", StaticFiles(directory=STATIC, html=True)))
+        app = Starlette(routes=routes, exception_handlers={UnfitRequestError: _refused})
+        self.app = Guard(app, credentials, ["/", *(f"/{path.name}" for path in STATIC.iterdir())])
 
     @property
     def idle_seconds(self) -> float:
         """Seconds since the last page went; 0 while one is open."""
         return 0.0 if self._n_pages else time.monotonic() - self._last_used
-
-    def _static(self, path: Path) -> Callable[[Request], Any]:
-        async def send(request: Request) -> Response:
-            self._last_used = time.monotonic()
-            return Response(path.read_bytes(), media_type=_KINDS[path.suffix])
-
-        return send
 
     async def _enter(self, request: Request) -> Response:
         if not self._own.admit(request.query_params.get("token", "")):
@@ -121,10 +107,7 @@ class Server:
         return JSONResponse(about)
 
     async def _thumbnail(self, request: Request) -> Response:
-        try:
-            return Response(self.store.thumbnail(request.path_params["key"]), media_type="image/png")
-        except UnfitRequestError as error:
-            return PlainTextResponse(str(error), 422)
+        return Response(self.store.entry(request.path_params["key"]).thumbnail, media_type="image/png")
 
     async def _all(self, request: Request) -> Response:
         return FileResponse(self.store.archive, media_type="application/zip")
@@ -135,7 +118,7 @@ class Server:
         return change_presets(asked)
 
     async def _answer(self, make: Callable[..., Json], request: Request) -> Response:
-        return await _answered(lambda: make(**request.path_params))
+        return _json(await run_in_threadpool(make, **request.path_params))
 
     async def _take(self, use: Callable[[str, bytes], Json], request: Request) -> Response:
         """Take a file that a page sends, up to the limit."""
@@ -150,19 +133,15 @@ class Server:
             content += part
             if len(content) > MOST_BYTES:
                 return too_large
-        return await _answered(lambda: use(request.query_params.get("name", "image"), bytes(content)))
+        return _json(await run_in_threadpool(use, request.query_params.get("name", "image"), bytes(content)))
 
     def _given(self, number: int) -> Json:
         if number >= len(self._paths):
             raise UnfitRequestError("there is no such image")
-        return self.store.described(self.store.key_of(self._paths[number]))
+        return self.store.entry(self.store.key_of(self._paths[number])).about
 
     def _resized(self, asked: Json) -> Json:
-        return self.store.described(self.store.resized(opened(self.store, asked), asked.get("width")).key)
-
-    async def _forget(self, request: Request) -> Response:
-        self.store.forget()
-        return JSONResponse({})
+        return self.store.entry(self.store.resized(opened(self.store, asked), asked.get("width")).key).about
 
     def _curve(self, picture: str, space: SpaceName) -> Json:
         if space not in SPACES:
@@ -177,17 +156,16 @@ class Server:
 
     async def _file(self, request: Request) -> Response:
         outcome = self.store.result(request.path_params["result"])
-        if outcome is None:
-            return PlainTextResponse("this result is gone; change a setting to make it again", 404)
+        if outcome is None:  # whose size may be asked for just when another result begins
+            said = "this result is gone; change a setting to make it again"
+            return Response(status_code=204) if request.method == "HEAD" else PlainTextResponse(said, 404)
         output = request.path_params["output"]
         is_weighed = request.method == "HEAD" and re.match(r"o\.|\d", output) and fitting(outcome.image)
         try:
             named = await run_in_threadpool(outcome.file, output)
             quality = await run_in_threadpool(seen_quality, outcome.image, named[1]) if named and is_weighed else None
         except (OSError, ValueError, ImportError) as error:
-            return PlainTextResponse(str(error), 422)
-        except asyncio.CancelledError:
-            return _ended()
+            raise UnfitRequestError(str(error)) from error
         if named is None:
             return PlainTextResponse("there is no such file", 404)
         name, content = named
@@ -226,17 +204,34 @@ def _sample() -> bytes:
     return stream.getvalue()
 
 
-async def _answered(make: Callable[[], Json]) -> Response:
-    """Return what a function makes as JSON, or the reason why it cannot."""
+def _json(answer: Json) -> Response:
+    return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    return PlainTextResponse(str(error), 422)
+
+
+def _add_result(store: Store, asked: Json) -> Json:
+    """Add the file ``output`` that the settings of a tab make of a picture to the archive, which the ``first`` empties.
+
+    The archive lies on the disk, so that only one of them is in memory. Return the name of the file, and its size.
+    """
+    if asked.get("first"):
+        store.archive.unlink(missing_ok=True)
+    tab, request = requested(store, asked)
+    picture = Path(request.picture.name).name
     try:
-        made = await run_in_threadpool(make)
-    except UnfitRequestError as error:
-        return PlainTextResponse(str(error), 422)
-    except asyncio.CancelledError:
-        return _ended()
-    return Response(json.dumps(made, allow_nan=False), media_type="application/json")
-
-
-def _ended() -> Response:
-    """Return the answer of a server that ends, and waits no longer for what is computed."""
-    return PlainTextResponse("the server ends", 503)
+        file = tab.exact(request).file(str(asked.get("output")))
+    except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+        raise UnfitRequestError(f"{picture}: {tab.worded(str(error))}") from error
+    if file is None:
+        raise UnfitRequestError(f"{picture}: there is no such file of this picture")
+    name, content = file
+    stem, dot, suffix = name.partition(".")
+    with zipfile.ZipFile(store.archive, "a") as archive:  # files are compressed already
+        number = 2
+        while name in archive.namelist():  # pictures of two folders may have the same
+            name, number = f"{stem}-{number}{dot}{suffix}", number + 1
+        archive.writestr(name, content)
+    return {"name": name, "bytes": len(content)}

@@ -11,6 +11,7 @@ import asyncio
 import json
 import logging
 import math
+import secrets
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -24,10 +25,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cvtimg._shared.choices import Json
 from cvtimg._shared.messages import one_line
 from cvtimg._shared.progress import watched
-from cvtimg.explore.alternatives import fitting
 from cvtimg.explore.controls import UnfitRequestError
 from cvtimg.explore.layers import Window, packed
-from cvtimg.explore.outcomes import Outcome
+from cvtimg.explore.outcomes import Outcome, fitting
 from cvtimg.explore.store import Store
 from cvtimg.explore.tabs import EXACT_PIXELS, TABS, frame_of, opened, requested
 from cvtimg.explore.tabs.base import Request, Tab
@@ -157,40 +157,38 @@ class Channel:
             return
         tab, request = requested(self._store, asked, is_draft=lane == "draft")
         same = (tab.name, request.opened and request.source.key, request.settings)
+        last = self._last if self._last and self._last[0] == same else None
+        if lane == "exact" and not last:
+            self._last = self._store.newest = None  # two results of a large picture take much memory
 
-        def answered() -> bytes | str:
-            key, outcome = "", None
+        def answered() -> tuple[bytes | str, str, Outcome | None]:
             megapixels = math.prod(request.size) / 1e6 if request.opened else 0.0
             seconds = self._paces.get(tab.name, tab.pace) * megapixels
             about: Json = {"lane": lane, "recipes": _recipes(tab, request), "seconds": seconds}
-            if self._last and self._last[0] == same and (lane == "exact" or self._last[2].frames):
-                key, outcome = self._last[1:]
+            key, outcome = secrets.token_hex(8), None
+            if last and (lane == "exact" or last[2].frames):
+                _, key, outcome = last
             elif lane == "draft":
-                outcome = tab.draft(request)
+                key, outcome = "", tab.draft(request)
             else:
-                self._last = self._store.newest = None  # two results of a large picture take much memory
                 begun = time.monotonic()
                 outcome = tab.exact(request)
                 if megapixels:
                     self._paces[tab.name] = (time.monotonic() - begun) / megapixels
-                key = self._store.keep_result(outcome)
-                self._last = (same, key, outcome)
             if outcome is None:
-                return json.dumps({"seq": number, "none": True, **about})
+                return json.dumps({"seq": number, "none": True, **about}), "", None
             layer, facts = outcome.frames[frame_of(asked)] if outcome.frames else (outcome.layer, outcome.facts)
-            return packed(
-                number,
-                {**about, "facts": facts, "result": key, "lossy": fitting(outcome.image)},
-                layer,
-                request.window,
-                outcome.drawn,
-            )
+            about |= {"facts": facts, "result": key, "lossy": fitting(outcome.image)}
+            return packed(number, about, layer, request.window, outcome.drawn), key, outcome
 
         work = Work(answered)
         if lane == "exact":
             self._search = work
             await self._tell_shares(number, work)
-        reply = await work.result
+        reply, key, outcome = await work.result
+        if lane == "exact" and outcome:  # here, as a search that is overtaken may end after the newer one
+            self._last = (same, key, outcome)
+            self._store.keep_result(key, outcome)
         await (self._socket.send_text(reply) if isinstance(reply, str) else self._socket.send_bytes(reply))
 
     async def _tell_shares(self, number: int, work: Work[Any]) -> None:

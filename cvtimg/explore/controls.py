@@ -43,7 +43,7 @@ def number(text: str) -> float:
 
 
 #: What the page is not told of a control.
-_OWN = ("flag", "keyword", "to", "always", "suffix", "pattern", "check", "none")
+_OWN = ("flag", "keyword", "to", "always", "suffix", "none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,12 +230,11 @@ class Edits(Several):
     """Changes that are made on the picture, as texts in their order."""
 
     modes: Mapping[str, str]  # What the page offers, with its labels
-    check: Callable[[str], Any]  # Raises ValueError for a text that says no change
     most: int = 1000
 
     def parse_one(self, value: Any) -> str:
         try:
-            self.check(value)
+            Edit.parse(value)
         except (ValueError, TypeError, AttributeError) as error:
             raise UnfitRequestError(f"{self.label}: {error}") from error
         return str(value)
@@ -246,22 +245,19 @@ class Edits(Several):
 
 @dataclass(frozen=True, kw_only=True)
 class Brushed(Edits):
-    """A gray image of the size of the picture that is drawn on it by a brush, and that the command reads."""
+    """A mask that is drawn on the picture by a brush, white but for what is left out, and that the command reads."""
 
     kind = "edits"
-    values: Mapping[str, int]  # What each mode paints
-    base: int  # Value where nothing is painted
-    pattern: str  # Name of its file, with ``{}`` for the name of the picture without suffix
-    check: Callable[[str], Any] = Edit.parse
+    pattern: ClassVar[str] = "{}-mask.png"  # Name of its file, with ``{}`` for the name of the picture without suffix
 
     def words(self, value: object) -> list[str]:
         """Return nothing: the name of the file is known elsewhere."""
         return []
 
     def drawn(self, strokes: Sequence[str], size: tuple[int, int]) -> Bytes:
-        image = np.full(size, self.base, np.uint8)
+        image = np.full(size, 255, np.uint8)
         for stroke in map(Edit.parse, strokes):
-            brush(image, stroke.points, stroke.radius, self.values.get(stroke.kind, self.base))
+            brush(image, stroke.points, stroke.radius, 0 if stroke.kind == "erase" else 255)
         return image
 
 

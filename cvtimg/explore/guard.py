@@ -10,6 +10,7 @@ all.
 from __future__ import annotations
 
 import secrets
+from asyncio import CancelledError
 from collections.abc import Collection
 
 from starlette.datastructures import MutableHeaders
@@ -98,7 +99,11 @@ class Guard:
         if refused := self._refused(HTTPConnection(scope)):
             status, why = refused
             app = WebSocketClose(_REFUSED) if scope["type"] == "websocket" else PlainTextResponse(why, status)
-        await app(scope, receive, send_guarded)
+        try:
+            await app(scope, receive, send_guarded)
+        except CancelledError:  # the server ends, and waits no longer for what is computed
+            if scope["type"] == "http":
+                await PlainTextResponse("the server ends", 503)(scope, receive, send_guarded)
 
     def _refused(self, request: HTTPConnection) -> tuple[int, str] | None:
         """Return status and reason if the request is refused."""

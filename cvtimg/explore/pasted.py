@@ -1,15 +1,22 @@
-"""A command that is pasted: the settings of the page that it asks for."""
+"""Settings that come from elsewhere: a command that is pasted, and those that a person has named, in a file."""
 
 from __future__ import annotations
 
+import json
+import os
 import shlex
 from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
-from cvtimg._shared.choices import Json
+from cvtimg._shared.choices import Json, Options
 from cvtimg.explore.controls import (
     Brushed,
     Control,
+    Edits,
+    Entry,
+    Files,
     Number,
     Several,
     Switch,
@@ -22,6 +29,7 @@ from cvtimg.explore.controls import (
 )
 from cvtimg.explore.tabs import TABS
 from cvtimg.explore.tabs.base import Tab
+from cvtimg.files.whole import write_whole
 from cvtimg.options import options_of, record
 
 
@@ -142,3 +150,33 @@ def _bring_into_effect(control: Control, known: dict[str, Control], settings: Js
         if settings.get(name, known[name].default) not in values:
             settings[name] = values[0]
         _bring_into_effect(known[name], known, settings)
+
+
+def presets() -> Json:
+    """Return the tab and the settings of each preset by its name."""
+    with suppress(OSError, ValueError, AttributeError, TypeError):
+        kept = json.loads(_file().read_text())
+        return {name: {"tab": each["tab"], "settings": dict(each["settings"])} for name, each in kept.items()}
+    return {}
+
+
+def change_presets(asked: Options) -> Json:
+    """Keep the settings of a tab under a name, or forget those of a name if there are none; return all presets."""
+    name = Entry(name="name", label="Name", default="").parse(asked.get("name"))
+    kept, settings = presets(), asked.get("settings")
+    kept.pop(name, None)
+    if settings is not None:
+        tab = TABS.get(str(asked.get("tab")))
+        if tab is None:
+            raise UnfitRequestError("there is no such tab")
+        parse_settings(tab.controls, settings)
+        # What is drawn on a picture, and files that were sent, belong to this one.
+        of_picture = {control.name for control in tab.controls if isinstance(control, (Edits, Files))}
+        kept[name] = {"tab": tab.name, "settings": {key: settings[key] for key in settings.keys() - of_picture}}
+    _file().parent.mkdir(parents=True, exist_ok=True)
+    write_whole(_file(), json.dumps(kept, indent=1).encode(), overwrite=True)
+    return kept
+
+
+def _file() -> Path:
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config", "cvtimg", "presets.json")

@@ -9,11 +9,11 @@ import shutil
 import tempfile
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -46,7 +46,14 @@ _LONGEST_NAME = 120
 #: Palettes that are always there, by their names.
 KNOWN = {name: (name, colors) for name, colors in known_palettes().items()}
 
-T = TypeVar("T")
+
+class Entry(NamedTuple):
+    """A picture that is open, in memory or not: its name and its file, what the page shows of it, and a small PNG."""
+
+    name: str
+    path: Path
+    about: Json
+    thumbnail: bytes
 
 
 class Store:
@@ -62,10 +69,7 @@ class Store:
         self._folder = tempfile.TemporaryDirectory(prefix=own_prefix())
         self.archive = Path(self._folder.name, "results.zip")  # of results for all pictures
         self._pictures: OrderedDict[str, Picture] = OrderedDict()
-        # Name, file, description and thumbnail of each picture, in memory or not.
-        self._files: dict[str, tuple[str, Path]] = {}
-        self._described: dict[str, Json] = {}
-        self._thumbnails: dict[str, bytes] = {}
+        self._entries: dict[str, Entry] = {}
         self.lines: dict[str, str] = {}  # of Python that make a picture
         self._palettes: OrderedDict[str, tuple[str, Bytes]] = OrderedDict()
         self._results: WeakValueDictionary[str, Outcome] = WeakValueDictionary()
@@ -78,29 +82,30 @@ class Store:
             picture.close()
         self._folder.cleanup()
 
-    def forget(self) -> None:
+    def forget(self) -> Json:
         """Forget all that was opened and made; files of the command line can be opened again."""
         with self._lock:
-            for kept in (self._pictures, self._files, self._described, self._thumbnails, self._palettes):
-                kept.clear()
+            self._pictures.clear()
+            self._entries.clear()
+            self._palettes.clear()
             self._results.clear()
             for file in Path(self._folder.name).iterdir():
                 file.unlink()
+        return {}
 
     def picture(self, key: str) -> Picture:
         with self._lock:
             if key in self._pictures:
                 self._pictures.move_to_end(key)
                 return self._pictures[key]
-        return self._add(*_known(self._files, key), key)
+        entry = self.entry(key)
+        return self._add(entry.name, entry.path, key)
 
-    def described(self, key: str) -> Json:
-        """Return what the page shows of a picture, which need not be in memory."""
-        return _known(self._described, key)
-
-    def thumbnail(self, key: str) -> bytes:
-        """Return a small picture as PNG."""
-        return _known(self._thumbnails, key)
+    def entry(self, key: str) -> Entry:
+        """Return what is known of a picture, which need not be in memory."""
+        if key not in self._entries:
+            raise UnfitRequestError("this image is no longer open; open it again")
+        return self._entries[key]
 
     def palette(self, keys: Sequence[str]) -> tuple[str, Bytes]:
         """Return the name and the colors of the palette that was chosen."""
@@ -113,7 +118,7 @@ class Store:
     def key_of(self, path: Path) -> str:
         """Return the key of a picture of the command line, which is opened once; pages share it."""
         with self._lock:
-            same = next((key for key, (_, file) in self._files.items() if file == path), None)
+            same = next((key for key, entry in self._entries.items() if entry.path == path), None)
         return same or self._add(str(path), path, secrets.token_hex(8)).key
 
     def open_sent(self, name: str, content: bytes) -> Picture:
@@ -152,13 +157,11 @@ class Store:
     def _add(self, name: str, path: Path, key: str) -> Picture:
         try:
             picture = Picture(key, name, path)
-            about, thumbnail = (picture.described(), _small(picture)) if key not in self._files else ({}, b"")
+            entry = self._entries.get(key) or Entry(name, path, picture.described(), _small(picture))
         except (OSError, ValueError, MemoryError) as error:
             raise UnfitRequestError(f"{name}: {_reason(path, error, _plain(name))}") from error
         with self._lock:
-            if about:
-                self._files[key], self._described[key], self._thumbnails[key] = (name, path), about, thumbnail
-            self._pictures[key] = picture
+            self._entries[key], self._pictures[key] = entry, picture
             while len(self._pictures) > 1 and not self._fits():
                 self._pictures.popitem(last=False)[1].close(wait_for=False)
         return picture
@@ -185,11 +188,9 @@ class Store:
                 self._palettes.popitem(last=False)
         return {"id": key, "name": _plain(name), "colors": [f"#{bytes(color[:3]).hex()}" for color in colors]}
 
-    def keep_result(self, outcome: Outcome) -> str:
-        """Return the key of a result for as long as its page, or the store, holds it."""
-        key = secrets.token_hex(8)
+    def keep_result(self, key: str, outcome: Outcome) -> None:
+        """Keep a result for as long as its page, or the store, holds it."""
         self._results[key] = self.newest = outcome
-        return key
 
     def result(self, key: str) -> Outcome | None:
         return self._results.get(key)
@@ -200,12 +201,6 @@ class Store:
         path = Path(self._folder.name, secrets.token_hex(8) + known)
         path.write_bytes(content)
         return path
-
-
-def _known(by_key: Mapping[str, T], key: str) -> T:
-    if key not in by_key:
-        raise UnfitRequestError("this image is no longer open; open it again")
-    return by_key[key]
 
 
 def _small(picture: Picture) -> bytes:

@@ -80,7 +80,7 @@ STIPPLE = (
         Choice(("cmyk",)),
         "Draw in color, with a layer for each of the pens cyan, magenta, yellow and black.",
         excludes=("invert", "pens"),
-    ),
+    ).on_page("Pens", default="one", choices={"one": "one", "cmyk": "CMYK"}),
     passed(
         "pens",
         Text(_pens),
@@ -109,11 +109,11 @@ STIPPLE = (
     ),
     Option(
         "paper",
-        Text(_paper),
+        Text(_paper, {"none": "as large as the drawing", "a5": "A5", "a4": "A4", "a3": "A3", "letter": "Letter"}),
         "Fit the drawing to the middle of a sheet: a2 to a6, letter, legal, tabloid, or a size such as 300x200mm.",
         metavar="SHEET",
-    ),
-    switch("landscape", "Turn the sheet of --paper so that it is wide.", needs=("paper",)),
+    ).on_page("Paper", default="none"),
+    switch("landscape", "Turn the sheet of --paper so that it is wide.", needs=("paper",)).on_page("Landscape"),
     Option(
         "margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"
     ).on_page("Margin", slider=(0, 50), step=0.5, unit="mm", suffix="mm", low=0, high=1000, default="auto"),

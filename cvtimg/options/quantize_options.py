@@ -118,7 +118,7 @@ QUANTIZE = (
         "Use as many colors, up to 256 or -k, as fit into a file of this size: 60000, 60kB (of 1000) or 60K (of 1024).",
         metavar="SIZE",
         excludes=("number=auto",),
-    ),
+    ).on_page("File at most", slider=(4, 4000), log=True, unit="kB", suffix="kB", low=1, high=10**6, default=100),
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     passed(
         "dither",

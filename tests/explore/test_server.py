@@ -17,7 +17,7 @@ import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Event, Timer
+from threading import Event, Timer, current_thread
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -37,7 +37,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from cvtimg.cli.app import main
 from cvtimg.explore import TABS, serve, store
-from cvtimg.explore.app import Server, static_files
+from cvtimg.explore.app import STATIC, Server
 from cvtimg.explore.channel import OvertakenError, Work
 from cvtimg.explore.controls import parse_settings
 from cvtimg.explore.guard import SESSION, Credentials
@@ -107,7 +107,10 @@ def request(page: TestClient, picture: str, tab: str = "colors", lane: str = "ex
     settings = more.pop("settings", {})
     with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
         socket.send_json({"seq": 7, "lane": lane, "picture": picture, "tab": tab, "settings": settings, **more})
-        message = answer(socket)
+        return unpacked(answer(socket))
+
+
+def unpacked(message: dict[str, Any]) -> Reply:
     if message.get("text"):
         return Reply(7, json.loads(message["text"]), b"")
     number, length = struct.unpack_from("<II", message["bytes"])
@@ -222,9 +225,9 @@ def test_no_path_leads_out_of_the_page(path: str, page: TestClient) -> None:
 
 
 def test_the_page_is_small_and_names_nothing_outside() -> None:
-    files = {address: path.read_bytes().decode("latin-1") for address, path in static_files().items()}
-    assert sum(map(len, files.values())) <= 120_000
-    for text in files.values():
+    files = [path.read_bytes().decode("latin-1") for path in STATIC.iterdir()]
+    assert sum(map(len, files)) <= 120_000
+    for text in files:
         outside = text.replace("http://www.w3.org/2000/svg", "")
         assert "http" not in outside
         assert "//cdn" not in outside
@@ -545,6 +548,7 @@ def test_the_size_of_a_file_is_told_without_the_file(page: TestClient, photograp
     assert file.headers["content-disposition"] == "attachment; filename*=UTF-8''a-quantized.png"
     assert page.get(f"/file/{key}/o.exe").status_code == 404
     assert page.get("/file/other/o.png").status_code == 404
+    assert page.head("/file/other/o.png").status_code == 204  # which a browser does not report
 
 
 def test_pages_share_the_pictures_of_the_command_line(tmp_path: Path) -> None:
@@ -589,7 +593,7 @@ def test_of_many_requests_the_last_is_answered_and_others_are_left_out(
             asked = {"seq": number, "lane": "draft", "picture": picture, "tab": "colors", "settings": {"k": 2 + number}}
             socket.send_json(asked)
         while not answered or answered[-1] != 59:
-            answered.append(struct.unpack_from("<I", answer(socket)["bytes"])[0])
+            answered.append(unpacked(answer(socket)).number)
     assert answered == sorted(answered)
     assert len(answered) < 60
 
@@ -617,6 +621,31 @@ def test_a_search_that_is_canceled_ends(page: TestClient, monkeypatch: pytest.Mo
             socket.send_json({"seq": 2, **over})
             assert json.loads(answer(socket)["text"]) == {"seq": 1, "lane": "exact", "error": ""}
             assert ended.wait(20)
+
+
+def test_a_search_that_ends_after_a_newer_one_does_not_take_its_place(
+    page: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture, exact, late, threads = opened(page, png(np.zeros((4, 5))))["id"], TABS["colors"].exact, Event(), []
+
+    def slow(request: Request) -> Any:
+        threads.append(current_thread())
+        made = exact(request)  # after which nothing tells how far it is
+        assert request.settings["k"] == 3 or late.wait(20)
+        return made
+
+    monkeypatch.setattr(TABS["colors"], "exact", slow)
+    with page.websocket_connect(LIVE, PROTOCOLS, headers=dict(ORIGIN)) as socket:
+        for number in (2, 3):
+            asked = {"lane": "exact", "picture": picture, "tab": "colors", "settings": {"k": number}}
+            socket.send_json({"seq": number, **asked})
+            while len(threads) < number - 1:
+                time.sleep(0.01)
+        assert unpacked(answer(socket)).about["error"] == ""
+        key = unpacked(answer(socket)).about["result"]
+        late.set()
+        threads[0].join()
+        assert page.get(f"/file/{key}/o.png").status_code == 200
 
 
 def test_a_search_tells_how_far_it_is(page: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:

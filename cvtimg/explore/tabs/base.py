@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.messages import reworded
-from cvtimg._shared.types import Array, Bytes
+from cvtimg._shared.types import Array
 from cvtimg.explore.calls import Code, Line, call, evaluated, run
 from cvtimg.explore.controls import Brushed, Control, Number, Settings, Switch, UnfitRequestError, active, words_of
 from cvtimg.explore.layers import Layer, Window
@@ -62,9 +62,8 @@ class Request:
 class Tab:
     """A tab of the page."""
 
-    # Its name in requests and on the page, and a line that says what it is for.
+    # Its name in requests, and capitalized on the page, and a line that says what it is for.
     name: ClassVar[str]
-    title: ClassVar[str]
     about: ClassVar[str]
     verb: ClassVar[str]  # The command
     verbs: ClassVar[tuple[str, ...]] = ()  # Other commands that the tab shows
@@ -134,41 +133,8 @@ class Tab:
     def words(self, request: Request, *more: str) -> list[str]:
         """Return the words of the command: the picture, `more`, and what the controls say; without outputs."""
         inputs = [] if self.sheet else request.source.words
-        maps = [
-            word
-            for brush in self._brushed(request)
-            for word in (brush.flag, safe_name(brush.pattern.format(request.stem)))
-        ]
-        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *maps]
-
-    def _brushed(self, request: Request) -> list[Brushed]:
-        controls = active(self.controls, request.settings)
-        return [control for control in controls if isinstance(control, Brushed) and request.settings[control.name]]
-
-    def maps(self, request: Request) -> dict[str, Bytes]:
-        """Return the (H, W) images that are drawn by brush, by the names of their controls."""
-        return {
-            brush.name: brush.drawn(request.settings[brush.name], request.picture.size)
-            for brush in self._brushed(request)
-        }
-
-    def map_outputs(self, request: Request) -> list[Output]:
-        """Return the files of these images, which the command reads."""
-        return [
-            Output(f"{brush.label}, PNG", brush.flag, brush.pattern, WRITE_IMAGE, (Code(brush.name),), read=True)
-            for brush in self._brushed(request)
-        ]
-
-    def map_lines(self, request: Request) -> list[Line]:
-        maps = self.maps(request)
-        return [
-            Line(
-                brush.name,
-                call("cvtimg.read_image", brush.pattern.format(request.stem)),
-                request.every(maps[brush.name]),
-            )
-            for brush in self._brushed(request)
-        ]
+        masks = [MASK.flag, safe_name(MASK.pattern.format(request.stem))] if masking(request) else []
+        return ["cvtimg", self.verb, *inputs, *more, *words_of(self.controls, request.settings), *masks]
 
     def keywords(self, settings: Settings) -> Json:
         """Return the keyword arguments that controls in effect say by themselves and that are not the default."""
@@ -193,27 +159,16 @@ class Tab:
         return reworded(message, labels, ": ")
 
     def described(self) -> Json:
-        about = {"name": self.name, "title": self.title, "about": self.about, "sheet": self.sheet, "tool": self.tool}
-        return {**about, "controls": [control.described() for control in self.controls]}
+        about = {"name": self.name, "title": self.name.title(), "about": self.about}
+        controls = [control.described() for control in self.controls]
+        return {**about, "sheet": self.sheet, "tool": self.tool, "controls": controls}
 
 
-#: The control by which parts of the picture are left out.
+#: The controls by which parts of the picture are left out by a brush.
+BRUSH = Switch(name="brushes", label="Mask", about="Drawn by a brush. The command reads its file; save it, too.")
 MASK = Brushed(
-    name="mask",
-    label="Mask",
-    flag="--mask",
-    modes={"erase": "Leave out", "add": "Take back"},
-    values={"erase": 0, "add": 255},
-    base=255,
-    pattern="{}-mask.png",
-    when={"brushes": [True]},
+    name="mask", label="Mask", flag="--mask", modes={"erase": "Leave out", "add": "Take back"}, when={"brushes": [True]}
 )
-
-
-def brushes(label: str) -> Switch:
-    """Return the control that shows those that are drawn by a brush."""
-    about = "Drawn by a brush. The command reads their files; save them, too."
-    return Switch(name="brushes", label=label, about=about)
 
 
 IMAGE = Code("image")
@@ -225,14 +180,28 @@ def reading(request: Request) -> Line:
     return Line("image", request.picture.python, request.every(request.picture.array))
 
 
-def visible(request: Request, drawing: Sequence[Line] = ()) -> tuple[list[Line], Json]:
+def masking(request: Request) -> list[Line]:
+    """Return the line that reads the (H, W) mask that is drawn by brush, if there is one."""
+    if not (request.settings.get("brushes") and request.settings["mask"]):
+        return []
+    read = call("cvtimg.read_image", MASK.pattern.format(request.stem))
+    return [Line("mask", read, request.every(MASK.drawn(request.settings["mask"], request.picture.size)))]
+
+
+def mask_files(request: Request) -> list[Output]:
+    """Return the file of this mask, which the command reads."""
+    mask = tuple(Code(line.name) for line in masking(request))
+    return [Output("Mask, PNG", MASK.flag, MASK.pattern, WRITE_IMAGE, mask, read=True)] if mask else []
+
+
+def visible(request: Request) -> tuple[list[Line], Json]:
     """Return the lines that read a picture without its transparency, and the argument that leaves out what is hidden.
 
-    That is what is transparent, has no value, or is left out by a mask that lines of `drawing` read.
+    That is what is transparent, has no value, or is left out by a mask.
     """
-    picture = request.picture
+    picture, mask = request.picture, masking(request)
     known = [*missing(picture), *([Code("image[..., 3] > 0")] if picture.has_alpha else [])]
-    lines = [reading(request), *drawing, *all_of([*known, *(Code(f"{line.name} > 0") for line in drawing)])]
+    lines = [reading(request), *mask, *all_of([*known, *(Code("mask > 0") for _ in mask)])]
     has_known = lines[-1].name == "known"
     if picture.header.has_alpha and picture.array.shape[2:] == (4,):
         lines += [Line("image", Code("image[..., :3]"))]

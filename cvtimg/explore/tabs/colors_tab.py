@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,36 +17,32 @@ from cvtimg.colors import to_depth
 from cvtimg.colors.places import from_places
 from cvtimg.elbow.rules import TargetMissedError
 from cvtimg.explore.calls import Code, Line, call
-from cvtimg.explore.controls import (
-    Brushed,
-    Choice,
-    Colors,
-    Control,
-    Files,
-    Number,
-    Settings,
-    UnfitRequestError,
-    controls_of,
-    number,
-)
+from cvtimg.explore.controls import Choice, Colors, Control, Files, Settings, UnfitRequestError, controls_of, number
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import N_CURVE, SMALL
 from cvtimg.explore.outcomes import Outcome, Output, Recipe
-from cvtimg.explore.tabs.base import IMAGE, MASK, Request, Tab, all_of, brushes, missing, reading
+from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, Request, Tab, all_of, mask_files, masking, missing, reading
 from cvtimg.options.common import color_bits
 from cvtimg.palettes.known import known_palettes
 from cvtimg.pictures import Frames
 from cvtimg.quantization import Quantized, QuantizedSeries, map_to_palette
 from cvtimg.quantization.dithering import STRENGTH
 
-#: Formats of palettes that are offered, with their labels.
-_PALETTES = {
+#: Formats of palettes, with their labels; after a picture, the first are offered.
+PALETTES = {
     ".gpl": "Palette for GIMP, Inkscape, Krita",
     ".css": "Palette as CSS variables",
     ".ase": "Palette for Adobe (.ase)",
     ".json": "Palette as JSON, with shares",
-    ".hex": "Palette as a list (.hex)",
+    ".hex": "Palette as a list, Lospec (.hex)",
+    ".scss": "SCSS variables",
+    ".act": "Photoshop color table (.act)",
+    ".pal": "JASC (.pal)",
+    ".txt": "paint.net (.txt)",
+    ".svg": "Drawing of swatches, SVG",
+    ".png": "Image of swatches, PNG",
 }
+_PALETTES = dict(islice(PALETTES.items(), 5))
 #: Pixels of drafts, by the method of dithering; those that are not named are ordered.
 _DITHERED = {"floyd-steinberg": 500_000, "edge-aware": 1 << 17}
 #: The format of pages, with its label.
@@ -54,10 +51,7 @@ _SEARCHED = ("k", "auto", "psnr", "max_bytes")
 
 
 class ColorsTab(Tab):
-    """Quantization."""
-
     name = "colors"
-    title = "Colors"
     about = "Reduce the image to few colors, with the least error."
     verb = "quantize"
     for_frames = True
@@ -78,22 +72,7 @@ class ColorsTab(Tab):
         ),
         ("number", {"name": "k", "when": {"aim": ["k"]}, "auto": False, "keyword": ""}),
         ("psnr", {"when": {"aim": ["psnr"]}}),
-        Number(
-            name="max_bytes",
-            label="File at most",
-            default=100,
-            low=1,
-            high=10**6,
-            slider=(4, 4000),
-            log=True,
-            unit="kB",
-            suffix="kB",
-            flag="--max-bytes",
-            keyword="max_bytes",
-            to=lambda kilobytes: 1000 * kilobytes,
-            always=True,
-            when={"aim": ["max_bytes"]},
-        ),
+        ("max_bytes", {"when": {"aim": ["max_bytes"]}, "to": lambda kilobytes: 1000 * kilobytes}),
         Files(
             name="palette",
             label="Palette",
@@ -114,19 +93,8 @@ class ColorsTab(Tab):
         ("color_bits", {"when": {"aim": list(_SEARCHED)}}),
         ("palette_per_frame", {"name": "per_frame", "when": {"aim": ["k", "psnr"]}, "only": "animations"}),
         ("effort", {"when": {"aim": list(_SEARCHED)}}),
-        replace(brushes("Mask, weights"), only="images"),
+        replace(BRUSH, only="images"),
         MASK,
-        Brushed(
-            name="weights",
-            label="Weights",
-            flag="--weight-map",
-            modes={"add": "More", "erase": "Less", "paint": "As usual"},
-            values={"add": 255, "erase": 1, "paint": 16},
-            base=16,
-            pattern="{}-weights.png",
-            when={"aim": list(_SEARCHED), "brushes": [True]},
-            about="Errors count up to 16 times, or a sixteenth.",
-        ),
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -144,7 +112,7 @@ class ColorsTab(Tab):
         in_png = dtype in (np.uint8, np.uint16) and (len(shape) == 2 or shape[2] in (1, 3, 4))
         suffixes = [".png", ".webp", ".gif"][: None if dtype == np.uint8 else 1] if in_png else [".npy"]
         images = [Output(f"Image, {end[1:].upper()}", "-o", "{}-quantized" + end) for end in suffixes]
-        return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *self.map_outputs(request)]
+        return [*images, *palette_files(_PALETTES, PALETTE, N_PIXELS), *mask_files(request)]
 
     def recipe(self, request: Request) -> Recipe:
         has_pages = request.source.frames and not isinstance(request.source.frames, Frames)
@@ -180,21 +148,21 @@ class ColorsTab(Tab):
     def lines(self, request: Request) -> list[Line]:
         request = _fitting(request)
         settings, picture, frames = request.settings, request.picture, request.source.frames
-        keywords, maps = self.keywords(settings), self.maps(request)
+        keywords, mask = self.keywords(settings), masking(request)
         if frames:
             is_film = isinstance(frames, Frames)
             read = call("cvtimg.pictures.read_frames", request.source.name) if is_film else request.source.pages_code
             lines = [Line("frames", read, frames)]
         else:
             lines = [reading(request)]
-        keywords |= {name: Code(name) for name in maps}
-        lines += self.map_lines(request)
+        lines += mask
+        keywords |= {"mask": Code("mask")} if mask else {}
         if known := missing(picture):
-            lines += all_of([*known, *([Code("mask > 0")] if "mask" in maps else [])])
+            lines += all_of([*known, *(Code("mask > 0") for _ in mask)])
             keywords["mask"] = Code("known")
         number: tuple[Any, ...] = ()
         palette = self._palette(request)
-        if palette and (settings["aim"] == "palette" or "weights" not in keywords):
+        if palette:
             lines += [palette]
             keywords["palette"] = Code("palette")
             keywords.pop("effort", None)
@@ -224,7 +192,7 @@ class ColorsTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Map the window to a palette that is at hand, or quickly found."""
         settings, picture = request.settings, request.picture
-        palette = None if self.maps(request) else self._quick_palette(request)
+        palette = None if masking(request) else self._quick_palette(request)
         if palette is None:
             return None
         dither = None if settings["dither"] == "none" else settings["dither"]

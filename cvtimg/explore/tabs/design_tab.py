@@ -25,10 +25,7 @@ _SIZE, _MARGIN, _GAP = 1000, 56, 14
 
 
 class DesignTab(Tab):
-    """Designs of experiments."""
-
     name = "design"
-    title = "Design"
     about = "Place points for experiments evenly in a box. Needs no image."
     verb = "design"
     sheet = (_SIZE, _SIZE)

@@ -12,7 +12,7 @@ import numpy as np
 from cvtimg._shared.choices import Json, Options
 from cvtimg._shared.svg import drawing, numbers
 from cvtimg.explore.calls import Code, Line, call
-from cvtimg.explore.controls import Choice, Control, Number, Settings, UnfitRequestError, controls_of, number, words_of
+from cvtimg.explore.controls import Choice, Control, Settings, UnfitRequestError, controls_of, number, words_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, Recipe, safe_name
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, visible
@@ -21,13 +21,12 @@ from cvtimg.labels import read_labels
 from cvtimg.meshes import Mesh, measure_triangles
 
 _FILES = {".vtu": "VTK (.vtu)", ".msh": "Gmsh (.msh)", ".obj": "Wavefront (.obj)", ".stl": "STL (.stl)"}
+#: What is said by the command that comes before.
+_SEGMENTS: Json = {"when": {"of": ["segments"]}, "flag": ""}
 
 
 class MeshTab(Tab):
-    """Meshes."""
-
     name = "mesh"
-    title = "Mesh"
     about = "Divide the segments of the image, or a mask, into triangles for computations."
     verb = "mesh"
     pace = 3.2
@@ -40,16 +39,10 @@ class MeshTab(Tab):
             default="segments",
             choices={"segments": "its segments", "picture": "mask or labels"},
         ),
-        Number(name="k", label="Segments", default=3, low=1, high=255, slider=(2, 16), when={"of": ["segments"]}),
-        Number(
-            name="least",
-            label="Least size",
-            default=500,
-            low=0,
-            high=2**31 - 1,
-            slider=(0, 5000),
-            unit="px²",
-            when={"of": ["segments"]},
+        *controls_of(
+            "segment",
+            ("number", {**_SEGMENTS, "name": "k", "default": 3, "auto": False, "high": 255}),
+            ("min_size", {**_SEGMENTS, "name": "least", "default": 500, "keyword": ""}),
         ),
         Choice(name="by", label="Sizes by", default="n", choices={"n": "vertices", "edge": "edge length"}),
         ("n", {"when": {"by": ["n"]}, "always": False}),

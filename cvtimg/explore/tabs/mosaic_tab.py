@@ -16,10 +16,7 @@ from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
 
 class MosaicTab(Tab):
-    """Mosaics."""
-
     name = "mosaic"
-    title = "Mosaic"
     about = "Turn the image into tiles of one color each, whose borders follow its edges."
     verb = "mosaic"
     pace = 1.6

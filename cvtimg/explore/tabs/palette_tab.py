@@ -25,31 +25,15 @@ from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.opened import SMALL
 from cvtimg.explore.outcomes import Output, Recipe
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
-from cvtimg.explore.tabs.colors_tab import N_PIXELS, PALETTE, palette_files, read_as, rgb
+from cvtimg.explore.tabs.colors_tab import N_PIXELS, PALETTE, PALETTES, palette_files, read_as, rgb
 from cvtimg.quantization import Quantized
 
-_FORMATS = {
-    ".gpl": "GIMP, Krita … (.gpl)",
-    ".ase": "Adobe (.ase)",
-    ".act": "Photoshop color table (.act)",
-    ".css": "CSS variables",
-    ".scss": "SCSS variables",
-    ".hex": "List, Lospec (.hex)",
-    ".json": "JSON, with shares",
-    ".pal": "JASC (.pal)",
-    ".txt": "paint.net (.txt)",
-    ".svg": "Drawing of swatches, SVG",
-    ".png": "Image of swatches, PNG",
-}
 _FOUND = {"start": ["image", "main"]}
 _GIVEN = {"start": ["given", "hand"]}
 
 
 class PaletteTab(Tab):
-    """Palettes."""
-
     name = "palette"
-    title = "Palette"
     about = "Find, take or make a palette. Drag its colors to sort them; choose one to edit, lock or remove it."
     verb = "palette"
     verbs = ("quantize",)
@@ -95,8 +79,8 @@ class PaletteTab(Tab):
     def outputs(self, request: Request) -> Sequence[Output]:
         """Return the palette in all formats, and the picture in it where the command makes that, too."""
         if _is_found(request.settings):
-            return palette_files(_FORMATS, Code("result.palette[order]"), Code("n_pixels[order]"))
-        return palette_files(_FORMATS, PALETTE, N_PIXELS)
+            return palette_files(PALETTES, Code("result.palette[order]"), Code("n_pixels[order]"))
+        return palette_files(PALETTES, PALETTE, N_PIXELS)
 
     def recipe(self, request: Request) -> Recipe:
         settings, lines = request.settings, self.lines(request)

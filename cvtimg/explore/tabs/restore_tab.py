@@ -24,10 +24,7 @@ _IMAGE = Code("result.with_alpha()")
 
 
 class RestoreTab(Tab):
-    """Restoration."""
-
     name = "restore"
-    title = "Restore"
     about = "Restore one image from several noisy or incomplete versions of it. Open or drop all versions."
     verb = "restore"
     compared = Code("result.image")

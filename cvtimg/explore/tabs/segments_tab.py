@@ -14,9 +14,9 @@ from cvtimg.explore.calls import Code, Line, call, evaluated, literal, run
 from cvtimg.explore.controls import Control, Edits, Settings, Switches, controls_of
 from cvtimg.explore.layers import Indexed, Layer
 from cvtimg.explore.outcomes import Outcome, Output
-from cvtimg.explore.tabs.base import IMAGE, MASK, WRITE_IMAGE, Request, Tab, brushes, visible
+from cvtimg.explore.tabs.base import BRUSH, IMAGE, MASK, WRITE_IMAGE, Request, Tab, mask_files, visible
 from cvtimg.labels import region_means
-from cvtimg.segmentation import Edit, Objects
+from cvtimg.segmentation import Objects
 
 _FILE = Code("file")
 _SEGMENTS = {"way": ["segments"]}
@@ -27,10 +27,7 @@ _CELLS: Json = {"label": "Superpixels", "when": {"way": ["superpixels"]}}
 
 
 class SegmentsTab(Tab):
-    """Segmentation, trees of regions and superpixels."""
-
     name = "segments"
-    title = "Segments"
     about = (
         "Divide the image into connected regions, segments of similar color, or superpixels, and change them by hand."
     )
@@ -82,9 +79,8 @@ class SegmentsTab(Tab):
             flag="--edit",
             about="Merge: click two segments, or draw over several. Split: where the tree of regions does so first.",
             modes={"merge": "Merge", "split": "Split", "paint": "Paint", "add": "New", "erase": "Erase"},
-            check=Edit.parse,
         ),
-        brushes("Mask"),
+        BRUSH,
         MASK,
     )
 
@@ -111,12 +107,12 @@ class SegmentsTab(Tab):
             Output("Edges, PNG", "--edges", "{}-edges.png", WRITE_IMAGE, (edges,), scale),
             Output("Contours, SVG", "--contours", "{}-contours.svg", "cvtimg.labels.write_contours", (contours,)),
             Output("Table of segments, CSV", "--table", "{}-table.csv", "cvtimg.labels.write_table", (table,), name),
-            *self.map_outputs(request),
+            *mask_files(request),
         ]
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
-        lines, inside = visible(request, self.map_lines(request))
+        lines, inside = visible(request)
         lines = [Line(_FILE, Code(literal(request.picture.name)), request.picture.path), *lines]
         tree = Line("tree", call("cvtimg.segment_hierarchy", IMAGE, **inside))
         divided = self._call(settings, inside)

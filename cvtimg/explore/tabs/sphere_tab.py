@@ -43,10 +43,7 @@ _CIRCLES: Json = {
 
 
 class SphereTab(Tab):
-    """Grids of the globe."""
-
     name = "sphere"
-    title = "Sphere"
     about = "Cells of equal or chosen size on the globe, for models of oceans and atmospheres. Needs no image."
     verb = "sphere"
     sheet = (1000, 1000)

@@ -10,7 +10,7 @@ from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
-from cvtimg.explore.controls import Choice, Control, Number, Settings, Switch, controls_of, number
+from cvtimg.explore.controls import Choice, Control, Settings, Switch, controls_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
@@ -27,29 +27,10 @@ _DRAWN = {
     "pen_width": "auto",
     "order": "tour",
 }
-_PAPER = {"none": "as large as the drawing", "a5": "A5", "a4": "A4", "a3": "A3", "letter": "Letter"}
-
-
-def _radius(name: str, label: str, default: float, largest: float) -> Number:
-    """Make the control of a radius of dots; its slider ends at `largest`."""
-    return Number(
-        name=name,
-        label=label,
-        default=default,
-        low=0.01,
-        high=1000,
-        slider=(0.1, largest),
-        step=0.1,
-        unit="px",
-        when={"by": ["n"], "dots": ["sized"], "limited": [True]},
-    )
 
 
 class StippleTab(Tab):
-    """Stippling."""
-
     name = "stipple"
-    title = "Stipple"
     about = "Reproduce the tones of the image with dots, for pen plotters and print."
     verb = "stipple"
     pace = 0.6
@@ -60,28 +41,18 @@ class StippleTab(Tab):
         ("number", {"name": "n_dots", "always": False, "when": {"by": ["n"]}}),
         ("pen", {"when": {"by": ["pen"]}, "always": True, "keyword": ""}),
         ("dots", {"when": {"by": ["n"]}}),  # those of a pen are of one size
-        Switch(name="limited", label="Limit radii", when={"by": ["n"], "dots": ["sized"]}),
-        _radius("least", "Least radius", 0.5, 10),
-        _radius("greatest", "Greatest radius", 4.0, 20),
         "tones",
         "max_ink",
         "white_cutoff",
-        Choice(
-            name="layers",
-            label="Pens",
-            default="one",
-            choices={"one": "one", "cmyk": "CMYK"},
-            flag="--layers",
-            keyword="layers",
-        ),
+        "layers",
         Switch(name="colored", label="Pens of other colors", when={"layers": ["one"]}),
         ("pens", {"when": {"layers": ["one"], "colored": [True]}, "always": True}),
         ("invert", {"when": {"layers": ["one"], "colored": [False]}}),
         "bleed",
         "marks",
         ("fill", {"when": {"marks": ["disks"]}}),
-        Choice(name="paper", label="Paper", default="none", choices=_PAPER, flag="--paper"),
-        Switch(name="landscape", label="Landscape", flag="--landscape", when={"paper": [*_PAPER][1:]}),
+        "paper",
+        "landscape",
         ("width", {"when": {"paper": ["none"]}}),
         "height",
         "margin",
@@ -89,22 +60,10 @@ class StippleTab(Tab):
         "order",
     )
 
-    def pasted(self, flag: str, text: str) -> Json:
-        if flag != "--radius-range":
-            return {}
-        least, greatest = map(number, text.split(" "))
-        return {"limited": True, "least": least, "greatest": greatest}
-
     def outputs(self, request: Request) -> Sequence[Output]:
         drawing = _drawing(self, request.settings)
         kinds = {".svg": "Drawing, SVG", ".png": "Pixels, PNG", ".csv": "Dots, CSV"}
         return [Output(label, "-o", f"{{}}-stippled{suffix}", keywords=drawing) for suffix, label in kinds.items()]
-
-    def words(self, request: Request, *more: str) -> list[str]:
-        settings = request.settings
-        if "least" in self.in_effect(settings):
-            more += ("--radius-range", f"{settings['least']:g}", f"{settings['greatest']:g}")
-        return Tab.words(self, request, *more)
 
     def lines(self, request: Request) -> list[Line]:
         settings = request.settings
@@ -113,8 +72,6 @@ class StippleTab(Tab):
             is_wide = settings["paper"] == "none" and settings["height"] == "auto"
             scale = f"{settings['width']} * image.shape[1]" if is_wide else f"{self._scale(request)}"
             keywords["dot_diameter"] = Code(f"{settings['pen']} / {scale}")
-        if "least" in self.in_effect(settings):
-            keywords["radius_range"] = (settings["least"], settings["greatest"])
         number = (settings["n_dots"],) if settings["by"] == "n" and settings["n_dots"] != "auto" else ()
         return [reading(request), Line("result", call("cvtimg.stipple", IMAGE, *number, **keywords))]
 
