@@ -7,17 +7,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_count,
-    check_in_range,
-    check_shape,
-    check_that,
-    check_weights,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, hints_at_keywords
 from cvtimg._shared.choices import Row
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
@@ -270,8 +261,6 @@ def reduced_basis(
     *,
     kind: str = "pod",
     n_cells: int = 8,
-    centered: bool = True,
-    weights: ArrayLike | None = None,
     passes: int = 4,
     rng: int | np.random.Generator = 0,
 ) -> Basis:
@@ -290,10 +279,6 @@ def reduced_basis(
         whose generators are affine subspaces of n dimensions, each cell with modes of its own.
     n_cells : int
         Cells of "cvod", at most N; other kinds take no account of it.
-    centered : bool
-        Whether "pod" describes the differences from the mean; without, its modes pass through 0, and its mean is 0.
-    weights : (N,) array, optional
-        Weight of each snapshot in "pod", >= 0: energies and the mean are weighted.
     passes : int
         How often the snapshots are read, an even number; 2 are enough where few modes explain nearly everything. Small
         arrays, of up to 2^25 values and of 2^10 snapshots or values in each, are read twice, and "pod" is exact.
@@ -344,10 +329,7 @@ def reduced_basis(
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
-    for name, is_given in (("centered=False", not centered), ("weights", weights is not None)):
-        check_that(name, not is_given or kind == "pod", "be given with kind='pod'")
-    heavy = None if weights is None else check_weights("weights", weights, (given.n_snapshots,), "snapshot")
-    sketched = sketch(given, rank, passes, generator, centered=centered, weights=heavy)
+    sketched = sketch(given, rank, passes, generator)
     make, rows, directions = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind], sketched.coordinates, sketched.directions
     if share:
         asked = _fewest(sketched, share, asked)

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cvtimg.batch import Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
-
-if TYPE_CHECKING:
-    from cvtimg.blocks import Scaling
-    from cvtimg.elbow import EnergyCurve
-    from cvtimg.engine import Tessellation
 
 EXAMPLES = """\
   cvtimg cluster trees.csv -k 5
@@ -25,8 +20,6 @@ EXAMPLES = """\
   cvtimg cluster rides.parquet -k 40 --columns lon,lat --dask local
   cvtimg cluster s3://bucket/pixels.zarr -k 64 -o labels.npy
 """
-#: Rows of a silhouette, which takes the distances of all pairs.
-_SILHOUETTE_ROWS = 5000
 COLUMNS = ("input", "rows", "k", "energy", "explained", "seconds", "output")
 
 
@@ -55,7 +48,6 @@ def cluster(given: Given) -> Todo:
     usual = "-labels.csv" if given.labels_only else "-clusters.csv"
     plan = plan_of(given, lambda source: "{}" + ends.get(source.suffix.lower(), usual), expand=find_tables)
     columns = (*COLUMNS[:3], "elbow", "verdict", *COLUMNS[3:]) if given.number == "auto" else COLUMNS
-    columns = (*columns[:-2], "silhouette", *columns[-2:]) if given.silhouette else columns
     # A .npy file may fit into memory, where it is read like a .csv.
     return planned(
         plan, _cluster, columns, given, by_url=tuple(suffix for suffix in BLOCK_SUFFIXES if suffix != ".npy")
@@ -97,7 +89,9 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg import tessellate
     from cvtimg.batch.executors import on_cluster_of_task
     from cvtimg.blocks import Spread, open_blocks
-    from cvtimg.tables import blocked, read_table, write_row_labels
+    from cvtimg.elbow.curves import auto_count
+    from cvtimg.tables import blocked, read_table, write_clusters, write_row_labels
+    from cvtimg.tables.files import write_generators
 
     is_large = blocked.is_large_table(task.source)
     with on_cluster_of_task() if is_large else nullcontext():
@@ -114,9 +108,11 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             weights = table.weights
         else:
             samples = blocked.standardized(opened, scaling) if scaling else opened
-            is_sampled = given.number == "auto" or given.silhouette or "--plot" in task.outputs
+            is_sampled = given.number == "auto" or "--plot" in task.outputs
             rows, weights = blocked.sample_rows(samples, given.seed) if is_sampled else (None, None)
-        n_generators, curve = _count(given, rows, weights)
+        n_generators, curve = given.number, None
+        if n_generators == "auto":
+            n_generators, curve = auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
         result = tessellate(samples, n_generators, density=weights if table else None, **given.arguments)
         stopwatch.lap("cluster")
         if table is None:
@@ -124,10 +120,13 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         elif given.labels_only or task.output.suffix.lower() != ".csv":
             write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
         else:
-            _write_clusters(task, result, table.kept, given)
+            how = {"dialect": given.dialect, "overwrite": given.overwrite}
+            write_clusters(task.output, task.source, result.labels, table.kept, **how)
         plot(task.outputs.get("--plot"), given, "draw_clusters", rows, result.generators)
     names, left_out = (table or opened).names, (table or opened).left_out
-    _write_means(task, names, result, scaling, given.overwrite)
+    if path := task.outputs.get("--generators"):
+        means = scaling.undo(result.generators) if scaling else result.generators
+        write_generators(path, names, means, result.masses, overwrite=given.overwrite)
     total = spread.energy(scaling)
     row = {
         "rows": len(result.labels),
@@ -140,47 +139,7 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         "explained": max(1 - result.energy / total, 0.0) if total else 1.0,
         "n_iter": result.n_iter,
         "converged": result.converged,
-        **({"silhouette": _silhouette(rows, result, given, table and result.labels)} if given.silhouette else {}),
         **told_left_out(left_out),
     }
     stopwatch.lap("write")
     return row
-
-
-def _count(given: Given, rows: Any, weights: Any) -> tuple[int, EnergyCurve | None]:
-    """Return the number of clusters, and with "auto" the curve from which it is read."""
-    from cvtimg.elbow.curves import auto_count
-
-    if given.number != "auto":
-        return int(given.number), None
-    return auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
-
-
-def _silhouette(rows: Any, result: Tessellation, given: Given, labels: Any = None) -> float | None:
-    """Return scikit-learn's mean silhouette of some rows, None if they are of one cluster."""
-    import numpy as np
-    from scipy.spatial.distance import cdist
-
-    from cvtimg._shared.extras import optional
-
-    metrics = optional("sklearn.metrics", "sklearn", "--silhouette needs")
-    drawn = np.random.default_rng(given.seed).permutation(len(rows))[:_SILHOUETTE_ROWS]
-    some = rows[drawn]
-    labeled = cdist(some, result.generators).argmin(axis=1) if labels is None else labels[drawn]
-    return float(metrics.silhouette_score(some, labeled)) if 1 < len(np.unique(labeled)) < len(some) else None
-
-
-def _write_clusters(task: Task, result: Tessellation, kept: Any, given: Given) -> None:
-    from cvtimg.tables import write_clusters
-
-    write_clusters(task.output, task.source, result.labels, kept, dialect=given.dialect, overwrite=given.overwrite)
-
-
-def _write_means(
-    task: Task, names: Sequence[str], result: Tessellation, scaling: Scaling | None, overwrite: bool
-) -> None:
-    from cvtimg.tables.files import write_generators
-
-    if "--generators" in task.outputs:
-        generators = scaling.undo(result.generators) if scaling else result.generators
-        write_generators(task.outputs["--generators"], names, generators, result.masses, overwrite=overwrite)

@@ -33,8 +33,6 @@ _WEIGHTS = np.array([9 / 40] + [(155 - _ROOT) / 1200] * 3 + [(155 + _ROOT) / 120
 _COARSEST = 0.5
 #: Samples for each cell, and the fewest and the most of all, where cells are no polygons.
 _SAMPLES, _SAMPLE_RANGE = 4000, (1 << 17, 1 << 21)
-#: Corners of cells nearer to each other than this, in pixels, are one.
-_APART = 1e-7
 
 
 def voronoi_cells(points: Points, region: Region) -> Geometries:
@@ -233,32 +231,7 @@ def picture_cells(points: Points, shape: tuple[int, int]) -> Polygons:
     """Compute the Voronoi cells of (N, 2) points, cut off at the sides of a picture of a shape (H, W).
 
     The (M, 2) corners of each cell are in order, clockwise as seen on a screen, with y down. A point without a cell, as
-    one of two in the same place, has an empty polygon. Sides are borders to mirror images of the points.
+    one of two in the same place, has an empty polygon.
     """
-    from scipy.spatial import Voronoi
-
-    size = np.array(shape[::-1], np.float64)
-    inner = np.clip(points, _APART, size - _APART)  # on a side, a point would be its own mirror image
-    mirrored = [np.where(axis, 2 * side - inner, inner) for axis in np.eye(2, dtype=bool) for side in (0 * size, size)]
-    diagram = Voronoi(np.concatenate([inner, *mirrored]))
-    # Points in one place share a cell.
-    regions, first = np.unique(diagram.point_region[: len(points)], return_index=True)
-    cells = [np.empty((0, 2))] * len(points)
-    for point, region in zip(first.tolist(), regions.tolist(), strict=True):
-        corners = np.clip(diagram.vertices[diagram.regions[region]], 0, size)
-        after = np.roll(corners, -1, axis=0)
-        corners, (x, y) = corners[np.abs(after - corners).max(axis=1) > _APART], corners.T
-        if len(corners) > 2:
-            cells[point] = corners[:: 1 if x @ after[:, 1] >= y @ after[:, 0] else -1]
-    return tuple(cells)
-
-
-def clipped(polygon: Points, axis: int, side: float, sign: int) -> Points:
-    """Keep the part of a polygon (M, 2) that is beyond a side across an axis, or with sign -1 before it."""
-    depth = sign * (polygon[:, axis] - side)
-    after = np.roll(depth, -1)
-    crossing = (depth < 0) != (after < 0)
-    part = np.divide(depth, depth - after, out=np.zeros_like(depth), where=crossing)
-    cuts = polygon + part[:, np.newaxis] * (np.roll(polygon, -1, axis=0) - polygon)
-    cuts[:, axis] = side
-    return np.stack([polygon, cuts], axis=1)[np.stack([depth >= 0, crossing], axis=1)]
+    cells = shapely.orient_polygons(voronoi_cells(points, Box([0, 0], shape[::-1])))
+    return tuple(shapely.get_coordinates(cell)[:-1] for cell in cells)

@@ -8,10 +8,10 @@ from typing import BinaryIO, TypeAlias
 
 import numpy as np
 
+from cvtimg._shared.extras import shapely
 from cvtimg._shared.geojson import collection, feature
 from cvtimg._shared.types import Array, Floats
 from cvtimg.files.vtu import POLYGON, vtu_content
-from cvtimg.placement.cells import clipped
 from cvtimg.sphere.formats.geometry import GridContent, Indices, latitudes_longitudes
 
 #: Decimals of degrees: about a centimeter on the earth.
@@ -117,8 +117,9 @@ def _pieces(ring: Ring) -> list[Ring]:
         path = np.concatenate([path, ends])
     pieces = []
     for turn in turns:
-        piece = clipped(clipped(path, 0, turn - 180, 1), 0, turn + 180, -1)
-        moved = (piece - [turn, 0]).round(_DECIMALS)
-        if len(moved) > 2 and np.ptp(moved[:, 0]) > 0:
-            pieces.append(moved.tolist())
+        clipped = shapely.clip_by_rect(shapely.Polygon(path), turn - 180, -90, turn + 180, 90)
+        for part in shapely.get_parts(shapely.orient_polygons(clipped)):
+            moved = (shapely.get_coordinates(part)[:-1] - [turn, 0]).round(_DECIMALS)
+            if len(moved) > 2 and np.ptp(moved[:, 0]) > 0:
+                pieces.append(moved.tolist())
     return pieces
