@@ -313,10 +313,23 @@ def _control_of(option: Option, changed: Options) -> Control:
         of, about["to"] = Entry, kind.parse
     else:
         of = Number
-        about |= {name: getattr(kind, name, -math.inf if name == "low" else math.inf) for name in ("low", "high")}
+        about |= _range_of(kind, page, default)
         about["auto"] = default == "auto" or getattr(kind, "auto", False)
         about["always"] = option.default is None and default != "auto"
     return of(**{**about, **page, **changed})
+
+
+def _range_of(kind: record.Kind, page: Options, default: object) -> Json:
+    """Return what may be typed, and how finely the slider goes: where the option does not say, by the usual range."""
+    real, is_length = kind if isinstance(kind, record.Real) else record.Real(), isinstance(kind, record.Text)
+    least, greatest = page.get("slider", (real.low, real.high))
+    whole = isinstance(kind, record.Whole) or (is_length and isinstance(default, int))
+    return {
+        "low": real.low if real.low > real.above else least / 100,
+        "high": real.high if real.high < math.inf else 100 * greatest,
+        "step": 1 if whole else min(0.5, 10.0 ** math.floor(math.log10((greatest - least) / 50))),
+        "suffix": page.get("unit", "") if is_length else "",
+    }
 
 
 def _when(option: Option, others: Sequence[Control]) -> dict[str, Sequence[Any]]:

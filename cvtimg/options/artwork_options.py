@@ -53,7 +53,7 @@ STIPPLE = (
         metavar="LENGTH",
         excludes=("number", "pen_width", "radius_range", "dots=sized"),
         keyword="dot_diameter",
-    ).on_page("Pen", slider=(0.1, 2), step=0.05, unit="mm", suffix="mm", low=0.05, high=10, default=0.4),
+    ).on_page("Pen", slider=(0.1, 2), unit="mm", default=0.4),
     common.output(common.IMAGE_OUTPUT, late("artwork.stipples", "suffixes"), standard=".png"),
     common.OUT_DIR,
     passed(
@@ -64,9 +64,9 @@ STIPPLE = (
     ).on_page("Sizes"),
     passed(
         "max_ink", Real(0, 1, above=0), "Share of the paper that black covers, up to 1.", metavar="F", default=0.9
-    ).on_page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1), step=0.01, low=0.01),
+    ).on_page("Ink in black", "Share of the paper that black covers.", slider=(0.01, 1)),
     passed("white_cutoff", Real(0, 1), "Leave tones of up to this coverage white.", metavar="F", default=0).on_page(
-        "White up to", step=0.01
+        "White up to"
     ),
     passed(
         "radius_range",
@@ -103,9 +103,9 @@ STIPPLE = (
         Text(_length),
         "Greatest width of the drawing, such as 200mm, the default without --paper, 20cm or 8in; for .svg, .png.",
         metavar="LENGTH",
-    ).on_page("Drawing width", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000, default=200),
+    ).on_page("Drawing width", slider=(50, 1000), unit="mm", default=200.0),
     Option("height", Text(_length), "Greatest height of the drawing.", metavar="LENGTH").on_page(
-        "Drawing height", slider=(50, 1000), step=0.5, unit="mm", suffix="mm", low=1, high=10_000, default="auto"
+        "Drawing height", slider=(50, 1000), unit="mm", default="auto"
     ),
     Option(
         "paper",
@@ -116,7 +116,7 @@ STIPPLE = (
     switch("landscape", "Turn the sheet of --paper so that it is wide.", needs=("paper",)).on_page("Landscape"),
     Option(
         "margin", Text(_margin), "Margin around the drawing; by default 10mm on --paper, else 0.", metavar="LENGTH"
-    ).on_page("Margin", slider=(0, 50), step=0.5, unit="mm", suffix="mm", low=0, high=1000, default="auto"),
+    ).on_page("Margin", slider=(0, 50), unit="mm", default="auto"),
     Option(
         "marks",
         Choice(("disks", "circles", "points", "line"), {"disks": "filled disks", "line": "one line"}),
@@ -131,7 +131,7 @@ STIPPLE = (
     ).on_page("Fill"),
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
-    ).on_page("Pen width", slider=(0.05, 2), step=0.05, unit="mm", suffix="mm", low=0.01, high=100, default="auto"),
+    ).on_page("Pen width", slider=(0.05, 2), unit="mm", default="auto"),
     Option(
         "order",
         Choice(("tour", "none"), {"tour": "short tour"}),
@@ -164,7 +164,7 @@ MOSAIC = (
     common.EFFORT,
     Option(
         "outline", Real(0), "Width of dark lines between tiles, in pixels; 0 for none.", metavar="W", default=0
-    ).on_page("Outlines", slider=(0, 5), step=0.1, unit="px", high=1000),
+    ).on_page("Outlines", slider=(0, 5), unit="px"),
     Option("scale", Real(above=0), "Enlarge .png and other images by this factor.", metavar="S", default=1),
     common.SKIP_EXISTING,
     *common.READING,

@@ -45,17 +45,17 @@ MESH = (
         "Number of vertices, otherwise as many as borders need.",
         "--vertices -n",
         excludes=("edge_length",),
-    ).on_page("Vertices", slider=(100, 20_000), log=True, low=3, high=10**6, default="auto"),
+    ).on_page("Vertices", slider=(100, 20_000), log=True, default="auto"),
     passed(
         "edge_length", Real(above=0), "Edge length, in the units of the coordinates.", metavar="H", excludes=("size",)
-    ).on_page("Edge length", slider=(2, 100), step=0.5, unit="px", low=0.1, high=10_000, default=10.0),
+    ).on_page("Edge length", slider=(2, 100), unit="px", default=10.0),
     file("size", "Gray image with the length of edges at each pixel; with -n, its ratios.", role="reads"),
     Option("label", Whole(0), "Mesh only pixels with this label.", metavar="K"),
     passed(
         "grade", Real(above=0), "Growth of sizes for each unit of length, at most.", metavar="G", default=0.2
-    ).on_page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1), step=0.05, low=0.01, high=10),
+    ).on_page("Growth", "How fast triangles grow away from borders.", slider=(0.05, 1)),
     passed("min_size", Real(0), "Least size; smaller details are left out.", metavar="H", default=0.0).on_page(
-        "Least edge", slider=(0, 20), step=0.5, unit="px", high=1000
+        "Least edge", slider=(0, 20), unit="px"
     ),
     passed(
         "order", Whole(1, 2), "Order of elements: with 2, triangles have six nodes, and bend with borders.", default=1
@@ -157,7 +157,7 @@ SPHERE = (
         "widths: .nc with cellWidth, lat and lon, or an image, twice as wide as high.",
         metavar="KM|FILE",
         excludes=("density",),
-    ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km", suffix="km"),
+    ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km"),
     common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file(
         "density",

@@ -95,7 +95,7 @@ QUANTIZE = (
         "Use as few colors as reach this quality, in decibels.",
         metavar="DB",
         excludes=("number=auto", "max_bytes"),
-    ).on_page("Quality at least", slider=(20, 50), step=0.5, unit="dB", high=100, default=35.0),
+    ).on_page("Quality at least", slider=(20, 50), unit="dB", default=35.0),
     passed(
         "goal",
         Choice(get_args(GoalName)),
@@ -130,7 +130,7 @@ QUANTIZE = (
         to=_unless_none,
     ).on_page("Dither"),
     passed("dither_strength", Real(0, 1), "Strength of dithering, 0 to 1.", metavar="S", needs=("dither",)).on_page(
-        "Dither strength", step=0.05
+        "Dither strength"
     ),
     file(
         "palette",

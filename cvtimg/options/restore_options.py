@@ -81,15 +81,7 @@ RESTORE = (
         Real(above=0),
         "Standard deviation of the noise, in levels of 8 bits; by default it is estimated.",
         metavar="S",
-    ).on_page(
-        "Noise",
-        "Standard deviation, in levels of 8 bits.",
-        slider=(0.5, 60),
-        step=0.5,
-        low=0.1,
-        high=1000,
-        default="auto",
-    ),
+    ).on_page("Noise", "Standard deviation, in levels of 8 bits.", slider=(0.5, 60), default="auto"),
     passed(
         "noise_like",
         Choice(get_args(NoiseName), {"auto": "as it is found"}),
@@ -102,14 +94,14 @@ RESTORE = (
         "With --detail: part of the noise of lightness that is taken away, 0 to 1; less keeps grain.",
         metavar="F",
         default=1.0,
-    ).on_page("Luma", slider=(0, 1), step=0.05),
+    ).on_page("Luma", slider=(0, 1)),
     passed(
         "chroma",
         Real(0, 1),
         "With --detail: part of the noise of colors that is taken away, 0 to 1.",
         metavar="F",
         default=1.0,
-    ).on_page("Chroma", slider=(0, 1), step=0.05),
+    ).on_page("Chroma", slider=(0, 1)),
     passed(
         "hidden",
         Choice(
@@ -141,7 +133,7 @@ RESTORE = (
         metavar="L|auto",
         default="auto",
         excludes=("detail",),
-    ).on_page("Edge weight", slider=(0, 200), step=0.5, high=10**6),
+    ).on_page("Edge weight", slider=(0, 200)),
     common.SPACE._replace(
         help=f"{common.SPACE.help[:-1]}: linear for raw files of cameras, for others rgb.", default=None
     ).on_page("Color space", default="rgb"),

@@ -93,9 +93,7 @@ SEGMENT = (
         metavar="R|auto",
         default="auto",
         excludes=_OTHER_WAYS,
-    ).on_page(
-        "Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), step=0.25, unit="px", high=1000
-    ),
+    ).on_page("Smallest detail", "Radius of the smallest detail that counts.", slider=(0, 10), unit="px"),
     passed(
         "edge_weight",
         Real(0, auto=True),
@@ -107,8 +105,6 @@ SEGMENT = (
         "Edge weight",
         "Penalty for each pair of nearby pixels in different segments. Auto follows the smallest detail and the noise.",
         slider=(0, 2000),
-        step=0.5,
-        high=10**6,
     ),
     passed(
         "edge_radius",
@@ -151,7 +147,7 @@ SEGMENT = (
         metavar="PIXELS",
         default=0.5,
         needs=("objects",),
-    ).on_page("Depth of necks", slider=(0, 10), step=0.1, unit="px", high=1000),
+    ).on_page("Depth of necks", slider=(0, 10), unit="px"),
     switch(
         "no_split", "With --objects: do not split touching objects.", needs=("objects",), excludes=("neck_depth",)
     ).on_page("Keep touching ones whole"),
@@ -161,16 +157,14 @@ SEGMENT = (
         "With --objects, without -k: diameter of the usual object, in pixels or as 12um; by default measured.",
         metavar="D",
         needs=("objects",),
-    ).on_page(
-        "Diameter", "Of the usual object.", slider=(2, 200), step=0.5, unit="px", low=0.5, high=1e5, default="auto"
-    ),
+    ).on_page("Diameter", "Of the usual object.", slider=(2, 200), unit="px", default="auto"),
     Option(
         "min_contrast",
         Real(0, 1, above=0),
         "With --objects, without -k: least contrast of an object, as a share of the usual one; by default measured.",
         metavar="C",
         needs=("objects",),
-    ).on_page("Least contrast", "As a share of that of the usual object.", step=0.01, low=0.01, high=1, default="auto"),
+    ).on_page("Least contrast", "As a share of that of the usual object.", slider=(0.01, 1), default="auto"),
     switch(
         "exclude_edges",
         "With --objects: leave out objects at the edges of the image, which may be cut off.",
@@ -204,7 +198,7 @@ SEGMENT = (
         "With --hierarchy, not -k N: keep regions apart that differ by more.",
         metavar="T",
         needs=("hierarchy",),
-    ).on_page("Threshold", slider=(0.05, 2), step=0.05, high=1000, default="auto"),
+    ).on_page("Threshold", slider=(0.05, 2), default="auto"),
     file("tree", "With --hierarchy: write the tree of regions, .npz.", HIERARCHY_KINDS["tree"], needs=("hierarchy",)),
     file(
         "strengths",
@@ -238,7 +232,7 @@ SEGMENT = (
         metavar="C|auto",
         default="auto",
         needs=("superpixels",),
-    ).on_page("Compactness", slider=(0, 500), step=0.5, high=10**6),
+    ).on_page("Compactness", slider=(0, 500)),
     Option(
         "edit",
         Text(late("segmentation", "Edit.parse")),
