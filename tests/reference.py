@@ -137,6 +137,13 @@ def sets_of(triangles: Array) -> set[tuple[int, ...]]:
     return set(map(tuple, np.sort(triangles, axis=1).tolist()))
 
 
+def uniform_cell_moments(mesh: Any) -> Floats:
+    """Integrals (N, 3) of x over the cells of a triangulation of the sphere."""
+    moments = np.empty_like(mesh.points)
+    mesh.fills_uniform(moments)(0, len(moments))
+    return moments
+
+
 def cube() -> tuple[Floats, Indices]:
     """Return the vertices of a cube, from -1 to 1, and its twelve triangles: what computer-aided design gives."""
     corners = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])

@@ -48,7 +48,6 @@ def stipple(
     pens: Sequence[str] | None = None,
     invert: bool = False,
     tones: str = "light",
-    bleed: bool = False,
 ) -> Stipples:
     """Reproduce the tones of an image by dots.
 
@@ -89,8 +88,6 @@ def stipple(
         "light": a drawing that is easy on the eye, whose tones follow lightness: what is lightest is paper, and ink is
         thinned, in the shades between white and black, where it would cover more than about a third. "true": from a
         distance as bright as the image, but for `max_ink` and `white_cutoff`; photographs become nearly black.
-    bleed : bool
-        Let the frame of the image cut dots. By default all are whole, and no larger than the frame.
 
     Returns
     -------
@@ -142,7 +139,7 @@ def stipple(
     # All pens have dots of about one size.
     ends = np.cumsum([0, *(ink.sum(dtype=np.float64) for ink in inks)])
     counts = np.diff(np.rint(ends / (ends[-1] or 1) * count.of(np.stack(inks))).astype(np.intp))
-    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range, bleed)))
+    placed = place_pens(inks, counts.tolist(), count.scaled(Dots(dots, radius_range)))
     return _together(
         placed,
         count.factor,
@@ -151,7 +148,6 @@ def stipple(
         paper=paper,
         size=coverages[0].shape,
         max_ink=max_ink,
-        bleed=bleed,
     )
 
 

@@ -54,10 +54,10 @@ def chain(
 
 def _over_fewer(points: Points, n_max: int, method: Method, conditions: Conditions) -> list[Iteration]:
     fewer = fewer_points(points, n_max, _FEWER, conditions.rng)
-    links = _links(fewer, n_max, method.over_few, conditions)
+    links = _links(fewer, n_max, method, conditions)
     if fewer is points or len(links) == n_max or conditions.watch.stopped:
         return links
-    return _links(points, n_max, method.over_few, conditions)  # fewer points may lack rare samples
+    return _links(points, n_max, method, conditions)  # fewer points may lack rare samples
 
 
 def _links(points: Points, n_max: int, iterate: Iterate, conditions: Conditions) -> list[Iteration]:

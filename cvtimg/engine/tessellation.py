@@ -25,7 +25,7 @@ from cvtimg._shared.checks import (
 )
 from cvtimg._shared.choices import EffortName, InitName, MethodName
 from cvtimg._shared.progress import part
-from cvtimg._shared.records import Claims, ReadOnly, never_rises
+from cvtimg._shared.records import PROVING, Claims, ReadOnly, equals, never_rises, prove
 from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
 from cvtimg.engine.methods import Callback, Conditions, Iterate, Iteration, Watch, choose_method, random_numbers
@@ -40,7 +40,6 @@ from cvtimg.engine.points import (
     float32_suffices,
     pack,
 )
-from cvtimg.engine.proof import proven
 from cvtimg.engine.samples import Line, WeightedSamples, line_through, pack_in_order
 from cvtimg.engine.search import EFFORTS, SEARCHED, SearchEffort, effort_beyond, search
 from cvtimg.engine.seeding import SEEDINGS, TooFewSamplesError
@@ -49,6 +48,8 @@ from cvtimg.files.whole import StrPath
 #: Fraction by which labels of float32 may raise the energy of colors, which one far away does by more; less takes
 #: float64, twice as slow, for thousands of colors in spaces of floats, too.
 _LOSS_OF_COLORS = 1e-3
+#: Proofs look for the nearest generator of this many rows again, and take energies within this share for the same.
+_PROVED_ROWS, _PROVED_WITHIN = 1024, 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,3 +364,26 @@ def _result(
         n_iter=len(end.energies) - 1,
         converged=end.converged,
     )
+
+
+def proven(result: Tessellation, rows: Array, density: Floats, nearest: bool) -> Tessellation:
+    """Return a tessellation of (N, D) rows, which is checked if that is asked for; labels if they are the nearest."""
+    if PROVING:
+        prove("Tessellation", _claims(result, rows, density, nearest))
+    return result
+
+
+def _claims(result: Tessellation, rows: Array, density: Floats, nearest: bool) -> Claims:
+    labels, generators = result.labels, result.generators
+    yield "masses are sums of the density", equals(result.masses, np.bincount(labels, density, len(generators)))
+    blocks = [slice(start, start + _PROVED_ROWS) for start in range(0, len(rows), _PROVED_ROWS)]
+    squares = np.concatenate([np.square(rows[block] - generators[labels[block]]).sum(axis=1) for block in blocks])
+    rounded = float(np.square(np.finfo(np.float32).eps * np.abs(rows).max()))  # of generators that are found in float32
+    energy, rounding = float(density @ squares), rounded * float(density.sum())
+    yield "the energy is that of the labels", abs(result.energy - energy) <= _PROVED_WITHIN * energy + rounding
+    if nearest:
+        some = slice(None, None, -(-len(rows) // _PROVED_ROWS))
+        least = np.full(len(squares[some]), np.inf)
+        for generator in generators:
+            np.minimum(least, np.square(rows[some] - generator).sum(axis=1), out=least)
+        yield "rows have their nearest generators", squares[some] <= least * (1 + _PROVED_WITHIN) + rounded

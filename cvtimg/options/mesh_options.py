@@ -158,7 +158,7 @@ SPHERE = (
         metavar="KM|FILE",
         excludes=("density",),
     ).on_page("Width", slider=(60, 2000), log=True, low=60, high=5000, default=480, unit="km"),
-    common.output("Grid: .nc (MPAS), .ugrid.nc, .scrip.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
+    common.output("Grid: .nc (MPAS), .ugrid.nc, .graph.info, .vtu, .geojson or .csv.", required=True),
     file(
         "density",
         "Gather points where a map of the globe, twice as wide as high, is bright.",
@@ -168,8 +168,8 @@ SPHERE = (
     Option(
         "refine",
         Text(),
-        "Make cells RATIO times finer in a circle (all in degrees); or IMAGE,RATIO: where a map is bright. With "
-        "--cell-width: LON,LAT,RADIUS,WIDTH and perhaps TRANSITION, lengths in km. Repeat it for more.",
+        "Make cells RATIO times finer in a circle (all in degrees). With --cell-width: LON,LAT,RADIUS,WIDTH and "
+        "perhaps TRANSITION, lengths in km. Repeat it for more.",
         metavar="LON,LAT,RADIUS,RATIO",
         many=True,
     ),

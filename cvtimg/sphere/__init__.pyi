@@ -5,7 +5,6 @@ from .culling import cull_land as cull_land
 from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
-from .densities import by_spacing as by_spacing
 from .earth import earth_coasts as earth_coasts
 from .earth import earth_land as earth_land
 from .formats import GRID_FORMATS as GRID_FORMATS

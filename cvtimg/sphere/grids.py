@@ -22,9 +22,8 @@ from cvtimg._shared.types import Bools, Points
 from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
-from cvtimg.sphere.geodesic import Lattice, twist
 from cvtimg.sphere.result import SphereGrid
-from cvtimg.sphere.starts import bisected, drawn, icosahedron, in_order, without
+from cvtimg.sphere.starts import Lattice, bisected, drawn, icosahedron, in_order, twist, without
 from cvtimg.sphere.triangulation import (
     Cells,
     SphereTriangulation,

@@ -68,12 +68,6 @@ class SphereTriangulation(HalfEdges):
         """Return the centers (T, 3) of the circumscribed caps of triangles: the corners of Voronoi cells."""
         return circumcenters(self.points, self.triangles)
 
-    def uniform_moments(self) -> Points:
-        """Integrate x over each cell, exactly: (N, 3)."""
-        moments = np.empty_like(self.points)
-        in_parts(self.fills_uniform(moments), len(moments), WORK * len(moments))
-        return moments
-
     def fills_uniform(self, moments: Points) -> Callable[[int, int], None]:
         """Return what integrates x over cells, for rows of moments (N, 3)."""
         if self._arcs is None:

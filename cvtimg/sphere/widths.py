@@ -21,7 +21,7 @@ from cvtimg.sphere.densities import (
     limit_on_globe,
     to_radians,
 )
-from cvtimg.sphere.geodesic import nearest_twelve
+from cvtimg.sphere.starts import nearest_twelve
 
 #: Radius of the earth in kilometers, as WRF and MPAS-Atmosphere have it; CESM and E3SM say 6371.22.
 EARTH_RADIUS = 6371.229

@@ -16,7 +16,7 @@ from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Floats, Indices, Ints
 from cvtimg.blocks.passes import Block, map_rows, over_blocks
 from cvtimg.blocks.rows import Blocks, as_blocks, is_blocked
-from cvtimg.engine.methods.macqueen import meet
+from cvtimg.engine.methods.probabilistic import meet
 from cvtimg.engine.points import RowMoments, assign_rows, pack
 from cvtimg.engine.seeding import TooFewSamplesError
 from cvtimg.engine.tessellation import Tessellation, tessellate

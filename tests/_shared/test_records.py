@@ -12,7 +12,7 @@ from reference import cube
 
 import cvtimg
 from cvtimg._shared.records import UnprovenError
-from cvtimg.engine.proof import proven
+from cvtimg.engine.tessellation import proven
 from cvtimg.supports import support_radii
 from cvtimg.tables import Table
 

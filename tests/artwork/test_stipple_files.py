@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
-from reference import shoelace
 
 from cvtimg import read_image, stipple
 from cvtimg.artwork.papers import PAPERS
@@ -40,9 +38,6 @@ def test_a_drawing_has_each_dot_in_millimeters_in_the_order_of_the_tour(tmp_path
     root = ElementTree.parse(path).getroot()
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("160mm", "80mm", "0 0 160 80")
     assert np.allclose(places_in(path), 2 * STIPPLES.points[STIPPLES.order], atol=6e-4)
-    if marks != "line":
-        STIPPLES.save(path, width=160, marks=marks, tour=False, overwrite=True)
-        assert np.allclose(places_in(path), 2 * STIPPLES.points, atol=6e-4)
 
 
 @pytest.mark.parametrize(
@@ -60,10 +55,10 @@ def test_a_drawing_lies_in_the_middle_of_its_sheet(
     tmp_path: Path, fitted: dict[str, Any], size: tuple[float, float], corner: tuple[float, float], scale: float
 ) -> None:
     path = tmp_path / "a.svg"
-    STIPPLES.save(path, tour=False, **fitted)
+    STIPPLES.save(path, **fitted)
     root = ElementTree.parse(path).getroot()
     assert (root.get("width"), root.get("height")) == (f"{size[0]}mm", f"{size[1]}mm")
-    assert np.allclose(places_in(path), scale * STIPPLES.points + corner, atol=6e-4)
+    assert np.allclose(places_in(path), scale * STIPPLES.points[STIPPLES.order] + corner, atol=6e-4)
     STIPPLES.save(tmp_path / "a.png", scale=3, **fitted)
     with Image.open(tmp_path / "a.png") as image:
         assert image.width / image.height == pytest.approx(size[0] / size[1], rel=0.02)
@@ -77,27 +72,11 @@ def test_sheets_are_halves_of_the_next_larger_or_of_half_inches() -> None:
     np.testing.assert_allclose(inches, [[8.5, 11], [8.5, 14], [11, 17]])
 
 
-def test_spirals_fill_disks_by_the_line_of_the_pen_and_stay_in_them(tmp_path: Path) -> None:
-    path = tmp_path / "a.svg"
-    STIPPLES.save(path, width=800, fill="spiral", pen_width=0.5, tour=False)
-    points, radii = 10 * STIPPLES.points, 10 * STIPPLES.radii
-    gaps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
-    for node, point, radius, gap, after in zip(
-        ElementTree.parse(path).getroot()[0], points, radii, gaps, [*points[1:], points[-1]], strict=True
-    ):
-        turns = np.array(node.get("d", "")[1:].split(), float).reshape(-1, 2) - point
-        reach = np.hypot(*turns.T)
-        assert reach.max() == pytest.approx(radius - 0.25, abs=2e-3)
-        assert np.hypot(*np.diff(turns, axis=0).T).sum() * 0.5 == pytest.approx(np.pi * radius**2, rel=0.25)
-        to_next = np.hypot(*(point + turns[-1] - after))  # it ends on the side of the next
-        assert to_next == pytest.approx(abs(gap - reach[-1]), abs=5e-3)
-
-
 def test_disks_have_the_radii_of_dots_and_points_the_width_of_the_pen(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
-    STIPPLES.save(path, width=80, tour=False)
+    STIPPLES.save(path, width=80)
     radii = [float(node.get("r", "")) for node in ElementTree.parse(path).getroot().iter(f"{SVG}circle")]
-    assert np.allclose(radii, STIPPLES.radii, atol=1e-4)
+    assert np.allclose(radii, STIPPLES.radii[STIPPLES.order], atol=1e-4)
     STIPPLES.save(path, marks="points", pen_width=0.5, overwrite=True)
     group = ElementTree.parse(path).getroot()[0]
     assert group.get("stroke-width") == "0.5"
@@ -130,16 +109,10 @@ def test_tables_hold_the_dots(tmp_path: Path) -> None:
     assert np.array_equal([float(row["mass"]) for row in rows], STIPPLES.masses[order])
 
 
-def test_pixels_and_cells(tmp_path: Path) -> None:
+def test_pixels_are_those_that_are_drawn(tmp_path: Path) -> None:
     STIPPLES.save(tmp_path / "a.png", scale=3)
     assert np.array_equal(read_image(tmp_path / "a.png"), STIPPLES.draw(scale=3))
     assert STIPPLES.default_scale() * np.sqrt(RAMP.size / 150) == pytest.approx(8)  # pixels between dots
-    STIPPLES.save_cells(tmp_path / "a.geojson")
-    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
-    assert len(features) == 150
-    assert sum(shoelace(cell) for cell in STIPPLES.cells()) == pytest.approx(RAMP.size)
-    STIPPLES.save_cells(tmp_path / "a.svg")
-    assert len(list(ElementTree.parse(tmp_path / "a.svg").getroot().iter(f"{SVG}path"))) == 150
 
 
 @pytest.mark.parametrize(
@@ -151,7 +124,6 @@ def test_pixels_and_cells(tmp_path: Path) -> None:
         ({"paper": "a9"}, "paper='a9' must be one of"),
         ({"paper": "a6", "margin": 60}, "margin=60 must leave room on 105 x 148 mm"),
         ({"landscape": True}, "landscape must have a paper"),
-        ({"marks": "line", "tour": False}, "tour must be True"),
     ],
 )
 def test_wrong_options_write_nothing(tmp_path: Path, options: dict[str, Any], message: str) -> None:

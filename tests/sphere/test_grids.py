@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference import at_threads, sets_of
+from reference import at_threads, sets_of, uniform_cell_moments
 from scipy.spatial import ConvexHull
 
 from cvtimg import sphere_grid
@@ -14,8 +14,7 @@ from cvtimg._shared.types import Floats
 from cvtimg.halfedges import measure_triangles
 from cvtimg.sphere import CellWidth, Refinement, SphereGrid, WidthCircle, measure_grid, triangulate, width_map
 from cvtimg.sphere.densities import fibonacci, from_degrees
-from cvtimg.sphere.geodesic import Lattice, nearest_twelve
-from cvtimg.sphere.starts import drawn
+from cvtimg.sphere.starts import Lattice, drawn, nearest_twelve
 from cvtimg.sphere.triangulation import SphereTriangulation, unit
 
 Points = Floats
@@ -34,7 +33,7 @@ def assert_is_a_grid(grid: SphereGrid, n: int) -> None:
 def test_grids_of_twelve_pentagons_and_no_heptagon_rest_at_centers_of_mass(n: int) -> None:
     grid = sphere_grid(n)
     measures = grid.measures()
-    centers = unit(SphereTriangulation(grid.points).uniform_moments())
+    centers = unit(uniform_cell_moments(SphereTriangulation(grid.points)))
     assert np.linalg.norm(centers - grid.points, axis=1).max() < 1e-4 * np.sqrt(4 * np.pi / n)
     assert (measures.n_pentagons, measures.n_hexagons) == (12, n - 12)
     assert measures.least_angle > 50

@@ -9,16 +9,15 @@ from cvtimg._shared.checks import check_choice, raise_unsupported
 from cvtimg._shared.choices import MethodName
 from cvtimg._shared.iteration import Callback, Stopping, Watch
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iterate, Iteration, Method, random_numbers
-from cvtimg.engine.methods.lloyd import lloyd, lloyd_of_sets
-from cvtimg.engine.methods.macqueen import macqueen
+from cvtimg.engine.methods.lloyd import lloyd
 from cvtimg.engine.methods.optimal1d import optimal1d
-from cvtimg.engine.methods.probabilistic import Probabilistic
-from cvtimg.engine.methods.transfer import transfer, transfer_of_sets
+from cvtimg.engine.methods.probabilistic import Probabilistic, macqueen
+from cvtimg.engine.methods.transfer import transfer
 
 #: The registry of methods: the values of `method` and ``--method``. The first that can do a job is the default.
 METHODS: dict[str, Method] = {
-    "lloyd": Method(lloyd, of_sets=lloyd_of_sets),
-    "transfer": Method(transfer, takes_power=True, of_sets=transfer_of_sets),
+    "lloyd": Method(lloyd),
+    "transfer": Method(transfer, takes_power=True),
     "macqueen": Method(macqueen),
     "probabilistic": Method(Probabilistic()),
     "optimal1d": Method(optimal1d, takes_locked=False, exact_in_one_dimension=True),

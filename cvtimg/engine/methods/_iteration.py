@@ -80,18 +80,7 @@ class Method:
     # Whether it finds the global optimum in one dimension, and works in no other. Of the initial generators only the
     # number matters then.
     exact_in_one_dimension: bool = False
-    # The same from many (n, K, D) sets of generators, faster over so few points that a pass takes less time than
-    # calling for it; empty cells may stay empty.
-    of_sets: Callable[[Points, Floats, Conditions], Ends] | None = None
 
     def __call__(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
         """Iterate from these generators."""
         return self.iterate(points, generators, conditions)
-
-    def over_few(self, points: Points, generators: Floats, conditions: Conditions) -> Iteration:
-        """Iterate as `of_sets` does from one set."""
-        if self.of_sets is None:
-            return self.iterate(points, generators, conditions)
-        ends = self.of_sets(points, generators[None], conditions)
-        lowest = float(ends.energies[0])
-        return Iteration(ends.generators[0], [lowest], converged=not conditions.watch(lowest))

@@ -42,11 +42,6 @@ def lloyd(points: Points, generators: Floats, conditions: Conditions) -> Iterati
     return Iteration(generators, *history, labels)
 
 
-def lloyd_of_sets(points: Points, sets: Floats, conditions: Conditions) -> Ends:
-    """Iterate from each of (n, K, D) sets of generators, side by side, until each rests; empty cells stay empty."""
-    return Cells.after(points, sets, conditions.stopping, conditions.n_locked).ends
-
-
 class Cells(NamedTuple):
     """Sets of generators with their energies, and the moments (n, K, D + 1) and labels (n, M) of their cells."""
 

@@ -18,6 +18,7 @@ import numpy as np
 from cvtimg._shared.checks import check_at_least
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.types import Floats, Ints, Ints64
+from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Iteration
 from cvtimg.engine.points import Points, assign, cell_moments, energy
 from cvtimg.engine.seeding import refill
@@ -133,3 +134,25 @@ def draw(points: Points, n_drawn: int, rng: np.random.Generator) -> Ints64:
     drawn = np.searchsorted(cumulative, heights, side="right")
     last = np.flatnonzero(points.density)[-1]  # as a height may be rounded up to the sum of all
     return rng.permutation(np.minimum(drawn, last))
+
+
+def macqueen(points: Points, generators: Floats, conditions: Conditions) -> Iteration:
+    """Draw a point and move the nearest generator, so that it is the mean of all points it has met.
+
+    It is `Probabilistic(draws=1, a1=1, a2=0, b1=0, b2=1)` in a compiled loop, and gains most in the first pass.
+
+    J. MacQueen, Proc. 5th Berkeley Symposium on Mathematical Statistics and Probability 1 (1967) 281-297.
+    """
+
+    def move(moving: Floats, counts: Floats, drawn: Ints64) -> None:
+        meet(points, drawn, np.ones(len(drawn)), moving, counts, conditions.n_locked)
+
+    return follow_draws(points, generators, conditions, 1, move)
+
+
+def meet(points: Points, members: Ints64, weights: Floats, moving: Floats, masses: Floats, n_locked: int = 0) -> None:
+    """Let generators meet points one by one: the generator z of mass j nearest to y of weight w moves, in place."""
+    # It becomes (j z + w y) / (j + w), and its mass j + w.
+    columns = np.ascontiguousarray(moving.T)
+    _kernels.draw_means(points.tiles, members, weights, columns, masses, np.empty(len(masses)), n_locked)
+    moving[:] = columns.T

@@ -23,9 +23,7 @@ _DRAWN = {
     "landscape": False,
     "margin": "auto",
     "marks": "disks",
-    "fill": "solid",
     "pen_width": "auto",
-    "order": "tour",
 }
 
 
@@ -48,16 +46,13 @@ class StippleTab(Tab):
         Switch(name="colored", label="Pens of other colors", when={"layers": ["one"]}),
         ("pens", {"when": {"layers": ["one"], "colored": [True]}, "always": True}),
         ("invert", {"when": {"layers": ["one"], "colored": [False]}}),
-        "bleed",
         "marks",
-        ("fill", {"when": {"marks": ["disks"]}}),
         "paper",
         "landscape",
         ("width", {"when": {"paper": ["none"]}}),
         "height",
         "margin",
         ("pen_width", {"always": False, "when": {"by": ["n"]}}),
-        "order",
     )
 
     def outputs(self, request: Request) -> Sequence[Output]:
@@ -101,6 +96,4 @@ def _drawing(tab: StippleTab, settings: Settings) -> Json:
     changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual and name in there}
     if settings["by"] == "pen":
         changed["pen_width"] = settings["pen"]
-    if changed.pop("order", "tour") == "none":
-        changed["tour"] = False
     return changed
