@@ -56,6 +56,21 @@ static inline int half_edges_around(const struct half_edges *mesh, int32_t e, in
     return MOST_AROUND + 1;
 }
 
+/* List the vertices that edges join to the origin of e, counterclockwise. Returns how many, or more than MOST_AROUND. */
+static inline int vertices_around(const struct half_edges *mesh, int32_t e, int32_t found[MOST_AROUND + 1])
+{
+    int n = half_edges_around(mesh, e, found);
+
+    if (n > MOST_AROUND)
+        return n;
+    int32_t last = last_edge(found[n - 1]);
+    for (int i = 0; i < n; i++)
+        found[i] = end_of(mesh, found[i]);
+    if (mesh->twins[last] < 0)
+        found[n++] = mesh->vertices[last];
+    return n;
+}
+
 /* Replace the edge a b between the triangles a b c and b a d by c d: e is d b then, and its twin c a. */
 static inline void flip_edge(struct half_edges *mesh, int32_t e)
 {

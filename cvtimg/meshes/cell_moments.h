@@ -2,16 +2,14 @@
  *
  * A triangle without an obtuse angle has its circumcenter inside, where its three cells meet. So has a pair of
  * triangles where one is obtuse, and signed areas add up to those of the cells. At a border there is no other triangle:
- * there the cells of an obtuse triangle are cut at the border. */
+ * there the cells of an obtuse triangle meet at its centroid. */
 #ifndef CVTIMG_CELL_MOMENTS_H
 #define CVTIMG_CELL_MOMENTS_H
 
 #include "delaunay.h"
 
-/* A triangle lower than this part of its longest side is cut there too: its circumcenter is far away, */
+/* So do those of a triangle lower than this part of its longest side: its circumcenter is far away. */
 #define FLAT 0.02
-/* and one that is lower than this has no area. */
-#define NO_AREA 1e-9
 
 struct sums {
     double *inertia; /* xx, xy, yy of each vertex: mass of the cell times its metric */
@@ -24,45 +22,6 @@ struct part {
     double mass, x, y;
 };
 
-/* Add the triangle from a vertex at `z` to p and q, in a metric with the root of its determinant. */
-static void add_piece(const double *m, double root, const double *z, const double *p, const double *q,
-                      struct part *part, double *energy)
-{
-    double px = p[0] - z[0], py = p[1] - z[1], qx = q[0] - z[0], qy = q[1] - z[1];
-    double mass = 0.5 * root * (px * qy - py * qx), x = px + qx, y = py + qy;
-
-    part->mass += mass;
-    part->x += mass * x / 3;
-    part->y += mass * y / 3;
-    *energy += mass / 12
-        * (m[0] * (px * px + qx * qx + x * x) + 2 * m[1] * (px * py + qx * qy + x * y)
-           + m[2] * (py * py + qy * qy + y * y));
-}
-
-static void towards(double *to, const double *a, const double *b, double share)
-{
-    to[0] = a[0] + share * (b[0] - a[0]);
-    to[1] = a[1] + share * (b[1] - a[1]);
-}
-
-/* Cut the cells of a triangle a b c, obtuse at c, where the perpendicular bisectors of its shorter sides meet a b: at
- * these shares of the way from a to b, and from b to a. */
-static void cut_cells(const double *m, double root, const double *a, const double *b, const double *c, double from_a,
-                      double from_b, struct part *of_a, struct part *of_b, struct part *of_c, double *energy)
-{
-    double near_a[2], near_b[2], beside_a[2], beside_b[2];
-
-    towards(near_a, a, b, from_a);
-    towards(near_b, b, a, from_b);
-    towards(beside_a, c, a, 0.5);
-    towards(beside_b, c, b, 0.5);
-    add_piece(m, root, a, near_a, beside_a, of_a, energy);
-    add_piece(m, root, b, beside_b, near_b, of_b, energy);
-    add_piece(m, root, c, beside_a, near_a, of_c, energy);
-    add_piece(m, root, c, near_a, near_b, of_c, energy);
-    add_piece(m, root, c, near_b, beside_b, of_c, energy);
-}
-
 /* Add what a triangle holds of the cells of its vertices. */
 static void add_triangle(const struct half_edges *mesh, const double *metric, int32_t t, struct sums *sums)
 {
@@ -70,7 +29,7 @@ static void add_triangle(const struct half_edges *mesh, const double *metric, in
     const double *at[3];
     double m[3] = {0, 0, 0}, ways[3][2], squares[3], dots[3];
     struct part parts[3] = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-    int cut = -1;
+    int is_centroid = 0;
 
     for (int k = 0; k < 3; k++) {
         at[k] = mesh->points + 2 * (ptrdiff_t)vertex[k];
@@ -86,15 +45,18 @@ static void add_triangle(const struct half_edges *mesh, const double *metric, in
         dots[k] = 0.5 * (squares[(k + 1) % 3] + squares[(k + 2) % 3] - squares[k]);
     double root = sqrt(fmax(m[0] * m[2] - m[1] * m[1], 1e-300));
     double area2 = root * (ways[0][0] * ways[1][1] - ways[0][1] * ways[1][0]);
-    if (area2 <= NO_AREA * fmax(squares[0], fmax(squares[1], squares[2])))
+    if (area2 <= 0)
         return;
     for (int k = 0; k < 3; k++)
         if (dots[k] < 0 && (mesh->borders[3 * (ptrdiff_t)t + (k + 1) % 3] || area2 < FLAT * squares[k]))
-            cut = k;
-    if (cut >= 0) {
-        int a = (cut + 1) % 3, b = (cut + 2) % 3;
-        cut_cells(m, root, at[a], at[b], at[cut], 0.5 * squares[b] / dots[a], 0.5 * squares[a] / dots[b], parts + a,
-                  parts + b, parts + cut, &sums->energy);
+            is_centroid = 1;
+    if (is_centroid) {
+        sums->energy += 5 * area2 / 216 * (squares[0] + squares[1] + squares[2]);
+        for (int k = 0; k < 3; k++) { /* each corner has what is between the middles of its sides and the centroid */
+            parts[k].mass = area2 / 6;
+            parts[k].x = 7 * area2 / 216 * (ways[(k + 2) % 3][0] - ways[(k + 1) % 3][0]);
+            parts[k].y = 7 * area2 / 216 * (ways[(k + 2) % 3][1] - ways[(k + 1) % 3][1]);
+        }
     } else {
         /* Bisectors divide it into two triangles at each side, of one area: with the middle and the circumcenter. */
         double areas[3], per_area = 1 / area2, radius = 0.25 * squares[0] * squares[1] * squares[2] * per_area * per_area;

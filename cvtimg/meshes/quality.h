@@ -4,8 +4,6 @@
 
 #include "delaunay.h"
 
-/* No move leaves a triangle with less than this part of its area. */
-#define LEAST_AREA_LEFT 0.1
 /* Making edges even must not flatten triangles: this part of the sum of their squared sides is twice the area of half as
  * good a triangle as an equilateral one. */
 #define LEAST_SHAPE 0.144
@@ -19,25 +17,6 @@ static int fan_of(const struct half_edges *mesh, int32_t vertex, int32_t *around
 {
     int n = half_edges_around(mesh, mesh->outgoing[vertex], around);
     return n > MOST_AROUND ? 0 : n;
-}
-
-/* The same, but 0 for a vertex on a boundary. */
-static int ring_of(const struct half_edges *mesh, int32_t vertex, int32_t *around)
-{
-    int n = fan_of(mesh, vertex, around);
-    return n && mesh->twins[around[0]] < 0 ? 0 : n;
-}
-
-/* Whether all triangles around a vertex keep enough area when it moves to `place`. */
-static int keeps_area(const struct half_edges *mesh, const int32_t *around, int n, const double *old,
-                      const double *place)
-{
-    for (int i = 0; i < n; i++) {
-        const double *b = origin2(mesh, next_edge(around[i])), *c = origin2(mesh, last_edge(around[i]));
-        if (twice_area(place, b, c) <= LEAST_AREA_LEFT * twice_area(old, b, c))
-            return 0;
-    }
-    return 1;
 }
 
 static double squared_sides(const double *a, const double *b, const double *c)
@@ -83,7 +62,7 @@ static void smooth_vertex(struct half_edges *mesh, double *place, int32_t vertex
 {
     int32_t around[MOST_AROUND];
     double slope[2] = {0, 0}, curvature = 0, cost = 0;
-    int n = ring_of(mesh, vertex, around);
+    int n = fan_of(mesh, vertex, around);
 
     for (int i = 0; i < n; i++)
         cost += cost_of(place, origin2(mesh, next_edge(around[i])), origin2(mesh, last_edge(around[i])), power, slope,
@@ -129,19 +108,8 @@ static double cost_of_edges(const struct half_edges *mesh, const double *worth, 
     return cost;
 }
 
-/* List the other ends of the edges at a vertex; return how many. */
-static int ends_around(const struct half_edges *mesh, const int32_t *around, int n, int32_t *ends)
-{
-    for (int i = 0; i < n; i++)
-        ends[i] = mesh->vertices[next_edge(around[i])];
-    int32_t last = mesh->vertices[last_edge(around[n - 1])];
-    if (last != ends[0])
-        ends[n++] = last;
-    return n;
-}
-
 /* Find a step of a vertex downhill on the cost of its edges; along `tangent` if that is given. Returns whether there is
- * one that leaves all triangles enough area, and makes none flat. */
+ * one that makes no triangle flat. */
 static int step_to_even(const struct half_edges *mesh, const double *worth, int32_t vertex, const double *tangent,
                         double mean, double share, double *step)
 {
@@ -152,7 +120,7 @@ static int step_to_even(const struct half_edges *mesh, const double *worth, int3
 
     if (!n)
         return 0;
-    int n_ends = ends_around(mesh, around, n, ends);
+    int n_ends = vertices_around(mesh, around[0], ends);
     double cost = cost_of_edges(mesh, worth, ends, n_ends, vertex, place, mean, slope, curvature);
     if (tangent) {
         double x = tangent[0], y = tangent[1];
@@ -170,7 +138,7 @@ static int step_to_even(const struct half_edges *mesh, const double *worth, int3
     for (double part = share; part > 0.1 * share; part /= 2) {
         double there[2] = {place[0] + part * down[0], place[1] + part * down[1]};
         if (cost_of_edges(mesh, worth, ends, n_ends, vertex, there, mean, NULL, NULL) >= cost
-            || !keeps_area(mesh, around, n, place, there) || gets_flat(mesh, around, n, place, there))
+            || gets_flat(mesh, around, n, place, there))
             continue;
         step[0] = part * down[0], step[1] = part * down[1];
         return 1;

@@ -22,21 +22,6 @@ static inline double cotangent(const double *apex, const double *a, const double
     return dot3(u, v) / sqrt(dot3(normal, normal) + 1e-300);
 }
 
-/* List the vertices that edges join to the origin of e, counterclockwise. Returns how many, or more than MOST_AROUND. */
-static int vertices_around(const struct half_edges *mesh, int32_t e, int32_t found[MOST_AROUND + 1])
-{
-    int n = half_edges_around(mesh, e, found);
-
-    if (n > MOST_AROUND)
-        return n;
-    int32_t last = last_edge(found[n - 1]);
-    for (int i = 0; i < n; i++)
-        found[i] = end_of(mesh, found[i]);
-    if (mesh->twins[last] < 0)
-        found[n++] = mesh->vertices[last];
-    return n;
-}
-
 static int is_joined(const struct half_edges *mesh, int32_t e, int32_t vertex)
 {
     int32_t around[MOST_AROUND + 1];
@@ -172,33 +157,6 @@ static void add_part(int32_t vertex, const double *u, const double *v, double ar
         pulls[3 * (ptrdiff_t)vertex + axis] += area / 12 * (all * (u[axis] + v[axis]) + at_u * u[axis] + at_v * v[axis]);
 }
 
-/* Add the cells within a triangle whose angle at corner k is obtuse, opposite to a boundary: there they end. */
-static void add_clipped(const int32_t *v, const double *const *p, const double *density, int k, double area, double *masses,
-                        double *pulls)
-{
-    double base[3], feet[2][3], shares[2], at_feet[2];
-
-    subtract3(base, p[(k + 2) % 3], p[(k + 1) % 3]);
-    for (int h = 0; h < 2; h++) { /* where the cell of one end of the boundary ends, as a share of it */
-        int i = (k + 1 + h) % 3;
-        double side[3], middle[3], sign = h ? -1 : 1, step[3], from_end[3];
-        subtract3(side, p[k], p[i]);
-        shares[h] = dot3(side, side) / (2 * sign * dot3(base, side));
-        at_feet[h] = density[v[i]] + shares[h] * (density[v[(k + 2 - h) % 3]] - density[v[i]]);
-        for (int axis = 0; axis < 3; axis++) {
-            from_end[axis] = sign * shares[h] * base[axis];
-            feet[h][axis] = from_end[axis] - side[axis];
-            middle[axis] = side[axis] / 2;
-            step[axis] = -middle[axis];
-        }
-        double half = (density[v[i]] + density[v[k]]) / 2, part = shares[h] * area / 2;
-        add_part(v[i], middle, from_end, part, density[v[i]], half, at_feet[h], masses, pulls);
-        add_part(v[k], step, feet[h], part, density[v[k]], half, at_feet[h], masses, pulls);
-    }
-    add_part(v[k], feet[0], feet[1], (1 - shares[0] - shares[1]) * area, density[v[k]], at_feet[0], at_feet[1], masses,
-             pulls);
-}
-
 /* Add mass and first moments of the cells of a triangle's corners, from corner to middles of sides to circumcenter, all
  * in its plane. Parts have signs: those of an obtuse triangle are made up for by its neighbor. The density is linear
  * from corners to middles to the circumcenter. */
@@ -221,10 +179,8 @@ static void add_kites(const struct half_edges *mesh, const double *density, int3
     if (sum <= 0 || area <= 0)
         return;
     for (int k = 0; k < 3; k++)
-        if (weights[k] < 0 && mesh->twins[3 * (ptrdiff_t)t + (k + 1) % 3] < 0) {
-            add_clipped(v, p, density, k, area, masses, pulls);
-            return;
-        }
+        if (weights[k] < 0 && mesh->twins[3 * (ptrdiff_t)t + (k + 1) % 3] < 0) /* where there is no neighbor, to the centroid */
+            weights[0] = weights[1] = weights[2] = sum / 3;
     double least = density[v[0]], largest = least;
     for (int k = 0; k < 3; k++) {
         double here = density[v[k]], share = weights[k] / sum;
