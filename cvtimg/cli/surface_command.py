@@ -10,14 +10,13 @@ EXAMPLES = """\
   cvtimg surface scan.stl -n 5000
   cvtimg surface part.obj -n 20000 -o part.vtu --plot part.png
   cvtimg surface *.ply -n 2000 --out-dir remeshed --effort best
-  cvtimg surface scan.ply -n 5000 --density quality
   cvtimg surface voxels.stl -n 5000 --feature-angle 180
 """
 COLUMNS = ("input", "n", "triangles", "components", "borders", "least_angle", "mean_quality", "seconds", "output")
 
 
 def surface(given: Given) -> Todo:
-    """Place N points on surfaces, evenly or by a density, and join them by triangles that are nearly equilateral.
+    """Place N points on surfaces, evenly, and join them by triangles that are nearly equilateral.
 
     Points are generators of a centroidal Voronoi tessellation on the surface. The triangles have its shape: holes and
     handles stay, and so do sharp edges, corners and borders. Holes of scans are counted with
@@ -33,14 +32,11 @@ def _surface(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.surfaces import read_surface, read_vertex_density
+    from cvtimg.surfaces import read_surface
 
     shape = read_surface(task.source, given.weld)
-    weight = None if given.density is None else read_vertex_density(task.source, given.density)
     stopwatch.lap("read")
-    result = cvtimg.surface_points(
-        shape, given.number, density=weight, feature_angle=given.feature_angle, effort=given.effort
-    )
+    result = cvtimg.surface_points(shape, given.number, feature_angle=given.feature_angle, effort=given.effort)
     stopwatch.lap("place")
     result.save(task.output, overwrite=given.overwrite)
     drawn = result.points, result.triangles, result.qualities

@@ -87,13 +87,6 @@ class Outline:
         """Length of the diagonal of the bounds."""
         return float(np.hypot(*(self.bounds[1] - self.bounds[0])))
 
-    def staying(self, places: Points) -> Outline:
-        """Return the outline with the nodes at places (P, 2) still."""
-        from scipy.spatial import cKDTree
-
-        gaps = cKDTree(places).query(self.nodes)[0]
-        return replace(self, still=tuple(np.flatnonzero(gaps <= ON_LINE * self.diameter).tolist()))
-
     def check_inside(self, name: str, points: Points, values: Floats, right: Bools, allowed: str) -> None:
         """Refuse values (N, ...) that are not right (N,) at points (N, 2) inside."""
         wrong = np.flatnonzero(~right)
@@ -155,12 +148,6 @@ class StraightParts:
         """Return the places (N, 2) on lines that are nearest to points."""
         first, share = self.nearest(points)
         return self.places[first] + share[:, None] * (self.places[first + 1] - self.places[first])
-
-    def directions(self, points: Points) -> Points:
-        """Return unit vectors (N, 2) along the parts nearest to points."""
-        first, _ = self.nearest(points)
-        steps = self.places[first + 1] - self.places[first]
-        return steps / np.linalg.norm(steps, axis=1, keepdims=True)
 
 
 def label_outline(labels: Ints, image: ImageLike | None, tolerance: float) -> Outline:
@@ -309,5 +296,5 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
     about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
     cut = Outline.of(lines, outline.sides[own], *about)
-    cut = cut.staying(np.concatenate([points, outline.nodes[list(outline.still)]]))
-    return cut, alone
+    gaps = cKDTree(points).query(cut.nodes)[0]
+    return replace(cut, still=tuple(np.flatnonzero(gaps <= ON_LINE * outline.diameter).tolist())), alone

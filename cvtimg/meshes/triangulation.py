@@ -34,11 +34,6 @@ class Borders:
     of_line: Indices | None = None  # (E,): the line of the outline that each edge is on
     slides: Ints = field(default_factory=lambda: np.empty(0, np.int32))  # Points (S,) that may slide along lines
 
-    def chain(self, line: int) -> Ints:
-        """Return the points (C,) along a line."""
-        own = self.edges[self.of_line == line]
-        return np.append(own[:, 0], own[-1:, 1])
-
 
 class PlaneTriangulation(HalfEdges):
     """Triangles of the plane; `points` change in place.
@@ -116,8 +111,12 @@ class PlaneTriangulation(HalfEdges):
         worth, (a, b) = np.ascontiguousarray(metric[:, 0]), self.edges[self._each_once()].T
         mean = float(((worth[a] + worth[b]) / 2 * ((self.points[a] - self.points[b]) ** 2).sum(axis=1)).mean())
         steps, sliding = np.zeros_like(self.points), np.flatnonzero(self.fixed == SLIDES)
-        if lines is not None:
-            steps[sliding] = lines.directions(self.points[sliding])
+        if lines is not None:  # along the chord between the vertices before and after on the border
+            ends = np.concatenate([self.border_edges(), self.border_edges()[:, ::-1]])
+            beside = ends[np.argsort(ends[:, 0], kind="stable")]
+            first = np.searchsorted(beside[:, 0], sliding)
+            chords = self.points[beside[first, 1]] - self.points[beside[first + 1, 1]]
+            steps[sliding] = chords / np.linalg.norm(chords, axis=1, keepdims=True)
         _meshes.even(self, worth, self.fixed, steps, mean, share)
         if lines is not None:
             steps[sliding] = lines.feet(self.points[sliding] + steps[sliding]) - self.points[sliding]

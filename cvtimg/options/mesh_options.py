@@ -80,11 +80,6 @@ MESH = (
         "Polygons are in degrees, perhaps across the date line: mesh them in km about their middle; lengths are in km.",
     ),
     switch("keep_points", "Make all points of polygons vertices; otherwise only corners are, and areas are kept."),
-    passed(
-        "periodic",
-        Choice(("x", "y", "xy")),
-        "Pair vertices on borders that are copies: on the left and right (x), or at the least and the greatest y.",
-    ),
     Option(
         "name",
         Text(_name),
@@ -110,12 +105,6 @@ SURFACE = (
     Option("number", Whole(4), "Number of points.", "--points -n", required=True),
     common.output("Mesh file: .vtu, .obj, .ply, .stl, .msh, or by meshio.", common.meshes),
     OUT_DIR,
-    Option(
-        "density",
-        Text(),
-        "Gather points by this property of the vertices in PLY files: distances go as NAME^(-1/4).",
-        metavar="NAME",
-    ),
     Option(
         "feature_angle",
         Real(0, 180),

@@ -1,7 +1,6 @@
 from .files import SURFACE_SUFFIXES as SURFACE_SUFFIXES
 from .files import as_surface as as_surface
 from .files import read_surface as read_surface
-from .files import read_vertex_density as read_vertex_density
 from .implicit import ImplicitSurface as ImplicitSurface
 from .implicit import torus as torus
 from .placing import EFFORTS as EFFORTS

@@ -16,12 +16,10 @@ from cvtimg._shared.types import Bools, Ints
 from cvtimg.files.remote import local_copy
 from cvtimg.files.whole import StrPath
 from cvtimg.halfedges import connected_parts, edges_around, joined_points, measure_triangles, unique_edges
-from cvtimg.surfaces.surface import Surface, SurfaceRepairs, TriangulatedSurface, VertexDensity
+from cvtimg.surfaces.surface import Surface, SurfaceRepairs, TriangulatedSurface
 
 #: Suffixes of files that surfaces are read from.
 SURFACE_SUFFIXES = (".obj", ".off", ".ply", ".stl")
-
-
 #: Vertices nearer to each other than this part of the diagonal are one: more closes what scanners resolve, less leaves
 #: the cracks that writing numbers of seven digits makes.
 _WELD = 1e-6
@@ -113,26 +111,6 @@ def _flipped(triangles: Ints) -> Bools:
     is_first = np.full(n_parts, 2 * n)
     np.minimum.at(is_first, part, np.arange(2 * n))
     return np.asarray((as_is < other) | ((as_is == other) & (is_first[part[:n]] > is_first[part[n:]])))
-
-
-def read_vertex_density(path: StrPath, name: str) -> VertexDensity:
-    """Read a density from a property of the vertices in a PLY file, such as the quality of MeshLab.
-
-    Parameters
-    ----------
-    path : str or path-like
-        .ply.
-    name : str
-        Of the property, whose values are >= 0.
-    """
-    suffix = Path(path).suffix.lower()
-    check_that("vertex properties", suffix == ".ply", f"be in a PLY file, not {suffix}")
-    mesh = _loaded(path)
-    data = mesh.metadata["_ply_raw"]["vertex"]["data"]
-    names = [*(data if isinstance(data, dict) else data.dtype.names)]
-    check_choice("vertex property", name, names)
-    values = np.asarray(data[name], np.float64).ravel()
-    return VertexDensity(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), values)
 
 
 def _loaded(path: StrPath) -> Any:

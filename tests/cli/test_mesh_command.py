@@ -6,7 +6,6 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-import trimesh
 from commands import RowOf, Run
 
 import cvtimg
@@ -131,24 +130,3 @@ def test_a_surface_is_remeshed_as_by_the_function(row_of: RowOf) -> None:
     assert row["output"] == "a.obj"
     assert Path("a.obj").read_text().count("\nf ") == 600
     assert cvtimg.read_image("a.png").std() > 20
-
-
-@pytest.mark.usefixtures("ring")
-@pytest.mark.slow
-@pytest.mark.parametrize("encoding", [pytest.param("ascii", marks=pytest.mark.slow), "binary"])
-def test_points_gather_by_a_property_of_vertices(run: Run, encoding: str) -> None:
-    ring = trimesh.load_mesh("ring.stl")
-    ring.vertex_attributes["want"] = np.where(ring.vertices[:, 0] > 0, 16.0, 1.0)
-    ring.vertex_attributes["less"] = -np.ones(len(ring.vertices))
-    Path("ring.ply").write_bytes(ring.export(file_type="ply", encoding=encoding))
-    assert run("surface", "ring.ply", "-n", "400", "--density", "want", "-o", "a.off").status == 0
-    points = trimesh.load_mesh("a.off").vertices
-    assert (points[:, 0] > 0).mean() == pytest.approx(0.8, abs=0.05)
-    for name, message in (
-        ("none", "vertex property='none' must be one of x, y, z, want, less"),
-        ("less", "values must be finite and >= 0"),
-    ):
-        outcome = run("surface", "ring.ply", "-n", "400", "--density", name, "-o", "b.off")
-        assert message in outcome.err
-        assert outcome.err.count("\n") == outcome.status == 1
-    assert not Path("b.off").exists()
