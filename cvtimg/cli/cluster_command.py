@@ -110,10 +110,11 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             samples = blocked.standardized(opened, scaling) if scaling else opened
             is_sampled = given.number == "auto" or "--plot" in task.outputs
             rows, weights = blocked.sample_rows(samples, given.seed) if is_sampled else (None, None)
-        n_generators, curve = given.number, None
-        if n_generators == "auto":
-            n_generators, curve = auto_count(rows, density=weights, volume_power=given.volume_power, rng=given.seed)
-        result = tessellate(samples, n_generators, density=weights if table else None, **given.arguments)
+        how, curve = given.arguments, None
+        if given.number == "auto":
+            volume_power, seed = given.volume_power, given.seed
+            how["n_generators"], curve = auto_count(rows, density=weights, volume_power=volume_power, rng=seed)
+        result = tessellate(samples, density=weights if table else None, **how)
         stopwatch.lap("cluster")
         if table is None:
             n_rows = blocked.write_block_labels(task.output, result.labels, samples, overwrite=given.overwrite)

@@ -28,10 +28,10 @@ def read_region(path: Path, name_by: str) -> Any:
     suffix = path.suffix.lower()
     try:
         if suffix == ".wkb":
-            return shapely.from_wkb(path.read_bytes())
+            return shapely.from_wkb(path.read_bytes(), on_invalid="fix")
         text = path.read_text(encoding="utf-8-sig")
         if suffix == ".wkt":
-            return shapely.from_wkt(text)
+            return shapely.from_wkt(text, on_invalid="fix")
         if suffix == ".csv":
             lines = [line for line in text.splitlines() if line.strip()]
             has_names = any(letter.isalpha() for letter in lines[0].replace("e", ""))

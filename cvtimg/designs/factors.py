@@ -85,7 +85,7 @@ class Factor:
         """Return the points of 0..1 along the axis in its units."""
         share = np.asarray(units, np.float64)
         if self.log:
-            return np.clip(self.low * (self.high / self.low) ** share, self.low, self.high)
+            return np.clip(np.exp((1 - share) * np.log(self.low) + share * np.log(self.high)), self.low, self.high)
         return self.low + share * (self.high - self.low)
 
     def unit_of(self, points: ArrayLike) -> Floats:
@@ -93,7 +93,7 @@ class Factor:
         points = np.asarray(points, np.float64)
         if self.log:
             with np.errstate(invalid="ignore", divide="ignore"):
-                return np.log(points / self.low) / np.log(self.high / self.low)
+                return (np.log(points) - np.log(self.low)) / (np.log(self.high) - np.log(self.low))
         return (points - self.low) / (self.high - self.low)
 
     def numbers(self, places: Floats) -> Floats:

@@ -36,7 +36,7 @@ def outline_of_parts(regions: Sequence[Region], how: Cleaning) -> Outline:
     """Return the borders of regions, which have the labels 1, 2, ..., and share those between them."""
     parts, changes = clean(np.array([PolygonRegion(region.outline()).geometry for region in regions]), how)
     whole = parts[0] if len(parts) == 1 else shapely.union_all(parts)
-    check_that("min_size and snap", whole.area > 0, "be less: nothing of the region is left")
+    check_that("min_size" if how.min_size else "snap", whole.area > 0, "be less: nothing of the region is left")
     polygons, part = shapely.get_parts(parts, return_index=True)
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons), return_index=True)
     lines, faces = _lines([shapely.get_coordinates(ring) for ring in rings], polygon, how.keep_points)

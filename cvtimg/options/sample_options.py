@@ -52,6 +52,7 @@ CLUSTER = (
         "Number of clusters; auto picks it at the elbow of the energy.",
         "--clusters -k",
         required=True,
+        keyword="n_generators",
     ),
     common.output(
         "Write the table with its clusters, .csv, or labels, .npy or .parquet; for one table; - for standard output.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -152,7 +151,11 @@ def triangle_areas(triangles: Floats) -> Floats:
 
 def _as_geometry(shape: Any) -> Geometry:
     if isinstance(shape, Mapping):
-        parts = shapely.get_parts(shapely.get_parts(shapely.from_geojson(json.dumps(shape), on_invalid="ignore")))
+        features = [feature.get("geometry", feature) for feature in shape.get("features", [shape])]
+        # Each by itself, which closes rings that rounding or their writer left open.
+        geometries = [shapely.geometry.shape(feature) for feature in features if feature]
+        parts = shapely.force_2d(shapely.get_parts(shapely.get_parts(geometries)))
+        check_finite("GeoJSON coordinates", shapely.get_coordinates(parts))
         kinds = [part.geom_type for part in parts]
         check_in_range("GeoJSON types", sorted({*kinds}), {*kinds} == {"Polygon"}, "Polygon or MultiPolygon")
         return shapely.union_all(parts)

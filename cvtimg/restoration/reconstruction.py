@@ -304,7 +304,7 @@ def is_drawing(
     slope = np.square(slopes).sum(axis=0).ravel()
     rows = picture.reshape(slope.size, -1)[slope <= np.quantile(slope, _AWAY)]
     rows = rows[:: -(-len(rows) // _SAMPLED)].astype(np.float64)
-    cells = cells_of(rows, _COLORS, effort="fast")
+    cells = cells_of(rows, min(_COLORS, len(rows)), effort="fast")
     left = np.square(rows - cells.generators[cells.labels]).mean()
     noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
     noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * _BLUR**2

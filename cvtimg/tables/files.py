@@ -144,7 +144,7 @@ def _read_table(
     for faults, what in (
         (np.isinf(values), "is infinite"),
         ((values < 0) & is_weight, "is a weight and must be >= 0"),
-        (absent & (missing == "error"), "is missing; leave such rows out with missing='drop' (--missing drop)"),
+        (absent & (missing == "error"), "is missing; leave such rows out with missing='drop'"),
     ):
         if faults.any():
             row, column = np.argwhere(faults)[0]

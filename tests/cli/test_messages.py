@@ -170,7 +170,7 @@ restore pages.tif -k 3 -o r.png | name an output that can hold them, -o FILE.tif
 restore pages.tif -k 3 --merge T -o r.tif | without T to --merge
 palette six.tif | has 6 bands, which are not colors
 elbow a.png --columns a | --columns must not be given for images
-cluster trees.csv -k 41 --columns height | n_generators=41 must be in 1..4, the number of samples
+cluster trees.csv -k 41 --columns height | -k 41 must be in 1..4, the number of samples
 design -n 3 --bounds none.csv | none.csv: no such file
 design -n 3 --bounds trees.csv | trees.csv: must have the columns name, low and high
 design -n 3 --bounds odd.csv | odd.csv: a of kind odd must be

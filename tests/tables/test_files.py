@@ -104,7 +104,7 @@ def test_a_table_cannot_be_changed(file: Path) -> None:
 def test_missing_values_are_an_error_or_left_out(file: Path, nothing: str) -> None:
     text = f"a,b\n1,2\n3,{nothing}\n5,6\n"
     with pytest.raises(
-        ValueError, match=r"table\.csv: line 3, column 'b': the value is missing; leave .*--missing drop"
+        ValueError, match=r"table\.csv: line 3, column 'b': the value is missing; leave .*missing='drop'"
     ):
         read(file, text)
     table = read(file, text, missing="drop")
