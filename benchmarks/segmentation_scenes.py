@@ -20,8 +20,7 @@ from skimage.filters import gaussian, threshold_multiotsu, threshold_otsu
 from skimage.measure import label
 
 import cvtimg
-from cvtimg.segmentation import Objects
-from cvtimg.segmentation.touching import BORDERS
+from cvtimg.segmentation import count_objects
 
 #: Objects below this many pixels are dust, whoever finds them.
 DUST = 30
@@ -63,14 +62,12 @@ def nuclei_rivals(image: NDArray[Any]) -> Iterator[tuple[str, Callable[[], Label
         level = threshold_otsu(smooth) if n_classes == 2 else threshold_multiotsu(smooth, n_classes)[0]
         return pieces(smooth > level)
 
-    def split(n_segments: int, border: str) -> Labels:
-        options = {"smallest_detail": 0, "min_size": DUST, "objects": Objects(border=border)}
-        return cvtimg.segment(image, n_segments, **options).labels
+    def split(n_segments: int) -> Labels:
+        return cvtimg.segment(image, n_segments, smallest_detail=0, min_size=DUST, objects=True).labels
 
-    for border in BORDERS:
-        for n_segments in (2, 3):
-            name = f"cvtimg, {n_segments} segments, objects, border {border}"
-            yield name, partial(split, n_segments, border)
+    yield "cvtimg, count_objects", lambda: count_objects(image).labels
+    for n_segments in (2, 3):
+        yield f"cvtimg, {n_segments} segments, objects", partial(split, n_segments)
     yield "cvtimg, 2 segments, by noise", lambda: ours(2)
     yield "cvtimg, 3 segments, edge weight auto", lambda: ours(3)
     yield "Otsu", lambda: otsu(0, 2)

@@ -36,7 +36,7 @@ _IN_TILES = ("space", "smallest_detail", "edge_weight", "edge_radius", "effort",
 _WHOLE = ("superpixels", "hierarchy", "volume_power", "components", "min_size", "shading", "averaging",
           "objects", "edit")  # fmt: skip
 #: Options that counting without -k does not take.
-_MEASURED = ("object_border", "smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
+_MEASURED = ("smallest_detail", "edge_weight", "averaging", "volume_power", "shading")
 COLUMNS = ("input", "k", "edge_weight", "regions", "edge_length", "seconds", "output")
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
@@ -173,7 +173,7 @@ def _way(given: Given) -> Callable[..., Segmentation]:
             diameter=given.diameter,
         )
     neck_depth = math.inf if given.no_split else given.neck_depth
-    objects = Objects(given.background, neck_depth, given.object_border) if given.objects else False
+    objects = Objects(given.background, neck_depth) if given.objects else False
     return partial(cvtimg.segment, n_segments=given.number, objects=objects, **options)
 
 

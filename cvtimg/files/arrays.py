@@ -30,17 +30,13 @@ def save_arrays(
         write(file, **{_TAG: f"cvtimg {kind} {_VERSION}", **arrays})
 
 
-def load_arrays(path: StrPath, kind: str, names: Iterable[str], *, later: Iterable[str] = ()) -> dict[str, Array]:
-    """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else.
-
-    Those named `later`, which older versions did not write, may be missing.
-    """
+def load_arrays(path: StrPath, kind: str, names: Iterable[str]) -> dict[str, Array]:
+    """Read arrays that `save_arrays` wrote; `UnfitArraysError` says that the file holds something else."""
     wanted = f"cvtimg {kind} {_VERSION}"
     try:
         with local_copy(path) as copy, copy.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             tag = str(stored[_TAG]) if _TAG in stored else "file without a tag"
-            wanted_names = [*names, *(name for name in later if name in stored)]
-            arrays_of_file = {name: stored[name] for name in wanted_names} if tag == wanted else {}
+            arrays_of_file = {name: stored[name] for name in names} if tag == wanted else {}
     except OSError:
         raise
     except Exception as error:  # zipfile, zlib and NumPy raise many kinds of errors for damaged files

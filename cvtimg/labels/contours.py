@@ -160,7 +160,7 @@ def simplify(lines: Sequence[Points], tolerance: float, regions: NDArray[np.inte
     crossed none, and nothing has moved to its other side. Lines that do sweep over one, or that leave one of their
     `regions`, (L, 2), without area, are simplified again with half the tolerance until they do not.
     """
-    strings = _strings(lines)
+    strings = strings_of(lines)
     places, of_place = shapely.get_coordinates(strings, return_index=True)
     tree = shapely.STRtree(shapely.points(places))
     simple, tolerances, suspects = strings.copy(), np.full(len(lines), float(tolerance)), np.arange(len(lines))
@@ -288,7 +288,7 @@ def _drawn(cracks: _Cracks, places: Points, inner: Bools, first: Points, last: P
     return [np.concatenate([first[n : n + 1], drawn[i:j], last[n : n + 1]]) for n, (i, j) in enumerate(parts)]
 
 
-def _strings(lines: Sequence[Points]) -> Array:
+def strings_of(lines: Sequence[Points]) -> Array:
     """Return lines as those of shapely."""
     strings: Array = shapely.linestrings(
         np.concatenate(lines), indices=np.repeat(np.arange(len(lines)), [len(line) for line in lines])
@@ -305,7 +305,7 @@ def _polygons(lines: Sequence[Points], sides: Ints, regions: NDArray[np.integer]
         return ()
     _, first, around = np.unique(numbers[order], return_index=True, return_inverse=True)
     ranks = np.argsort(np.argsort(first))[around]
-    borders = shapely.multilinestrings(np.tile(_strings(lines), 2)[order], indices=ranks)
+    borders = shapely.multilinestrings(np.tile(strings_of(lines), 2)[order], indices=ranks)
     areas = shapely.orient_polygons(shapely.normalize(shapely.build_area(borders)))
     rings, of_area = shapely.get_rings(areas, return_index=True)
     polygons: list[list[Points]] = [[] for _ in areas]

@@ -8,8 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_that
 from cvtimg._shared.types import Ints
 
+#: Objects that overlap by less, as a share of their union, are not the same.
+_LEAST_OVERLAP = 0.1
 
-def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> Ints:
+
+def track_labels(labels: ArrayLike) -> Ints:
     """Return labels of a time series in which each object keeps its number from frame to frame.
 
     An object takes the number of that of the frame before which it overlaps most. Of two that overlap the same one, as
@@ -20,8 +23,6 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> Ints:
     ----------
     labels : (T, H, W) or (T, Z, H, W) integer array
         Labels of each frame, 0 for the background.
-    min_overlap : float
-        Objects that overlap by less, as a share of their union, are not the same.
 
     Returns
     -------
@@ -37,14 +38,13 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> Ints:
     given = np.asarray(labels)
     check_that(f"labels of shape {given.shape}", given.ndim in (3, 4), "be (T, H, W) or (T, Z, H, W)")
     check_that(f"labels of type {given.dtype}", given.dtype.kind in "iu", "be integers")
-    check_that(f"min_overlap={min_overlap}", 0 <= min_overlap <= 1, "be in 0..1")
     tracks = np.zeros(given.shape, np.int32)
     last = 0
     for number, frame in enumerate(given):
         present, indices = np.unique(frame, return_inverse=True)
         new = np.zeros(len(present), np.int32)
         if number:
-            for at, kept in _pairs(indices.ravel(), tracks[number - 1].ravel(), min_overlap):
+            for at, kept in _pairs(indices.ravel(), tracks[number - 1].ravel()):
                 if present[at] and not new[at] and kept not in new:
                     new[at] = kept
         fresh = (new == 0) & (present != 0)
@@ -54,7 +54,7 @@ def track_labels(labels: ArrayLike, *, min_overlap: float = 0.1) -> Ints:
     return tracks
 
 
-def _pairs(now: NDArray[np.integer], before: Ints, least: float) -> list[tuple[int, int]]:
+def _pairs(now: NDArray[np.integer], before: Ints) -> list[tuple[int, int]]:
     """Return pairs of overlapping objects of two frames by their share of the union, the largest first."""
     n = int(before.max()) + 1
     here = before > 0
@@ -62,5 +62,5 @@ def _pairs(now: NDArray[np.integer], before: Ints, least: float) -> list[tuple[i
     first, second = keys // n, keys % n
     shares = common / (np.bincount(now)[first] + np.bincount(before)[second] - common)
     order = np.argsort(-shares, kind="stable")
-    order = order[shares[order] >= least]
+    order = order[shares[order] >= _LEAST_OVERLAP]
     return list(zip(first[order].tolist(), second[order].tolist(), strict=True))

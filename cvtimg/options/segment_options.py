@@ -171,13 +171,6 @@ SEGMENT = (
         needs=("objects",),
     ).on_page("Leave out at edges"),
     Option(
-        "object_border",
-        Choice(("segment", "own")),
-        "With --objects: end them where segments end, or halfway in value between each and the background.",
-        default="segment",
-        needs=("objects",),
-    ),
-    Option(
         "measure",
         Text(common.names),
         "Channels that --table measures, by name or number, or all; by default, those that are segmented.",

@@ -6,11 +6,9 @@ from .files import file_table as file_table
 from .grid_cells import superpixels as superpixels
 from .hierarchy.building import segment_hierarchy as segment_hierarchy
 from .hierarchy.tree import RegionHierarchy as RegionHierarchy
-from .noise import estimate_noise as estimate_noise
 from .result import Counting as Counting
 from .result import Segmentation as Segmentation
 from .result import SegmentedFile as SegmentedFile
 from .segments import segment as segment
-from .segments import segment_curve as segment_curve
 from .tiled import segment_file as segment_file
 from .touching import Objects as Objects

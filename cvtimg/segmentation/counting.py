@@ -33,7 +33,7 @@ from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
 from cvtimg.segmentation.local_means import local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
-from cvtimg.segmentation.noise import estimate_noise
+from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.result import Counting, Segmentation, measured
 from cvtimg.segmentation.touching import BACKGROUNDS, largest_by_label, numbers_of, split_at_saddles, with_own_borders
 
@@ -297,13 +297,13 @@ def _in_tiles(
 
     objects, last = np.zeros(inside.shape, np.int32), 0
     for tile, core in _tiles(inside.shape, round(SETTINGS.overlap * radius)):
-        found = split(contrast[tile], inside[tile], threshold, radius, size, necks)
-        found = with_own_borders(found, contrast[tile][..., None], np.zeros(1, np.float32))
-        middles = center_of_mass(found > 0, found, np.arange(1, int(found.max()) + 1))
-        own = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
-        numbers = numbers_of(np.array([False, *own]))
-        free = (numbers[found] > 0) & (objects[tile] == 0)
-        objects[tile][free] = numbers[found][free] + last
+        parts = split(contrast[tile], inside[tile], threshold, radius, size, necks)
+        parts = with_own_borders(parts, contrast[tile][..., None], np.zeros(1, np.float32))
+        middles = center_of_mass(parts > 0, parts, np.arange(1, int(parts.max()) + 1))
+        is_in_core = [((at[-2:] >= core[0]) & (at[-2:] < core[1])).all() for at in map(np.asarray, middles)]
+        numbers = numbers_of(np.array([False, *is_in_core]))
+        free = (numbers[parts] > 0) & (objects[tile] == 0)
+        objects[tile][free] = numbers[parts][free] + last
         last += int(numbers.max())
     return objects
 
@@ -330,7 +330,9 @@ def denoised(gray: Floats32, inside: Bools, size: tuple[float, ...]) -> tuple[Fl
     planes = gray.reshape(-1, *gray.shape[-2:])
     every = -(-len(planes) // SETTINGS.some_planes)
     some, known = planes[::every], inside.reshape(planes.shape)[::every]
-    noise = min(float(np.median([estimate_noise(plane)[0] for plane in some])), _most_noise(some[known]))
+    noise = min(
+        float(np.median([noise_covariance(plane[..., None]) for plane in some])) ** 0.5, _most_noise(some[known])
+    )
     first = np.stack([gaussian_filter(plane, 2.0) for plane in some])
     bright = first > threshold_otsu(first.ravel())  # type: ignore[no-untyped-call]
     step = float(first[bright].mean() - first[~bright].mean()) if 0 < bright.sum() < bright.size else 0.0

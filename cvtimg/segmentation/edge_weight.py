@@ -34,8 +34,8 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.sums import copy_rows
 from cvtimg._shared.threads import in_stripes, of_each, side_by_side
 from cvtimg._shared.types import Bools, Floats, Floats32, Indices, Ints
+from cvtimg.labels.components import grid_of_cells
 from cvtimg.segmentation import _segments
-from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.region_moves import parts_of, rearranged
 from cvtimg.segmentation.values import from_nearest
 
@@ -121,9 +121,9 @@ class Layers(NamedTuple):
 
     def rows(self, first: int, last: int, radius: int) -> Layers:
         """Return some rows, in a frame that holds what surrounds them."""
-        own, framed = slice(first, last), slice(first, last + 2 * radius)
-        weights = None if self.weights is None else self.weights[own]
-        return Layers(self.values[own], weights, *(layer[framed] for layer in self[2:]))
+        inner, framed = slice(first, last), slice(first, last + 2 * radius)
+        weights = None if self.weights is None else self.weights[inner]
+        return Layers(self.values[inner], weights, *(layer[framed] for layer in self[2:]))
 
 
 class Moves(NamedTuple):
@@ -171,9 +171,9 @@ class SegmentMoments:
         """Sum up each segment about the mean that it had, and move that to the mean that it has now."""
 
         def moments(stripe: tuple[int, int]) -> Floats:
-            own, found = image.rows(*stripe, margin), np.zeros_like(self.rows)
-            _segments.measure_cells(own.values, own.weights, own.labels, margin, self.rows, found)
-            return found
+            part, sums = image.rows(*stripe, margin), np.zeros_like(self.rows)
+            _segments.measure_cells(part.values, part.weights, part.labels, margin, self.rows, sums)
+            return sums
 
         total = reduce(np.add, side_by_side(moments, stripes))
         self.masses[:], self.energies[:] = 0, 0
@@ -182,10 +182,10 @@ class SegmentMoments:
 
 def moments_of(values: Floats32, labels: Ints) -> SegmentMoments:
     """Measure the segments of (H, W, D) values with a mean near 0."""
-    found = SegmentMoments(int(labels.max(initial=0)), values.shape[2])
+    moments = SegmentMoments(int(labels.max(initial=0)), values.shape[2])
     for _ in range(2):  # about the origin, to find the means; and about these
-        found.measure(Layers(values, None, *(labels,) * 3), _stripes(len(labels)), 0)
-    return found
+        moments.measure(Layers(values, None, *(labels,) * 3), _stripes(len(labels)), 0)
+    return moments
 
 
 def _stripes(height: int, least: int = 0) -> list[tuple[int, int]]:
@@ -383,8 +383,8 @@ class State:
             labels, others, _ = self._image.rows(*stripe, margin)[2:]
             ends = max(beyond - stripe[0], 0), min(height - beyond, stripe[1]) - stripe[0]
             _segments.count_others(labels, steps, margin, *ends, others)
-            own = others[margin:-margin]
-            return int(own.sum(dtype=np.int64)), int(np.count_nonzero(own))
+            counts = others[margin:-margin]
+            return int(counts.sum(dtype=np.int64)), int(np.count_nonzero(counts))
 
         self._n_pairs, self._n_boundary = map(sum, zip(*side_by_side(count, self._stripes), strict=True))
 
@@ -396,8 +396,8 @@ class State:
     def _energy(self, edge_weight: float) -> float:
         """Return the energy of the labels as they are."""
         cells, (f, o) = self.cells, self.rates.T
-        own = self._shares() * cells.energies * f + cells.masses.mean(axis=1) * o
-        return float(np.einsum("k->", own)) + edge_weight * self._n_pairs
+        energies = self._shares() * cells.energies * f + cells.masses.mean(axis=1) * o
+        return float(np.einsum("k->", energies)) + edge_weight * self._n_pairs
 
     def _greatest_step(self) -> float:
         """Return the greatest squared distance between the means of segments that meet, times the share of either."""
@@ -408,8 +408,8 @@ class State:
             for here, there in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
                 meet = (here != there) & (here > 0) & (there > 0)
                 pairs = np.unique(here[meet].astype(np.int64) * len(means) + there[meet])
-                one, other = pairs // len(means), pairs % len(means)
-                steps = np.square(means[one] - means[other]).sum(axis=1) * np.maximum(shares[one], shares[other])
+                low, high = pairs // len(means), pairs % len(means)
+                steps = np.square(means[low] - means[high]).sum(axis=1) * np.maximum(shares[low], shares[high])
                 greatest = max(greatest, float(steps.max(initial=0)))
             return greatest
 
@@ -419,29 +419,21 @@ class State:
         """Visit the pixels on boundaries, or those of them near transfers; return how many were transferred."""
         moved, margin, rows, image, backward = 0, self._margin, self.cells.rows, self._image, number % 2 == 0
         total = float(self.cells.masses.mean(axis=1).sum())
-        how = (
-            self.rates,
-            total,
-            self._steps,
-            margin,
-            edge_weight,
-            self._moves.volume_power,
-            self._moves.connected,
-            backward,
-        )
+        allowed = self._moves.volume_power, self._moves.connected, backward
+        how = self.rates, total, self._steps, margin, edge_weight, *allowed
 
         def sweep(stripes: Sequence[tuple[int, int]], number: int) -> Any:
-            own = slice(*(end + margin for end in stripes[number]))
+            at = slice(*(end + margin for end in stripes[number]))
             if everywhere:
-                image.stale[own][:] = image.others[own] > 0
-            return _segments.sweep(image.rows(*stripes[number], margin), rows, *how) if image.stale[own].any() else None
+                image.stale[at][:] = image.others[at] > 0
+            return _segments.sweep(image.rows(*stripes[number], margin), rows, *how) if image.stale[at].any() else None
 
         apart = min(6 if number == 1 else 2, len(self._stripes))
         groups = [self._stripes[first::apart] for first in range(apart)]
         for stripes in reversed(groups) if backward else groups:
             changes = np.zeros_like(rows)
-            found = filter(None, of_each(partial(sweep, stripes), len(stripes), work=250.0 * self._n_boundary))
-            for n_moved, n_pairs, n_boundary, touched, change in found:
+            changed = filter(None, of_each(partial(sweep, stripes), len(stripes), work=250.0 * self._n_boundary))
+            for n_moved, n_pairs, n_boundary, touched, change in changed:
                 moved += n_moved
                 self._n_pairs += n_pairs
                 self._n_boundary += n_boundary

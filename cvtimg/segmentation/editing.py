@@ -97,11 +97,11 @@ def edit_labels(
     """
     edited = np.array(labels, np.int32)
     check_shape("labels", edited.shape, edited.ndim == 2, "(H, W)")
-    for one in edits:
-        edit = Edit.parse(one) if isinstance(one, str) else one
+    for text in edits:
+        edit = Edit.parse(text) if isinstance(text, str) else text
         if edit.kind == "merge":
-            found = [label for label in _labels_at(edited, edit.points) if label]
-            edited[np.isin(edited, found[1:])] = found[0] if found else 0
+            merged = [label for label in _labels_at(edited, edit.points) if label]
+            edited[np.isin(edited, merged[1:])] = merged[0] if merged else 0
         elif edit.kind == "split":
             _split(edited, edit, hierarchy() if callable(hierarchy) else hierarchy)
         else:
@@ -134,11 +134,11 @@ def _split(labels: Ints, edit: Edit, tree: RegionHierarchy | None) -> None:
     if tree is None:
         raise ValueError("a split needs the tree of the image, hierarchy")
     check_shape("hierarchy", tree.leaves.shape, tree.leaves.shape == labels.shape, "that of the labels")
-    if not (found := _labels_at(labels, edit.points)) or not found[0]:
+    if not (touched := _labels_at(labels, edit.points)) or not touched[0]:
         return
-    own = labels == found[0]
-    leaves = np.unique(tree.leaves[own & (tree.leaves > 0)]) - 1
+    segment = labels == touched[0]
+    leaves = np.unique(tree.leaves[segment & (tree.leaves > 0)]) - 1
     if len(leaves) < 2:
         raise ValueError(f"split {edit.points[0][0]},{edit.points[0][1]}: this segment has no parts in the tree")
     other = np.append(False, tree.divide(leaves))[tree.leaves]
-    labels[own & other] = labels.max() + 1
+    labels[segment & other] = labels.max() + 1

@@ -46,11 +46,11 @@ class DividedStack:
         """Return what a table says of all results, by column."""
         each = [result.summary() for result in self.results]
         together = {"k": sum if self.results[0].counting else max, "energy": sum, "n_iter": max, "converged": all}
-        found = each[0] | {name: join(one[name] for one in each) for name, join in together.items()}
-        found["elbow"] = None if self.pages else found["elbow"]
+        columns = each[0] | {name: join(row[name] for row in each) for name, join in together.items()}
+        columns["elbow"] = None if self.pages else columns["elbow"]
         regions = sum(int(connected_pieces(page).max()) for page in self.labels)
         sides = sum(int(np.count_nonzero(np.diff(self.labels, axis=axis))) for axis in (1, 2))
-        return {"left_out": int((self.labels == 0).sum()), **found, "regions": regions, "edge_length": sides}
+        return {"left_out": int((self.labels == 0).sum()), **columns, "regions": regions, "edge_length": sides}
 
 
 def by_tree(image: Array, n_regions: int | None = None, threshold: float | None = None, **options: Any) -> Segmentation:
@@ -148,9 +148,9 @@ def divide_stack(
         if edits:
             tree = result.hierarchy or partial(segment_hierarchy, image, mask=known)
             result = measured(edit_labels(result.labels, edits, hierarchy=tree), image, hierarchy=result.hierarchy)
-        own = labels[start : start + n_together]
-        own[:] = result.labels.reshape(n_together, -1, own.shape[2])[:, : own.shape[1]]
-        results.append(replace(result, labels=own))
+        planes = labels[start : start + n_together]
+        planes[:] = result.labels.reshape(n_together, -1, planes.shape[2])[:, : planes.shape[1]]
+        results.append(replace(result, labels=planes))
     if track:
         frames = labels.reshape(pages.shape[0] if pages else 1, -1, *labels.shape[1:])
         labels = track_labels(frames).reshape(labels.shape)
@@ -172,8 +172,8 @@ def _stacked(parts: Sequence[_Part], apart: int | None) -> _Part:
     if apart is None:
         return np.stack(images), np.stack(known)
     gap = (0, apart), (0, 0)
-    below = [np.pad(one, (*gap, *[(0, 0)] * (one.ndim - 2))) for one in images]
-    return np.concatenate(below), np.concatenate([np.pad(one, gap) for one in known])
+    below = [np.pad(page, (*gap, *[(0, 0)] * (page.ndim - 2))) for page in images]
+    return np.concatenate(below), np.concatenate([np.pad(page, gap) for page in known])
 
 
 def _spacing(pages: Pages | None) -> tuple[float, float, float]:

@@ -18,9 +18,9 @@ from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, 
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
+from cvtimg.labels.components import grid_of_cells
 from cvtimg.segmentation.edge_weight import EdgeWeighted, compactness_of, descend, doubled, halved
 from cvtimg.segmentation.frames import frame_of
-from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.prepared import auto_weight
 from cvtimg.segmentation.result import Segmentation, from_labels

@@ -32,8 +32,8 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
         for _ in range(_MAX_ROUNDS):
             before = light
             shared = local_mean((some * means).sum(axis=2), known, reach, _PRIOR)
-            own = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
-            light = np.divide(shared, own, out=np.ones_like(own), where=own > 0)
+            squares = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
+            light = np.divide(shared, squares, out=np.ones_like(squares), where=squares > 0)
             light /= light.mean()
             if before.size and np.abs(light - before).max() < 1e-3:
                 break
@@ -53,22 +53,16 @@ def is_lit_unevenly(image: Array, inside: Bools, n_segments: int) -> bool:
         return False
     down, right = (2 * np.argwhere(known) / known.shape - 1).T
     powers = np.stack([down**0, down, right, down**2, down * right, right**2], axis=1)
-    flat = rows - powers @ _fitted(powers, rows)
+    flat = rows - powers @ np.linalg.lstsq(powers, rows)[0]
     labels = tessellate(flat, n_segments, effort="fast", rng=0).labels
     for _ in range(_MAX_ROUNDS):
         columns = np.concatenate([np.eye(n_segments)[labels], powers], axis=1)
-        fitted = _fitted(columns, rows)
+        fitted = np.linalg.lstsq(columns, rows)[0]
         distances = rows[:, None] - (powers @ fitted[n_segments:])[:, None] - fitted[:n_segments]
         squares = np.square(distances).sum(axis=2)
         labels = squares.argmin(axis=1)
     more = tessellate(rows, n_segments + 1, effort="fast", rng=0)
     return bool(squares.min(axis=1).sum() < more.energy)
-
-
-def _fitted(columns: Array, rows: Array) -> Array:
-    """Return factors of (N, M) columns whose sum is nearest to (N, D) rows."""
-    shared = np.einsum("ni,nj->ij", columns, columns)
-    return np.asarray(np.linalg.pinv(shared, hermitian=True) @ np.einsum("ni,nd->id", columns, rows))
 
 
 def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float) -> Floats32:

@@ -1,7 +1,11 @@
-"""Estimates of noise from an image alone.
+"""Noise, measured on an image alone, and averages by a Gaussian, which lower it.
 
 Second differences along both axes remove what varies linearly and leave noise, edges and texture; the quieter blocks
-have little of the latter two, so noise is measured there.
+have little of the latter two, so noise is measured there: J. Immerkaer, Computer Vision and Image Understanding 64
+(1996) 300-302, doi 10.1006/cviu.1996.0060. Taking quiet blocks is our own.
+
+With a kernel w of sum 1, averaging the squared distance to a generator gives the same cells as averaging the image,
+because w * |u - z|^2 = |w * u - z|^2 + a term without z.
 """
 
 from __future__ import annotations
@@ -9,11 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
-from cvtimg._shared.checks import check_image
 from cvtimg._shared.threads import side_by_side
-from cvtimg._shared.types import Array, Bools, Floats, ImageLike
+from cvtimg._shared.types import Array, Bools, Floats, Floats32
 
+#: A Gaussian is truncated at this many standard deviations.
+TRUNCATE = 4.0
 #: Side of a block, and in how many of them noise is measured at most.
 _BLOCK, _ENOUGH_BLOCKS = 16, 1 << 18
 #: Noise is measured in the blocks between these shares of all, sorted by how much they vary.
@@ -25,39 +31,6 @@ _LESS_IN_QUIET = 0.674
 _FLAT = 0.5
 #: Second differences of near pixels are correlated: this many count as one that is not.
 _PIXELS_THAT_COUNT = 3.78
-
-
-def estimate_noise(image: ImageLike) -> Floats:
-    """Estimate the standard deviation of the noise in each band of an image.
-
-    White noise, such as that of a sensor, is found to within some percent. Texture that covers the whole image is
-    mistaken for noise, and noise that has been smoothed is missed.
-
-    Parameters
-    ----------
-    image : (H, W) or (H, W, C) array, or Pillow image
-        uint8, uint16 or floating point, without NaN.
-
-    Returns
-    -------
-    (C,) float64 array
-        In the units of the image; 0 if it has fewer than 3 rows or columns.
-
-    References
-    ----------
-    J. Immerkaer, Computer Vision and Image Understanding 64 (1996) 300-302, doi 10.1006/cviu.1996.0060: the second
-    differences. Taking quiet blocks is our own.
-
-    Examples
-    --------
-    >>> from cvtimg.segmentation import estimate_noise
-    >>> rng = np.random.default_rng(0)
-    >>> estimate_noise(np.add.outer(np.arange(300), np.arange(400)) + rng.normal(0, 5, (300, 400))).round()
-    array([5.])
-    """
-    array = check_image("image", image)
-    values = array.reshape(*array.shape[:2], -1)
-    return np.sqrt(np.diag(noise_covariance(values)))
 
 
 def noise_covariance(values: Array, inside: Bools | None = None) -> Floats:
@@ -73,8 +46,8 @@ def noise_of_rows(read: Callable[[int, int], tuple[Array, Bools | None]], shape:
     height, width = (min(_BLOCK, max(side - 2, 1)) for side in shape)
     n_rows, n_columns = max((shape[0] - 2) // height, 1), max((shape[1] - 2) // width, 1)
     firsts = range(0, height * n_rows, height * -(-n_rows * n_columns // _ENOUGH_BLOCKS))
-    found = side_by_side(lambda first: _block_covariances(*read(first, first + height + 2)), firsts)
-    covariances = np.concatenate([*found])
+    parts = side_by_side(lambda first: _block_covariances(*read(first, first + height + 2)), firsts)
+    covariances = np.concatenate([*parts])
     n_dims = covariances.shape[1]
     if not len(covariances):
         return np.zeros((n_dims, n_dims))
@@ -105,3 +78,24 @@ def _block_covariances(values: Array, inside: Bools | None) -> Floats:
     flat = (bands == 0).all(axis=0).reshape(height, -1, n_columns).mean(axis=(0, 2))
     covariances[flat > _FLAT] = 0
     return covariances[np.isfinite(covariances).all(axis=(1, 2))]
+
+
+def noise_gain(deviation: float) -> float:
+    """Return the part of the variance of white noise that averages have: the sum of the squared weights."""
+    line = np.zeros(2 * int(TRUNCATE * deviation) + 5)
+    line[len(line) // 2] = 1
+    weights = gaussian_filter(line, deviation, mode="constant", truncate=TRUNCATE)
+    return float(weights @ weights) ** 2
+
+
+def averaged(values: Floats32, deviation: float, inside: Bools | None = None) -> Floats32:
+    """(H, W, D) averages of (H, W, D) values over the pixels `inside`, (H, W); 0 elsewhere."""
+    # Deviations are in pixels. Pixels beyond the border of the image are outside too.
+    within = np.ones(values.shape[:2], bool) if inside is None else inside
+
+    def filtered(image: Floats32) -> Floats32:
+        return np.asarray(gaussian_filter(image, deviation, mode="constant", truncate=TRUNCATE, axes=(0, 1)))
+
+    mass = filtered(within[..., None].astype(np.float32))
+    sums = filtered(np.where(within[..., None], values, np.float32(0)))
+    return np.divide(sums, mass, out=np.zeros_like(sums), where=within[..., None])

@@ -14,9 +14,8 @@ from cvtimg._shared.types import Floats, Floats32, Ints
 from cvtimg.elbow.curves import EnergyCurve, energy_curve
 from cvtimg.elbow.rules import Scale
 from cvtimg.engine.points import assign, pack
-from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.edge_weight import EdgeWeighted, Planes, descend, length_cost
-from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.noise import averaged, noise_covariance, noise_gain
 from cvtimg.segmentation.values import PictureValues
 
 #: The edge weight "auto" is at least this multiple of the variance of noise, at a radius of 3: for three shapes under

@@ -23,6 +23,8 @@ from cvtimg.segmentation import _segments
 _WORTHWHILE, _MAX_CYCLES = 1e-5, 10
 #: How often lost segments are given back, and two are joined to free one.
 _MAX_GIFTS, _MAX_TRADES = 4, 4
+#: Sum of what flows in a cut, in the whole numbers that it is found in.
+_WHOLE = 1 << 30
 
 _Labels = Ints64
 
@@ -37,10 +39,8 @@ class Parts:
     masses: Floats  # (N,): pixels
     sums: Floats  # (N, D): sums of their values
     squares: Floats  # (N,): sums of their squared values
-    first: Ints  # (N + 1,): arcs of a part are those from first[i] to first[i + 1]
     tails: Ints  # (A,): part that each arc comes from
-    heads: Ints  # (A,): part that it leads to
-    backs: Ints  # (A,): the arc back
+    heads: Ints  # (A,): part that it leads to; there is an arc back
     borders: Floats  # (A,): what it costs if the two are in different segments
     rates: Floats  # (K, 2): f and o
 
@@ -79,34 +79,22 @@ def parts_of(values: Floats32, numbers: Ints, margin: int, steps: Ints, border: 
 
     A pair of near pixels in different segments costs `border`; `steps` lead to near pixels in the flat padded image.
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import coo_array, csr_array
 
-    others = np.zeros(numbers.shape, np.uint16)
-    beyond = -(-int(steps.max()) // numbers.shape[1]) - margin  # rows from which steps lead out
-    _segments.count_others(numbers, steps, margin, beyond, len(numbers) - 2 * margin - beyond, others)
-    places, size, used = np.flatnonzero(others), 1 << 12, -1
-    while used < 0:
-        size *= 4
-        keys, counts = np.zeros(size, np.int64), np.zeros(size, np.int64)
-        used = _segments.count_pairs(numbers, places, steps[steps > 0], keys, counts)
-    slots = np.flatnonzero(keys)
-    pairs = np.stack([keys[slots] >> 32, keys[slots] & 0xFFFFFFFF]) - 1
     n_parts, n_dims = int(numbers.max()), values.shape[2]
     moments = np.zeros((n_parts + 1, 2 * n_dims + 1))
     _segments.measure_cells(values, None, numbers, margin, np.zeros_like(moments), moments)
     masses, sums, squares = (
         np.ascontiguousarray(columns) for columns in (moments[1:, 0], moments[1:, n_dims:-1], moments[1:, -1])
     )
-    ends = np.concatenate([pairs, pairs[::-1]], axis=1)
-    costs = border * np.tile(counts[slots], 2)
-    graph = coo_array((costs, tuple(ends)), shape=(n_parts, n_parts)).tocsr()
-    graph.sort_indices()
-    heads = graph.indices.astype(np.int32)
-    backs = np.empty_like(heads)
-    backs[np.argsort(heads, kind="stable")] = np.arange(len(heads))
-    first = graph.indptr.astype(np.int32)
-    tails = np.repeat(np.arange(n_parts, dtype=np.int32), np.diff(first))
-    return Parts(masses, sums, squares, first, tails, heads, backs, graph.data, rates)
+    flat, near = numbers.ravel(), csr_array((n_parts, n_parts))
+    for step in steps[steps > 0]:
+        before, after = flat[:-step], flat[step:]
+        meet = np.flatnonzero((before != after) & (before > 0) & (after > 0))
+        ends = before[meet] - 1, after[meet] - 1
+        near += coo_array((np.ones(len(meet)), ends), shape=near.shape).tocsr()
+    pairs = (border * (near + near.T)).tocoo()
+    return Parts(masses, sums, squares, pairs.row, pairs.col, pairs.data, rates)
 
 
 def rearranged(parts: Parts, labels: _Labels) -> _Labels:
@@ -126,7 +114,7 @@ def rearranged(parts: Parts, labels: _Labels) -> _Labels:
 
 def _expanded(parts: Parts, labels: _Labels) -> _Labels:
     """Let each segment in turn take the parts that lower the energy most, until a cycle gains little."""
-    energy, means, flow = parts.energy(labels), parts.costs(labels)[1], _Flow(parts)
+    energy, means = parts.energy(labels), parts.costs(labels)[1]
     costs, n_labels, in_vain = parts.costs_at(means), len(parts.rates), 0
     for _ in range(_MAX_CYCLES):
         before = energy
@@ -134,7 +122,7 @@ def _expanded(parts: Parts, labels: _Labels) -> _Labels:
             if in_vain >= n_labels:  # nothing has changed since each was tried
                 return labels
             in_vain += 1
-            moved = flow.expanded(labels, label, costs)
+            moved = _joined(parts, labels, label, costs)
             if moved is None:
                 continue
             after = parts.energy(moved)
@@ -147,34 +135,36 @@ def _expanded(parts: Parts, labels: _Labels) -> _Labels:
     return labels
 
 
-class _Flow:
-    """Minimum cuts of the same parts, in whole numbers."""
+def _joined(parts: Parts, labels: _Labels, label: int, costs: Floats) -> _Labels | None:
+    """Return labels where the best set of parts has joined a segment, by (K, N) costs; None if that is none."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-    def __init__(self, parts: Parts) -> None:
-        self._parts = parts
-        n_parts = len(parts.masses)
-        most = float((parts.rates[:, 0].max() * parts.squares).sum() + parts.borders.sum())
-        self._scale = 2.0**50 / max(most, 1e-100)  # sums of all costs are whole in float64 and int64
-        self._borders = np.rint(parts.borders * self._scale)
-        self._distances, self._scratch = np.empty(n_parts, np.int32), np.empty(3 * n_parts, np.int32)
-
-    def expanded(self, labels: _Labels, label: int, costs: Floats) -> _Labels | None:
-        """Return labels where the best set of parts has joined a segment, by (K, N) costs; None if that is none."""
-        parts, free, border = self._parts, labels != label, self._borders
-        tails, heads = parts.tails, parts.heads
-        now = np.where(labels[tails] != labels[heads], border, 0)
-        # The energy of a pair of which one, the other or both join is that of a cut; each pair has two arcs.
-        both = free[tails] & free[heads] & (tails < heads)
-        joining = np.where(both, border - now, np.where(free[tails] & ~free[heads], -border, 0))
-        supplies = np.rint((costs[label] - costs[labels, np.arange(len(labels))]) * self._scale)
-        supplies += np.bincount(tails, joining, len(labels)) - np.bincount(heads, both * border, len(labels))
-        left = np.where(free, supplies, 0).astype(np.int64)
-        if left.min() >= 0:
-            return None
-        capacities = (both * (2 * border - now)).astype(np.int64)
-        _segments.cut_least(parts.first, heads, parts.backs, capacities, left, self._distances, self._scratch)
-        joins = (self._distances >= 0) & free
-        return np.where(joins, label, labels) if joins.any() else None
+    free, border, tails, heads, n_parts = labels != label, parts.borders, parts.tails, parts.heads, len(labels)
+    now = np.where(labels[tails] != labels[heads], border, 0)
+    # The energy of a pair of which one, the other or both join is that of a cut; each pair has two arcs.
+    both = free[tails] & free[heads] & (tails < heads)
+    joining = np.where(both, border - now, np.where(free[tails] & ~free[heads], -border, 0))
+    supplies = costs[label] - costs[labels, np.arange(n_parts)]
+    supplies += np.bincount(tails, joining, n_parts) - np.bincount(heads, both * border, n_parts)
+    arcs = np.where(both, 2 * border - now, 0)
+    # What is more than all arcs of a part take changes no cut, and would hide small costs among whole numbers.
+    most = [2 * np.bincount(ends, arcs, n_parts) + border.max(initial=1) for ends in (heads, tails)]
+    supplies = np.where(free, np.clip(supplies, -most[0], most[1]), 0)
+    if supplies.min() >= 0:
+        return None
+    source, sink, each = n_parts, n_parts + 1, np.arange(n_parts)
+    starts = np.concatenate([tails[both], np.where(supplies > 0, source, each)])
+    ends = np.concatenate([heads[both], np.where(supplies > 0, each, sink)])
+    capacities = np.concatenate([arcs[both], np.abs(supplies)])
+    whole = np.rint(np.minimum(capacities / np.abs(supplies).sum(), 1) * _WHOLE).astype(np.int32)
+    graph = csr_array((whole, (starts, ends)), shape=(n_parts + 2,) * 2)
+    left = graph - maximum_flow(graph, source, sink).flow
+    left.eliminate_zeros()
+    joins = np.zeros(n_parts + 2, np.bool_)
+    joins[breadth_first_order(left.T.tocsr(), sink, return_predecessors=False)] = True
+    joins = joins[:n_parts] & free
+    return np.where(joins, label, labels) if joins.any() else None
 
 
 def _given_back(parts: Parts, labels: _Labels) -> _Labels | None:

@@ -200,12 +200,12 @@ def measured(labels: Ints, image: Array, **more: Any) -> Segmentation:
     rows = labels.reshape(-1, labels.shape[-1])  # planes below each other
     values, inside = image.reshape(*rows.shape, -1), (rows > 0)[..., None]
     center = values.sum(axis=(0, 1), dtype=np.float64, where=inside) / max(np.count_nonzero(inside), 1)
-    found = moments_of(np.where(inside, values - center, 0).astype(np.float32), rows)
-    energy = float(found.energies.sum())
+    moments = moments_of(np.where(inside, values - center, 0).astype(np.float32), rows)
+    energy = float(moments.energies.sum())
     return Segmentation(
         labels=labels,
-        generators=found.means[1:] + center,
-        masses=found.masses[1:, 0].copy(),
+        generators=moments.means[1:] + center,
+        masses=moments.masses[1:, 0].copy(),
         energy=energy,
         energies=(energy,),
         edge_weight=0.0,
@@ -223,9 +223,9 @@ def from_labels(
     curve: EnergyCurve | None = None,
 ) -> Segmentation:
     """Measure segments on the original pixels, the `field`, and sort them."""
-    found = moments_of(field, labels)
-    means, masses = found.means[1:], found.masses[1:, 0]
-    new_label, ends = sorted_ends(values, means, masses, float(found.energies.sum()), iteration.energies)
+    moments = moments_of(field, labels)
+    means, masses = moments.means[1:], moments.masses[1:, 0]
+    new_label, ends = sorted_ends(values, means, masses, float(moments.energies.sum()), iteration.energies)
     return Segmentation(
         labels=take_rows(np.append(np.int32(0), new_label), labels),
         edge_weight=edge_weight,
@@ -243,5 +243,5 @@ def sorted_ends(
     new_label = dark_to_bright(generators, masses)
     order = in_order(new_label)
     unit = np.square(values.unit)
-    found = {"energy": energy / unit, "energies": tuple(one / unit for one in energies)}
-    return new_label, {"generators": generators[order], "masses": masses[order], **found}
+    of_energy = {"energy": energy / unit, "energies": tuple(each / unit for each in energies)}
+    return new_label, {"generators": generators[order], "masses": masses[order], **of_energy}

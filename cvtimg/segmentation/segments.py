@@ -14,7 +14,6 @@ from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
-from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.elbow.rules import CHORD_ENDS
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.labels.components import absorb_small, connected_pieces
@@ -64,7 +63,7 @@ def segment(
         masked in a masked array, are left out.
     n_segments : int or "auto"
         The most segments; there are fewer if some are not worth their edges, or if there are fewer colors. "auto" takes
-        the elbow of `segment_curve`, which the result then holds.
+        the elbow of the energies of 1, 2, ... segments, `curve` of the result, with averaging and the cost of edges.
     space : {"rgb", "linear", "lab", "oklab"}
         Color space in which distances are measured. All but "rgb" need 1 or 3 bands.
     shading : bool
@@ -173,46 +172,6 @@ def segment(
         first = (len(own) // planes.rows - framed[0]) // 2
         own = own.reshape(-1, planes.rows, framed[2])[first : first + framed[0], : framed[1]]
     return replace(result, labels=frame.back(own, shape))
-
-
-def segment_curve(
-    image: ImageLike,
-    n_max: int = CHORD_ENDS,
-    *,
-    space: SpaceName = "rgb",
-    averaging: float = 0,
-    edge_weight: float | str = 0,
-    edge_radius: int = 3,
-    volume_power: float = 0,
-    mask: ArrayLike | None = None,
-    rng: int | np.random.Generator = 0,
-) -> EnergyCurve:
-    """Compute the energy of 1, 2, ... n_max segments, including averaging and the cost of edges.
-
-    Parameters
-    ----------
-    image, space, averaging, edge_weight, edge_radius, volume_power, mask, rng
-        As in `segment`.
-    n_max : int
-        The largest number of segments.
-
-    Returns
-    -------
-    EnergyCurve
-        In squared 8-bit levels; see `energy_curve`.
-
-    Examples
-    --------
-    >>> from cvtimg.segmentation import segment_curve
-    >>> image = np.repeat(np.array([[0, 90, 200]], np.uint8), 12, axis=0).repeat(12, axis=1)
-    >>> segment_curve(image, edge_weight=1).elbow()
-    3
-    """
-    smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, 0, volume_power)
-    bands, inside, _ = checked_bands(image, None, mask)
-    frame = frame_of(bands, inside)
-    values = picture_values(frame.of(bands), check_choice("space", space, SPACES), frame.of(inside))
-    return curve_of_segments(smoothness.prepare(values), n_max, rng)
 
 
 def below_each_other(bands: Array, inside: Bools, spacing: float, radius: int) -> tuple[Array, Bools, Planes]:

@@ -26,10 +26,9 @@ from cvtimg.engine.tessellation import tessellate
 from cvtimg.files.whole import StrPath, scratch_folder
 from cvtimg.pictures.stacks import Stack, open_stack
 from cvtimg.pictures.tiles import TILED_SUFFIXES, Form, write_bands
-from cvtimg.segmentation.averaging import TRUNCATE, averaged
 from cvtimg.segmentation.edge_weight import Layers, Moves, State
 from cvtimg.segmentation.frames import frame_of
-from cvtimg.segmentation.noise import noise_of_rows
+from cvtimg.segmentation.noise import TRUNCATE, averaged, noise_of_rows
 from cvtimg.segmentation.prepared import Smoothness, blur_at_start
 from cvtimg.segmentation.result import SegmentedFile, sorted_ends
 from cvtimg.segmentation.values import at_pixels, values_of
@@ -200,8 +199,8 @@ class PixelsOnDisk:
     def read(self, first: int, last: int) -> tuple[Floats32, Bools]:
         """Return (H, W, D) values of some rows about the mean of all, 0 outside, and (H, W) where they are known."""
         colors, inside = (self.frame.of(pixels[:])[first:last] for pixels in (self._pixels, self._inside))
-        own = colors.reshape(inside.size, -1) if inside.all() else colors[inside]
-        return at_pixels(self.values.of_colors(own, self._center), inside), inside
+        rows = colors.reshape(inside.size, -1) if inside.all() else colors[inside]
+        return at_pixels(self.values.of_colors(rows, self._center), inside), inside
 
     def __getitem__(self, rows: slice) -> Floats32:
         return self.read(rows.start, rows.stop)[0]
@@ -218,8 +217,8 @@ class PixelsOnDisk:
         for first, last in self.strips:
             above = max(first - halo, 0)
             values, inside = self.read(above, min(last + halo, self.shape[0]))
-            own = slice(first - above, last - above)
-            yield (averaged(values, blur, inside) if blur else values)[own], inside[own]
+            within = slice(first - above, last - above)
+            yield (averaged(values, blur, inside) if blur else values)[within], inside[within]
 
     def averages(self, blur: float) -> Floats32:
         """(N, D) averages: of a large image, those of pixels at even steps."""

@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from cvtimg._shared.checks import check_choice, check_non_negative
 from cvtimg._shared.sums import per_mass, sum_by_label
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
-from cvtimg.segmentation.averaging import averaged
+from cvtimg.segmentation.noise import averaged
 
 BACKGROUNDS = ("largest", "darkest", "brightest")
-BORDERS = ("segment", "own")
 #: Blur of the distance, in pixels, that keeps ragged borders from making maxima of their own.
 _BLUR = 1.0
-#: Deviations, in pixels, of averages in which contrast is measured: for the split, and for borders, which blur less.
-_FOR_SPLIT, _FOR_BORDERS = 2.0, 1.0
+#: Deviation, in pixels, of averages in which contrast is measured.
+_FOR_SPLIT = 2.0
 #: Rounds of means and borders; most objects settle in five.
 _MAX_ROUNDS = 20
 
@@ -43,19 +42,13 @@ class Objects:
         Split a piece at a neck if the largest circles inside the parts on both sides exceed that in the neck by more
         than this in radius, in pixels, for objects of the usual contrast with the background. With infinity, pieces
         are not split.
-    border : {"segment", "own"}
-        Where objects end: where their segments do; or, of these pixels, only those that are nearer in value to the
-        mean of the object than to that of the background. "own" suits objects of very different brightness, such as
-        nuclei in fluorescence; take enough segments (3, or ``volume_power=1``) to catch the dimmest.
     """
 
     background: str = "largest"
     neck_depth: float = 0.5
-    border: str = "segment"
 
     def __post_init__(self) -> None:
         check_choice("background", self.background, BACKGROUNDS)
-        check_choice("border", self.border, BORDERS)
         if self.neck_depth != np.inf:
             check_non_negative("neck_depth", self.neck_depth)
 
@@ -74,10 +67,7 @@ class Objects:
             return split_touching(inside, self.neck_depth)
         ground = values[labels == background].mean(axis=0, dtype=np.float64).astype(np.float32)
         contrast = np.sqrt(_apart(averaged(values, _FOR_SPLIT, labels > 0), ground))
-        objects = split_touching(inside, self.neck_depth, contrast)
-        if self.border == "own":
-            return with_own_borders(objects, averaged(values, _FOR_BORDERS, labels > 0), ground)
-        return objects
+        return split_touching(inside, self.neck_depth, contrast)
 
 
 def split_touching(inside: Bools, neck_depth: float = 0.5, contrast: NDArray[np.floating] | None = None) -> Ints:
@@ -128,17 +118,17 @@ def with_own_borders(objects: Ints, values: Floats32, ground: Floats32) -> Ints:
         if not far.any():
             break
         near[far] = 0
-    own = np.zeros_like(objects)
-    own[inside] = near
+    kept = np.zeros_like(objects)
+    kept[inside] = near
     # What an object encloses is part of it, and what it has lost touch with is not.
-    own = np.where(binary_fill_holes(own > 0), objects, 0)
-    pieces = np.asarray(label(own, connectivity=1))  # type: ignore[no-untyped-call]
+    kept = np.where(binary_fill_holes(kept > 0), objects, 0)
+    pieces = np.asarray(label(kept, connectivity=1))  # type: ignore[no-untyped-call]
     of = np.zeros(int(pieces.max()) + 1, np.int32)
-    of[pieces.ravel()] = own.ravel()
+    of[pieces.ravel()] = kept.ravel()
     by_size = np.argsort(np.bincount(pieces.ravel()), kind="stable")
     main = np.zeros(int(objects.max()) + 1, np.int64)
     main[of[by_size]] = by_size  # the largest piece of each object comes last
-    return numbered(np.where((own > 0) & (main[own] == pieces), own, 0))
+    return numbered(np.where((kept > 0) & (main[kept] == pieces), kept, 0))
 
 
 def _apart(values: Floats32, color: Floats32) -> Floats32:

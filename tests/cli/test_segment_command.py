@@ -24,7 +24,7 @@ from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
 from cvtimg.pictures import image_info
 from cvtimg.plotting.sheets import draw_edges
-from cvtimg.segmentation import Objects, RegionHierarchy
+from cvtimg.segmentation import RegionHierarchy
 
 RNG = np.random.default_rng(6)
 #: Soft blots of three colors.
@@ -358,9 +358,6 @@ def test_objects_are_split_and_the_background_is_in_no_table(cells: np.ndarray[A
     drawn = (read_image("o.png") == [255, 255, 0]).all(axis=2)
     assert drawn.sum() > 3 * 40  # the rims of all three, though their other side has label 0
     assert row_of(*how, "--neck-depth", 9, "-o", "m.png")["k"] == 2
-    row_of(*how, "--object-border", "own", "-o", "own.png")
-    expected = segment(cells, 2, edge_weight="auto", objects=Objects(border="own")).labels
-    np.testing.assert_array_equal(read_labels("own.png"), expected)
 
 
 def test_auto_counts_what_is_segmented(cells: np.ndarray[Any, Any], row_of: RowOf) -> None:

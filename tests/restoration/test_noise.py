@@ -22,7 +22,7 @@ from cvtimg.restoration.fitting import MOST_MISFIT, misfits
 from cvtimg.restoration.noise import Noise, SharedNoise, lines_of, shared_noise
 from cvtimg.restoration.patches import covariance_of
 from cvtimg.restoration.versions import Rounding, stack_versions, with_tables
-from cvtimg.segmentation import estimate_noise
+from cvtimg.segmentation.noise import noise_covariance
 
 
 def noisy(clean: Array, sigma: float, seed: int = 0) -> Bytes:
@@ -57,7 +57,7 @@ def test_one_version_tells_noise_from_texture(photograph: Array, sigma: float) -
     assert abs(found - sigma) < (0.15 * sigma if sigma > 1 else 0.7)
     assert level_of(version[:, :, 1])[0] < 1.3 * sigma + 1
     if sigma <= 3:  # that of more noise is the larger part
-        assert abs(found - sigma) < abs(np.sqrt(np.mean(estimate_noise(version) ** 2)) - sigma)
+        assert abs(found - sigma) < abs(np.sqrt(np.diag(noise_covariance(version)).mean()) - sigma)
 
 
 @pytest.mark.parametrize("side", [20, 24, 32, 36, 48])

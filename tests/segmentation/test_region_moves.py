@@ -10,7 +10,7 @@ from reference import edge_weighted_energy
 
 from cvtimg import segment
 from cvtimg.segmentation.edge_weight import descend, neighbors
-from cvtimg.segmentation.region_moves import Parts, _Flow, parts_of, rearranged
+from cvtimg.segmentation.region_moves import Parts, _joined, parts_of, rearranged
 
 
 def some_parts(seed: int, n_segments: int = 3) -> tuple[Parts, np.ndarray, np.ndarray]:
@@ -34,7 +34,7 @@ def test_a_cut_is_the_best_of_all_sets_of_parts(seed: int) -> None:
         borders = parts.borders[labels[parts.tails] != labels[parts.heads]].sum() / 2
         return float(costs[labels, np.arange(len(labels))].sum() + borders)
 
-    joined = _Flow(parts).expanded(labels, 1, costs)
+    joined = _joined(parts, labels, 1, costs)
     best = min(energy(np.where(way, 1, labels)) for way in product([False, True], repeat=len(labels)))
     assert energy(labels if joined is None else joined) == pytest.approx(best, abs=1e-6)
 

@@ -14,10 +14,9 @@ from cvtimg import energy_curve, read_image, segment, tessellate
 from cvtimg._shared.types import Array, Bools, Floats32, Indices, Ints
 from cvtimg.colors import color_samples
 from cvtimg.labels import read_labels
-from cvtimg.segmentation import segment_curve
-from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.edge_weight import Planes, weight_of_detail
 from cvtimg.segmentation.local_means import is_lit_unevenly
+from cvtimg.segmentation.noise import averaged, noise_gain
 
 #: One of each kind of way through `segment`.
 WAYS: list[dict[str, Any]] = [
@@ -328,7 +327,9 @@ def test_the_number_of_segments_is_the_elbow_of_the_colors() -> None:
 
 def test_curves_of_segments_have_one_unit_whether_edges_cost_or_not() -> None:
     image = np.repeat(np.array([[0, 90, 200]], np.uint8), 12, axis=0).repeat(12, axis=1)  # levels in steps of 10
-    free, costly = (segment_curve(image, edge_weight=weight) for weight in (0, 1))
+    free, costly = (segment(image, "auto", edge_weight=weight).curve for weight in (0, 1))
+    assert free is not None
+    assert costly is not None
     np.testing.assert_allclose(costly.energies[:2], free.energies[:2], rtol=1e-3)
     np.testing.assert_allclose(costly.generators[2], [[0], [90], [200]], atol=1e-4)
 

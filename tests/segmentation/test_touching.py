@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from cvtimg import segment
 from cvtimg._shared.types import Floats32, Ints
 from cvtimg.segmentation import Objects
-from cvtimg.segmentation.touching import BORDERS, split_touching
+from cvtimg.segmentation.touching import split_touching, with_own_borders
 
 RNG = np.random.default_rng(0)
 
@@ -88,25 +88,23 @@ def bright_and_dim() -> tuple[Floats32, Ints]:
     return (image + noise).astype(np.float32), truth
 
 
-def test_own_borders_fit_bright_and_dim_objects_better_than_those_of_segments() -> None:
+def test_own_borders_fit_bright_and_dim_objects_better_than_those_of_one_threshold() -> None:
     image, truth = bright_and_dim()
-    found = {
-        border: segment(image, 3, edge_weight=0, objects=Objects(border=border), min_size=20).labels
-        for border in BORDERS
-    }
-    wrong = {border: np.count_nonzero((labels > 0) != (truth > 0)) for border, labels in found.items()}
-    assert wrong["own"] < wrong["segment"] / 1.5
-    assert ((found["own"] == 0) | (found["segment"] > 0)).all()
-    assert same_partition(found["own"][truth > 0], truth[truth > 0]) > 0.8
-    assert found["own"].max() == len(np.unique(found["own"])) - 1
+    objects = split_touching(image > 0.1, contrast=image)
+    own = with_own_borders(objects, image[..., None], np.zeros(1, np.float32))
+    wrong = [np.count_nonzero((labels > 0) != (truth > 0)) for labels in (own, objects)]
+    assert wrong[0] < wrong[1] / 1.5
+    assert ((own == 0) | (objects > 0)).all()
+    assert same_partition(own[truth > 0], truth[truth > 0]) > 0.8
+    assert own.max() == len(np.unique(own)) - 1
 
 
 def test_own_borders_leave_objects_whole() -> None:
     down, right = np.mgrid[:60, :60]
     far = np.hypot(down - 30, right - 30)
     image = np.where(far < 5, 0.3, np.where(far < 20, 1.0, 0.0)).astype(np.float32)
-    labels = segment(image, 3, objects=Objects(border="own")).labels
-    np.testing.assert_array_equal(labels, far < 20)  # the dark core is enclosed
+    objects = with_own_borders((far < 20).astype(np.int32), image[..., None], np.zeros(1, np.float32))
+    np.testing.assert_array_equal(objects, far < 20)  # the dark core is enclosed
 
 
 def test_contrast_splits_where_the_shape_has_no_neck() -> None:

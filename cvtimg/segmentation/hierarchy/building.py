@@ -128,8 +128,8 @@ def _measured(leaves: Leaves, values: PictureValues, white: float) -> RegionHier
     moments = np.column_stack([leaves.sizes, leaves.moments])
     n_leaves = len(moments)
     nodes = np.concatenate([moments, np.zeros((len(merges), moments.shape[1]))])
-    for node, (one, other) in enumerate(merges.tolist(), start=n_leaves):
-        nodes[node] = nodes[one] + nodes[other]
+    for node, (first, second) in enumerate(merges.tolist(), start=n_leaves):
+        nodes[node] = nodes[first] + nodes[second]
     sizes, sums, squares = nodes[:, 0], nodes[:, 1:-1], nodes[:, -1]
     means = sums / sizes[:, None]
     energies = np.maximum(squares - np.einsum("nd,nd->n", sums, means), 0)

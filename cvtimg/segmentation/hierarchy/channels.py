@@ -20,9 +20,8 @@ from cvtimg._shared.types import Bools, Bytes, Floats, Floats32, Ints
 from cvtimg.engine.points import assign, pack
 from cvtimg.engine.tessellation import tessellate
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
-from cvtimg.segmentation.averaging import averaged, noise_gain
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
-from cvtimg.segmentation.noise import noise_covariance
+from cvtimg.segmentation.noise import averaged, noise_covariance, noise_gain
 from cvtimg.segmentation.values import PictureValues, from_nearest
 
 

@@ -65,7 +65,7 @@ def _around(places: NDArray[np.integer], strengths: Floats, borders: Borders, sh
     grid = cells.max(axis=0) + 1
     flat, size = np.ravel_multi_index(tuple(cells.T), grid), int(np.prod(grid))
     sums = [np.bincount(flat, np.repeat(strengths, borders.lengths), size), np.bincount(flat, np.ones(len(flat)), size)]
-    total, length = (gaussian_filter(one.reshape(grid), width / side, mode="constant").ravel()[flat] for one in sums)
+    total, length = (gaussian_filter(each.reshape(grid), width / side, mode="constant").ravel()[flat] for each in sums)
     return total / length
 
 

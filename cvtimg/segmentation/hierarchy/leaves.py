@@ -9,10 +9,9 @@ import numpy as np
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.labels import _labels
-from cvtimg.labels.components import Borders, absorb_small, find_borders
+from cvtimg.labels.components import Borders, absorb_small, find_borders, grid_of_cells
 from cvtimg.segmentation._segments import N_LEVELS, N_TEXTONS
 from cvtimg.segmentation.edge_weight import descend, moments_of
-from cvtimg.segmentation.grids import grid_of_cells
 from cvtimg.segmentation.hierarchy.channels import Channels
 from cvtimg.segmentation.hierarchy.settings import SETTINGS
 from cvtimg.segmentation.hierarchy.strengths import border_strengths, global_strengths, smoothing_matrix
@@ -43,7 +42,7 @@ class Leaves:
         """Merge the leaves, those that differ least first; return (M, 2) the regions that merge, and (M,) altitudes."""
         # Merge m makes region N + m. Altitudes are the running maximum of what differs, so that they never fall.
         pairs, lengths, sizes = self.borders.pairs.copy(), self.borders.lengths.astype(np.float64), self.sizes.copy()
-        blocks = np.cumsum([0, *(one.shape[1] for one in self.histograms)], dtype=np.int32)
+        blocks = np.cumsum([0, *(histogram.shape[1] for histogram in self.histograms)], dtype=np.int32)
         weights = SETTINGS.color, SETTINGS.texture, SETTINGS.shared, SETTINGS.size_power
         sums = np.concatenate(self.histograms, axis=1)
         merges, altitudes = _labels.merge(pairs, lengths, self.strengths * lengths, sizes, sums, blocks, *weights)
@@ -54,9 +53,9 @@ def find_leaves(values: PictureValues, channels: Channels, n_leaves: int) -> Lea
     """Divide an image into about the given number of superpixels, and measure them."""
     with part(0, _DIVIDED):
         labels = _superpixels(channels, n_leaves)
-    found = moments_of(values.field(), labels)
-    sizes, means = found.masses[1:, 0].copy(), found.means[1:]
-    squares = found.energies[1:] + sizes * np.einsum("nd,nd->n", means, means)
+    cells = moments_of(values.field(), labels)
+    sizes, means = cells.masses[1:, 0].copy(), cells.means[1:]
+    squares = cells.energies[1:] + sizes * np.einsum("nd,nd->n", means, means)
     borders = find_borders(labels)
     strengths = border_strengths(borders, channels)
     steps = global_strengths(borders.pairs, strengths, borders.lengths, sizes)
@@ -75,9 +74,9 @@ def _superpixels(channels: Channels, n_leaves: int) -> Ints:
     """(H, W) superpixels, numbered from 1 without gaps; 0 outside the mask."""
     cells = grid_of_cells(channels.inside, min(n_leaves, int(channels.inside.sum())))
     weight = max(SETTINGS.compactness, auto_weight(noise_covariance(channels.values, channels.inside), radius=3))
-    found = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
+    settled = descend(channels.values, cells, int(cells.max()), edge_weight=weight, connected=True).labels
     # Few pixels have no histogram that could be compared: they would stay regions of their own to the top.
-    return numbered(absorb_small(found, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))
+    return numbered(absorb_small(settled, channels.values, int(channels.inside.sum()) // n_leaves // SETTINGS.speck))
 
 
 def _histograms(own: Ints, n_leaves: int, channels: Channels) -> list[Floats]:

@@ -46,7 +46,7 @@ def _angles(borders: Borders) -> Ints:
     """(P,) number of the direction in which the border runs at each crack; a crack alone runs along itself."""
     from scipy.spatial import cKDTree
 
-    reach, own = 2 * SETTINGS.straight, np.repeat(np.arange(len(borders.pairs)), borders.lengths)
+    reach, ids = 2 * SETTINGS.straight, np.repeat(np.arange(len(borders.pairs)), borders.lengths)
     angles = np.where(borders.is_flat, 0, SETTINGS.n_angles // 2).astype(np.int32)
 
     def measure(first: int, last: int) -> None:
@@ -54,7 +54,7 @@ def _angles(borders: Borders) -> Ints:
         is_flat = borders.is_flat[cracks]
         middles = 2 * borders.places[cracks] + np.stack([is_flat, ~is_flat], axis=1)
         # Borders lie in planes of their own, so that those of others are out of reach.
-        near = cKDTree(np.column_stack([middles, 2 * reach * own[cracks]])).query_pairs(reach, output_type="ndarray")
+        near = cKDTree(np.column_stack([middles, 2 * reach * ids[cracks]])).query_pairs(reach, output_type="ndarray")
         at, other = np.concatenate([near, near[:, ::-1]]).T
         down, right = (middles[other] - middles[at]).T
         n, d, r, dd, dr, rr = sum_by_label(

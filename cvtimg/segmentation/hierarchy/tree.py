@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +29,7 @@ from cvtimg.segmentation.hierarchy.lines import Lines, find_lines
 from cvtimg.segmentation.values import dark_to_bright
 
 _KIND = "region hierarchy"
-_ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies")
-#: What trees that were saved before it do not have.
-_LATER = "evidence"
+_ARRAYS = ("leaves", "merges", "altitudes", "sizes", "colors", "means", "energies", "evidence")
 #: Lines from this chance on are what people drew, with the best F on the 60 training photographs.
 _CHANCE = 0.3
 
@@ -270,12 +268,12 @@ class RegionHierarchy(ReadOnly):
             Replace an existing file.
         """
         check_choice("suffix", Path(path).suffix.lower(), (".npz",))
-        arrays = {name: getattr(self, name) for name in ("default_threshold", _LATER, *_ARRAYS)}
+        arrays = {name: getattr(self, name) for name in ("default_threshold", *_ARRAYS)}
         save_arrays(path, _KIND, arrays, compressed=True, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: StrPath) -> RegionHierarchy:
-        """Read a hierarchy that `save` wrote; one without `evidence`, of an older version, has its altitudes instead.
+        """Read a hierarchy that `save` wrote.
 
         Raises
         ------
@@ -284,13 +282,8 @@ class RegionHierarchy(ReadOnly):
         OSError
             If it cannot be read.
         """
-        names = ("default_threshold", *_ARRAYS)
-        arrays: dict[str, Any] = load_arrays(path, _KIND, names, later=(_LATER,))
-        arrays["default_threshold"] = float(arrays["default_threshold"])
-        if _LATER in arrays:
-            return cls(**arrays)
-        tree = cls(**arrays, evidence=np.zeros(0))
-        return replace(tree, evidence=tree._between(find_borders(tree.leaves)))
+        arrays: dict[str, Any] = load_arrays(path, _KIND, ("default_threshold", *_ARRAYS))
+        return cls(**arrays | {"default_threshold": float(arrays["default_threshold"])})
 
     def divide(self, leaves: NDArray[np.integer]) -> Bools:
         """Return which of the N leaves are on one side of the last merge of some leaves (n >= 2), from 0."""
@@ -309,8 +302,8 @@ class RegionHierarchy(ReadOnly):
         """Return the nodes of a cut, and for each leaf the number, from 1, of the one that it is part of."""
         n_merges = self.n_leaves - n_regions
         roots = parents_of(self.merges[:n_merges], self.n_leaves)
-        own = np.arange(len(roots))
-        nodes = np.flatnonzero(roots == own)
+        numbers = np.arange(len(roots))
+        nodes = np.flatnonzero(roots == numbers)
         while len(nodes) < len(roots) and (roots != (above := roots[roots])).any():
             roots = above
         label_of = np.zeros(len(roots), np.int32)
