@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cvtimg._shared.extras import optional
 from cvtimg.batch import Report, Row, Stopwatch, Task, WrongUsageError
 from cvtimg.cli.running import Todo, plan_of, planned, plot, read_beside
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from cvtimg._shared.types import Floats
+    from collections.abc import Callable, Sequence
+
+    from cvtimg._shared.types import Array, Floats
     from cvtimg.designs.factors import Factor
 
 EXAMPLES = """\
@@ -44,7 +47,6 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.designs.expressions import computed
     from cvtimg.files.text_tables import csv_text
 
     factors = _factors(given)
@@ -54,7 +56,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     arguments = given.arguments
     for option in ("feasible", "density"):
         if (text := getattr(given, option)) is not None:
-            arguments[option] = computed(f"--{option}", text, names)
+            arguments[option] = _computed(f"--{option}", text, names)
     if given.latin:  # the default, as far as it can be
         arguments["latin"] = None
     result = cvtimg.design(given.number, factors, existing=old, **arguments)
@@ -89,3 +91,26 @@ def _existing(given: Given, factors: list[Factor]) -> Floats | None:
     from cvtimg.designs.factors import read_runs
 
     return None if given.existing is None else read_beside(given.existing, lambda path: read_runs(path, factors))
+
+
+def _computed(name: str, expression: str, axes: Sequence[str]) -> Callable[[Floats], Array]:
+    """Return the function from (m, d) points to (m,) values that an expression of the names of axes stands for.
+
+    Axes are also called x1, x2 and so on, for names with spaces. Errors name the expression by `name`.
+    """
+    import numpy as np
+
+    numexpr = optional("numexpr", "designs")
+
+    def function(points: Floats) -> Array:
+        columns = {f"x{axis}": column for axis, column in enumerate(points.T, 1)}
+        columns |= dict(zip(axes, points.T, strict=True))
+        return np.broadcast_to(numexpr.evaluate(expression, columns, {}), len(points))
+
+    try:
+        function(np.full((1, len(axes)), 0.5))
+    except KeyError as error:
+        raise ValueError(f"{name} {expression!r} has no axis {error}; there are {', '.join(axes)}") from None
+    except Exception as error:
+        raise ValueError(f"{name} {expression!r} cannot be computed: {error}") from None
+    return function

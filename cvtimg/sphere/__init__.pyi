@@ -5,8 +5,6 @@ from .culling import cull_land as cull_land
 from .culling import limit_area as limit_area
 from .densities import GlobePicture as GlobePicture
 from .densities import Refinement as Refinement
-from .earth import earth_coasts as earth_coasts
-from .earth import earth_land as earth_land
 from .formats import GRID_FORMATS as GRID_FORMATS
 from .formats.polygons import cell_polygons as cell_polygons
 from .grids import EFFORTS as EFFORTS
@@ -15,6 +13,8 @@ from .grids import sphere_grid as sphere_grid
 from .nesting import nested_grid as nested_grid
 from .parts import Box as Box
 from .parts import Cap as Cap
+from .parts import earth_coasts as earth_coasts
+from .parts import earth_land as earth_land
 from .result import GridMeasures as GridMeasures
 from .result import SphereGrid as SphereGrid
 from .result import measure_grid as measure_grid
