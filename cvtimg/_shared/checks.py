@@ -6,9 +6,8 @@ A module whose sentence is its own raises its own error.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
-from functools import wraps
-from typing import Any, NoReturn, TypeVar, cast
+from collections.abc import Collection
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +17,8 @@ from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 
 _Name = TypeVar("_Name", bound=str)
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 #: What an image must have.
 _COUNTING = "have at least one pixel that counts: finite, not masked, and in the mask"
-#: What people call arguments in other libraries.
-_MEANT = dict.fromkeys(("k", "n", "n_clusters", "colors"), "n_") | dict.fromkeys(("seed", "random_state"), "rng")
 
 
 def check_choice(name: str, value: _Name, choices: Collection[str]) -> _Name:
@@ -87,12 +83,6 @@ def check_excluded(name: str, given: bool, **others: object) -> None:
         raise ValueError(f"{name} takes no {' or '.join(wrong)}")
 
 
-def check_one_of(**given: object) -> None:
-    """Refuse several of the arguments that exclude each other, or none; None is not given."""
-    if sum(value is not None for value in given.values()) != 1:
-        raise TypeError(f"one of {' and '.join(given)} must be given, and only one")
-
-
 def check_positive(name: str, value: float, unit: str = "") -> float:
     """Return `value` as a finite float > 0; `unit` says of what, or what else is allowed."""
     number = float(value)
@@ -115,36 +105,14 @@ def check_edge_weight(edge_weight: float | str, name: str = "edge_weight") -> fl
     return None
 
 
-def check_keywords(function: Callable[..., object], given: Collection[str], known: Collection[str]) -> None:
-    """Refuse keyword arguments that are neither `known` nor parameters, and name the one that was likely meant."""
+def check_keywords(function: Any, given: Collection[str], known: Collection[str]) -> None:
+    """Refuse keyword arguments that are neither `known` nor parameters."""
     for name in given:
         if name not in known:
-            from difflib import get_close_matches
-            from inspect import signature
-
-            names = [
-                parameter.name
-                for parameter in signature(function).parameters.values()
-                if parameter.kind is not parameter.VAR_KEYWORD
-            ]
-            options = [*names[1:], *sorted(known)]
-            usual = [option for option in options if option.startswith(_MEANT.get(name, " "))]
-            meant = next(iter(usual or get_close_matches(name, options, 1, 0.75)), None)
-            hint = f"; did you mean {meant}?" if meant else f"; options are {', '.join(options)}"
-            raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}{hint}")
-
-
-def hints_at_keywords(function: _Function) -> _Function:
-    """Let a function name the parameter that was likely meant by a keyword argument that it does not have."""
-    code = function.__code__
-    known = frozenset(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
-
-    @wraps(function)
-    def checked(*arguments: Any, **options: Any) -> Any:
-        check_keywords(function, options.keys() - known, ())
-        return function(*arguments, **options)
-
-    return cast("_Function", checked)
+            code = function.__code__
+            names = [*code.co_varnames[1 : code.co_argcount + code.co_kwonlyargcount], *sorted(known)]
+            wrong = f"{function.__name__}() got an unexpected keyword argument {name!r}"
+            raise TypeError(f"{wrong}; options are {', '.join(names)}")
 
 
 def refuse_path(name: str, value: object) -> None:

@@ -19,7 +19,6 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_positive,
     check_within,
-    hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName, Row, SpaceName
 from cvtimg._shared.pixels import peak
@@ -227,7 +226,6 @@ class Mosaic(ReadOnly):
         return f"Mosaic({len(self.colors)} {self.shape} in {width} x {height}, energy={self.energy:.4g})"
 
 
-@hints_at_keywords
 def mosaic(
     image: ImageLike,
     n_cells: int,

@@ -17,8 +17,7 @@ from cvtimg._shared.types import Bytes, Floats, Floats32, Indices, Ints
 from cvtimg.artwork.papers import Sheet
 from cvtimg.artwork.tones import TABLE_SIZE
 from cvtimg.colors.spaces import from_space, to_space
-from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath, write_text
+from cvtimg.files.whole import StrPath, write_csv, write_text
 from cvtimg.pictures.files import Metadata, encode_image, image_suffixes, write_image
 from cvtimg.pictures.formats.pixel_size import INCHES
 

@@ -17,7 +17,6 @@ from cvtimg._shared.checks import (
     check_needs,
     check_positive,
     check_that,
-    hints_at_keywords,
 )
 from cvtimg._shared.types import Floats32, ImageLike
 from cvtimg.artwork.dot_layers import DOTS, DotLayer, Dots, place_pens
@@ -34,7 +33,6 @@ _MOST_PENS = 12
 _FINEST, _MOST_PIXELS = 1.25, 1 << 28
 
 
-@hints_at_keywords
 def stipple(
     image: ImageLike,
     n_dots: int | None = None,

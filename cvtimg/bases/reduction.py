@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 
-from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape
 from cvtimg._shared.choices import Row
 from cvtimg._shared.iteration import Stopping, iterate
 from cvtimg._shared.records import Claims, ReadOnly, never_rises
@@ -254,14 +254,12 @@ def read_basis(path: StrPath) -> Basis:
     return Basis(**{**values, "shape": tuple(int(side) for side in values["shape"])})
 
 
-@hints_at_keywords
 def reduced_basis(
     snapshots: object,
     n_modes: int | float | Literal["auto"],
     *,
     kind: str = "pod",
     n_cells: int = 8,
-    passes: int = 4,
     rng: int | np.random.Generator = 0,
 ) -> Basis:
     """Find few modes that nearly contain many snapshots.
@@ -279,9 +277,6 @@ def reduced_basis(
         whose generators are affine subspaces of n dimensions, each cell with modes of its own.
     n_cells : int
         Cells of "cvod", at most N; other kinds take no account of it.
-    passes : int
-        How often the snapshots are read, an even number; 2 are enough where few modes explain nearly everything. Small
-        arrays, of up to 2^25 values and of 2^10 snapshots or values in each, are read twice, and "pod" is exact.
     rng : int or numpy.random.Generator
         Seed of what is drawn.
 
@@ -293,7 +288,8 @@ def reduced_basis(
     -----
     At equal storage "pod" has the least error. "cvod" stores C times as many modes and has a much smaller error at
     equal online dimension n, for snapshots of several regimes. No basis describes snapshots that are unlike those it
-    was made from: `Projection.residuals` tells.
+    was made from: `Projection.residuals` tells. Arrays of up to 2^25 values and of 2^10 snapshots or values in each are
+    read twice, and "pod" is exact; others are read four times.
 
     References
     ----------
@@ -312,8 +308,6 @@ def reduced_basis(
     True
     """
     check_choice("kind", kind, KINDS)
-    check_count("passes", passes, 64, "an even number")
-    check_in_range("passes", passes, passes % 2 == 0, "an even number in 2..64")
     given = as_snapshots(snapshots)
     most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
     asked = min(CHORD_ENDS, most)
@@ -329,7 +323,7 @@ def reduced_basis(
     cells = min(n_cells, given.n_snapshots) if kind == "cvod" else 1
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
-    sketched = sketch(given, rank, passes, generator)
+    sketched = sketch(given, rank, generator)
     make, rows, directions = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind], sketched.coordinates, sketched.directions
     if share:
         asked = _fewest(sketched, share, asked)

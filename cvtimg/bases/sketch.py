@@ -37,8 +37,8 @@ class Sketch:
 
 
 @one_blas_thread
-def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generator) -> Sketch:
-    """Sketch snapshots in at most `rank` coordinates, reading them `passes` times, an even number.
+def sketch(snapshots: Snapshots, rank: int, rng: np.random.Generator) -> Sketch:
+    """Sketch snapshots in at most `rank` coordinates.
 
     Of arrays that are small all directions are found, and the coordinates are those of a singular value decomposition.
     """
@@ -49,7 +49,7 @@ def sketch(snapshots: Snapshots, rank: int, passes: int, rng: np.random.Generato
     directions = rng.standard_normal((snapshots.n_dims, width), np.float32).astype(dtype)
     # Products are taken about a snapshot at first, lest float32 lose what differs beside what all have in common.
     center = np.asarray(snapshots.read(0, 1), dtype).reshape(-1)
-    for _ in range(1 if is_exact else passes // 2):
+    for _ in range(1 if is_exact else 2):
         values, mean, variance = _products(snapshots, directions, center)
         center = mean.astype(dtype)
         basis = np.linalg.qr(values)[0]

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from cvtimg.batch.tasks import Row
 from cvtimg.files.remote import exists, is_remote, local_copy
-from cvtimg.files.text_tables import csv_text
-from cvtimg.files.whole import check_can_be_written, write_whole
+from cvtimg.files.whole import check_can_be_written, csv_text, write_whole
 
 #: Suffixes of report files.
 FILE_SUFFIXES = (".csv", ".jsonl")

@@ -90,14 +90,14 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from cvtimg.batch.executors import on_cluster_of_task
     from cvtimg.blocks import Spread, open_blocks
     from cvtimg.elbow.curves import auto_count
-    from cvtimg.tables import blocked, read_table, write_clusters, write_row_labels
+    from cvtimg.tables import files, read_table, write_clusters, write_row_labels
     from cvtimg.tables.files import write_generators
 
-    is_large = blocked.is_large_table(task.source)
+    is_large = files.is_large_table(task.source)
     with on_cluster_of_task() if is_large else nullcontext():
         opened: Any = open_blocks(task.source, **given.read) if is_large else None
         table = None if is_large else read_table(task.source, **given.read, dialect=given.dialect)
-        spread = Spread.of(table.rows, table.weights) if table else blocked.spread_of(opened)
+        spread = Spread.of(table.rows, table.weights) if table else files.spread_of(opened)
         stopwatch.lap("read")
         scaling = spread.scaling if given.standardize else None
         samples: Any
@@ -107,9 +107,9 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
             samples = rows = scaling.apply(table.rows) if scaling else table.rows
             weights = table.weights
         else:
-            samples = blocked.standardized(opened, scaling) if scaling else opened
+            samples = files.standardized(opened, scaling) if scaling else opened
             is_sampled = given.number == "auto" or "--plot" in task.outputs
-            rows, weights = blocked.sample_rows(samples, given.seed) if is_sampled else (None, None)
+            rows, weights = files.sample_rows(samples, given.seed) if is_sampled else (None, None)
         how, curve = given.arguments, None
         if given.number == "auto":
             volume_power, seed = given.volume_power, given.seed
@@ -117,7 +117,7 @@ def _cluster(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         result = tessellate(samples, density=weights if table else None, **how)
         stopwatch.lap("cluster")
         if table is None:
-            n_rows = blocked.write_block_labels(task.output, result.labels, samples, overwrite=given.overwrite)
+            n_rows = files.write_block_labels(task.output, result.labels, samples, overwrite=given.overwrite)
         elif given.labels_only or task.output.suffix.lower() != ".csv":
             write_row_labels(task.output, result.labels, table.kept, overwrite=given.overwrite)
         else:

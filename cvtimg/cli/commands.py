@@ -15,7 +15,7 @@ import os
 import shlex
 from collections.abc import Callable
 from difflib import get_close_matches
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from inspect import Parameter, Signature
 from typing import Annotated, Any, Literal, cast
@@ -89,6 +89,7 @@ def _parameter(option: Option) -> Parameter:
     return Parameter(option.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, about])
 
 
+@cache  # the page parses many command lines, and so do tests
 def _made(verb: str) -> Any:
     module, options = import_module(f"cvtimg.cli.{verb}_command"), options_of(verb)
 
@@ -111,9 +112,7 @@ class _Commands(TyperGroup):
         return list(COMMANDS)
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:
-        if cmd_name in COMMANDS and cmd_name not in self.commands:
-            self.commands[cmd_name] = _made(cmd_name)
-        return self.commands.get(cmd_name)
+        return _made(cmd_name) if cmd_name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if not ctx.resilient_parsing and args[0] not in COMMANDS:

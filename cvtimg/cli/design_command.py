@@ -47,7 +47,7 @@ def _design(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     from dataclasses import asdict
 
     import cvtimg
-    from cvtimg.files.text_tables import csv_text
+    from cvtimg.files.whole import csv_text
 
     factors = _factors(given)
     old = _existing(given, factors)

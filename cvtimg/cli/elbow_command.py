@@ -107,7 +107,7 @@ def _read(source: Path, given: Given) -> tuple[Any, Array | None, Array | None, 
     if given.space != "rgb":
         raise ValueError(f"--space {given.space} is for images; a table has no color space")
     from cvtimg.blocks import open_blocks
-    from cvtimg.tables.blocked import is_large_table, sample_rows
+    from cvtimg.tables.files import is_large_table, sample_rows
 
     if is_large_table(source):
         blocks = open_blocks(source, **given.read)
@@ -131,7 +131,7 @@ def _curve_lines(curve: EnergyCurve, picks: Mapping[str, int]) -> Iterator[str]:
 
 
 def _write(done: list[Plotted], given: Given) -> None:
-    from cvtimg.files.text_tables import write_csv
+    from cvtimg.files.whole import write_csv
 
     if given.csv:
         lines = [

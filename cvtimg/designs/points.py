@@ -11,15 +11,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_count,
-    check_in_range,
-    check_shape,
-    check_that,
-    hints_at_keywords,
-    refuse,
-)
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_shape, check_that, refuse
 from cvtimg._shared.choices import EffortName, Row
 from cvtimg._shared.notebooks import drawn
 from cvtimg._shared.pixels import array_of
@@ -32,8 +24,7 @@ from cvtimg.designs.groups import split_evenly
 from cvtimg.designs.measures import PointMeasures, point_measures
 from cvtimg.designs.regions import Region
 from cvtimg.designs.swaps import CRITERIA
-from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, whole_file, write_csv
 
 CriterionName: TypeAlias = Literal["cvt", "maximin", "projection", "discrepancy"]
 
@@ -132,7 +123,6 @@ class Design(ReadOnly):
         return np.concatenate([_units(self.factors, self.existing), self.unit_points])
 
 
-@hints_at_keywords
 def design(
     n_points: int,
     bounds: int | ArrayLike | Sequence[Factor],

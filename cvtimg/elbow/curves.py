@@ -21,7 +21,6 @@ from cvtimg._shared.checks import (
     check_density,
     check_non_negative,
     check_rows,
-    hints_at_keywords,
     raise_unsupported,
 )
 from cvtimg._shared.choices import EffortName, Row, SpaceName
@@ -179,7 +178,6 @@ class EnergyCurve(ReadOnly):
         }
 
 
-@hints_at_keywords
 def energy_curve(
     samples: ImageLike | ColorSamples,
     n_max: int = 64,

@@ -1,13 +1,15 @@
-"""Write files and folders atomically: complete, or not at all."""
+"""Write files, tables of text and folders atomically: complete, or not at all."""
 
 from __future__ import annotations
 
+import csv
 import os
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import StringIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from cvtimg._shared.messages import one_line
 from cvtimg.files.remote import StrPath as StrPath
@@ -76,6 +78,27 @@ def write_text(path: StrPath, pieces: Iterable[str], *, overwrite: bool = False)
     """Write pieces of text in UTF-8, complete or not at all; parameters and errors are those of `whole_file`."""
     with whole_file(path, overwrite=overwrite) as file:
         file.writelines(piece.encode() for piece in pieces)
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    r"""Format a table of named columns as comma-separated values; None gives an empty field.
+
+    Examples
+    --------
+    >>> csv_text(["name", "area"], [["a, b", 12.5], ["c", None]])
+    'name,area\n"a, b",12.5\nc,\n'
+    """
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def write_csv(path: StrPath, names: Iterable[str], rows: Iterable[Iterable[Any]], *, overwrite: bool = False) -> None:
+    """Write a table, as `csv_text` formats it, in UTF-8, atomically; `overwrite` allows to replace a file."""
+    # A column may hold file names that are not valid text.
+    write_whole(path, csv_text(names, rows).encode(errors="surrogateescape"), overwrite=overwrite)
 
 
 @contextmanager

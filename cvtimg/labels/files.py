@@ -13,8 +13,7 @@ from cvtimg._shared.checks import check_choice, check_labels, check_that, check_
 from cvtimg._shared.extras import optional
 from cvtimg._shared.svg import shortest
 from cvtimg._shared.types import Array, Bytes, Ints
-from cvtimg.files.text_tables import write_csv
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, whole_file, write_csv
 from cvtimg.pictures.files import Metadata, read_indices, write_image
 
 #: Suffixes of files of labels.

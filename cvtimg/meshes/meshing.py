@@ -16,7 +16,6 @@ from cvtimg._shared.checks import (
     check_non_negative,
     check_places,
     check_that,
-    hints_at_keywords,
 )
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.messages import warn
@@ -79,7 +78,6 @@ _NARROW = 10.0
 _SHORTEST = 1.0
 
 
-@hints_at_keywords
 def mesh_region(
     region: object,
     *,
@@ -205,7 +203,6 @@ def mesh_region(
     return mesh.named(regions=dict(enumerate(parts, 1))) if parts else mesh
 
 
-@hints_at_keywords
 def mesh_labels(
     labels: ArrayLike,
     image: ImageLike | None = None,

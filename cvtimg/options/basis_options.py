@@ -43,7 +43,6 @@ BASIS = (
     passed("n_cells", Whole(1, 1 << 16), "Number of cells of --kind cvod.", "--cells", metavar="C", default=8),
     file("sheet", "Draw the mean and the modes as images, .png or .svg.", common.PLOTS),
     file("plot", "Plot what the modes leave unexplained, .png or .svg.", common.PLOTS),
-    passed("passes", Whole(2, 64), "How often to read the input, an even number: more is more precise.", default=4),
     common.SEED,
     *common.READING,
     *common.RUN,

@@ -16,7 +16,6 @@ from cvtimg._shared.checks import (
     check_places,
     check_shape,
     check_that,
-    hints_at_keywords,
 )
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
@@ -42,7 +41,6 @@ _FOR_PIXELS = f"in {_FAINTEST:g}..{_GREATEST:g} where the region is a mask"
 _NOT_0 = "not be 0 everywhere in the region"
 
 
-@hints_at_keywords
 def place_generators(
     region: object,
     n_generators: int,

@@ -20,7 +20,6 @@ from cvtimg._shared.checks import (
     check_in_range,
     check_needs,
     check_non_negative,
-    check_one_of,
     check_that,
     refuse,
 )
@@ -163,7 +162,7 @@ class QuantizeOptions:
     def check(self, **others: object) -> None:
         """Require an aim, and refuse aims and other options that exclude each other."""
         if self.max_bytes is not None:
-            check_one_of(psnr=self.psnr, max_bytes=self.max_bytes, palette=self.palette)
+            check_excluded("max_bytes", True, psnr=self.psnr is not None, palette=self.palette is not None)
             check_count("max_bytes", self.max_bytes, 1 << 62, "the size of a file")
             return
         check_needs("ramp", self.ramp, "palette", self.palette is not None)

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_in_range, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_in_range
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
@@ -36,7 +36,6 @@ __all__ = ["Denoised", "MeasuredNoise", "Restoration", "denoise", "is_drawing", 
 
 
 @one_blas_thread
-@hints_at_keywords
 def restore(
     images: Sequence[Any],
     n_generators: int | str = "auto",
@@ -167,7 +166,6 @@ def restore(
 
 
 @one_blas_thread
-@hints_at_keywords
 def denoise(
     images: Sequence[Any],
     *,

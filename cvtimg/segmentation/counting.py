@@ -20,14 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_non_negative,
-    check_partial_image,
-    check_shape,
-    check_that,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
 from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
@@ -85,7 +78,6 @@ _SPREAD_OF_HALF, _MEDIAN_STEP = 0.4742, 0.9539
 SETTINGS = Settings()
 
 
-@hints_at_keywords
 def count_objects(
     image: ImageLike,
     *,

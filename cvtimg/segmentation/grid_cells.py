@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.types import Floats32, ImageLike, Ints
 from cvtimg.colors.spaces import SPACES
@@ -32,7 +32,6 @@ _RADIUS = 3
 _LEAST_SIDE = 12
 
 
-@hints_at_keywords
 def superpixels(
     image: ImageLike,
     n_superpixels: int,

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_excluded, check_non_negative
 from cvtimg._shared.choices import EffortName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Array, Bools, Floats32, ImageLike, Ints
@@ -30,7 +30,6 @@ _MAX_SEGMENTS = 1 << 16
 _CURVE, _CELLS = 0.4, 0.6
 
 
-@hints_at_keywords
 def segment(
     image: ImageLike,
     n_segments: int | Literal["auto"],

@@ -7,14 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_at_least,
-    check_choice,
-    check_in_range,
-    check_shape,
-    check_that,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_shape, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
@@ -78,7 +71,6 @@ EFFORTS: dict[str, GridEffort] = {
 }
 
 
-@hints_at_keywords
 def sphere_grid(
     n: int | None = None,
     *,

@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import (
-    check_choice,
-    check_count,
-    check_in_range,
-    check_places,
-    check_shape,
-    hints_at_keywords,
-)
+from cvtimg._shared.checks import check_choice, check_count, check_in_range, check_places, check_shape
 from cvtimg._shared.extras import shapely
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.types import Floats, Indices
@@ -103,7 +96,6 @@ class Supports(ReadOnly):
         write_whole(path, draw_supports(self.points, self.radii, suffix, lines), overwrite=overwrite)
 
 
-@hints_at_keywords
 def support_radii(points: ArrayLike, region: object, cover: int = 1, *, tighten: bool = True) -> Supports:
     """Find radii of balls around points that cover each place of a region `cover` times, and of which few meet.
 

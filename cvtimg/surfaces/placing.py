@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, hints_at_keywords, refuse_type
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.types import Floats, Indices, Points, Triangles
 from cvtimg.placement import ConstantDensity, as_density
@@ -58,7 +58,6 @@ EFFORTS: dict[str, SurfaceEffort] = {
 }
 
 
-@hints_at_keywords
 def surface_points(
     surface: object,
     n: int,

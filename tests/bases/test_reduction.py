@@ -119,7 +119,6 @@ def test_equal_snapshots_need_no_mode() -> None:
         ({"kind": "dct"}, "kind='dct' must be one of pod, cvt, cvod"),
         ({"n_modes": 60}, r"n_modes=60 must be in 1\.\.59, for 60 snapshots of 300 values"),
         ({"n_modes": 0}, "n_modes=0 must be in"),
-        ({"passes": 3}, "passes=3 must be an even number"),
         ({"snapshots": np.array([[1.0, np.nan], [0, 1]])}, "snapshots must be finite: number 0"),
         ({"snapshots": np.zeros((0, 3))}, r"snapshots of shape \(0, 3\) must be"),
         ({"snapshots": np.zeros(4)}, r"snapshots of shape \(4,\) must be"),

@@ -40,7 +40,7 @@ def write_tables(folder: Path, rows: Array = ROWS) -> None:
 
 @pytest.fixture(autouse=True)
 def here(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr("cvtimg.tables.blocked._LARGE_BYTES", 1000)
+    monkeypatch.setattr("cvtimg.tables.files._LARGE_BYTES", 1000)
     monkeypatch.setattr("cvtimg.blocks.rows.BLOCK_BYTES", 200 * 24)
     write_tables(here)
     return here
@@ -98,7 +98,9 @@ def test_rows_without_a_value_are_dropped_or_named(here: Path, cluster: RowOf, r
         assert (row["rows"], row["left_out"]) == (len(ROWS) - 101, 101)
         dropped = np.flatnonzero(np.array(labels_in(Path(f"{name}.csv"))) < 0)
         assert dropped.tolist() == [5, *range(300, 400)]
-    assert run("cluster", FILES[0], "-k", "3", "-o", "none.csv").err.startswith(f"cvtimg: {FILES[0]}: block 0: ")
+    assert run("cluster", FILES[0], "-k", "3", "-o", "none.csv").err.startswith(
+        f"cvtimg: {FILES[0]}: column 'x' of row"
+    )
     assert not Path("none.csv").exists()
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_choice, check_count, check_partial_image, hints_at_keywords
+from cvtimg._shared.checks import check_choice, check_count, check_partial_image
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import peak, white_of
 from cvtimg._shared.progress import part
@@ -31,7 +31,6 @@ _MOST_LEAVES = 1 << 16
 _READY, _FULL_SIZE = 0.2, 0.7
 
 
-@hints_at_keywords
 def segment_hierarchy(
     image: ImageLike, *, n_leaves: int = 1000, space: SpaceName = "lab", mask: ArrayLike | None = None
 ) -> RegionHierarchy:

@@ -10,8 +10,7 @@ import numpy as np
 
 from cvtimg._shared.checks import refuse
 from cvtimg._shared.types import Floats
-from cvtimg.files.text_tables import csv_text
-from cvtimg.files.whole import StrPath, whole_file
+from cvtimg.files.whole import StrPath, csv_text, whole_file
 from cvtimg.sphere.formats.geometry import CulledContent, GridContent, latitudes_longitudes
 from cvtimg.sphere.formats.netcdf import write_mpas, write_ugrid
 from cvtimg.sphere.formats.polygons import write_geojson, write_vtu
