@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from relations.relation import Relation, close, equal, quick_and_wide
+from relations.remembering import remembered
 from scipy import ndimage
 from scipy.optimize import linear_sum_assignment
 from skimage.filters import threshold_otsu
@@ -39,6 +40,7 @@ def empty(rng: np.random.Generator) -> Image:
     return rng.normal(100, 8, (SIDE, SIDE))
 
 
+@remembered
 def number(image: Image) -> int:
     return count_objects(image).n_segments
 

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from reference import ring
 from relations.relation import Relation, close, quick_and_wide
+from relations.remembering import remembered
 
 from cvtimg import mesh_region
 from cvtimg._shared.types import Array, Bools, Floats
@@ -44,6 +45,7 @@ def cracked(points: Points) -> Points:
     return np.concatenate([points, points[:1] - thin, tips[0], points[:1], tips[1], points[:1] + thin])
 
 
+@remembered
 def figures(points: Points) -> tuple[float, float, bool]:
     """Return the area, the vertices, and whether all angles are regular."""
     mesh = mesh_region(points, effort="fast")

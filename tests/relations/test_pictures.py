@@ -9,6 +9,7 @@ import numpy as np
 import PIL.Image
 from reference import same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
+from relations.remembering import remembered
 from skimage.filters import gaussian
 
 import cvtimg
@@ -122,8 +123,9 @@ OF_HOLES: dict[str, tuple[Callable[[Any], Any], Callable[[Any, Any], None]]] = {
 
 RELATIONS = (
     [
-        Relation(verb, f"{change}, {inputs.__name__}", inputs, result, form, follows, since="2026-11-27")
+        Relation(verb, f"{change}, {inputs.__name__}", inputs, before, form, follows, "2026-11-27", rival=result)
         for verb, (result, follows) in VERBS.items()
+        for before in [remembered(result)]
         for inputs in (gray_picture, color_picture)
         for change, form in {**FORMS, **(OF_GRAY if inputs is gray_picture else {})}.items()
         if (verb, change, inputs) not in EXCEPT
@@ -139,7 +141,7 @@ RELATIONS = (
             since="2026-11-28",
             because="descents end elsewhere",
         )
-        for verb, result in OF_COLORS.items()
+        for verb, result in ((verb, remembered(result)) for verb, result in OF_COLORS.items())
         for change, moved in OF_PLACES.items()
     ]
     + [

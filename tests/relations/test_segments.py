@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from reference import same_partition
 from relations.relation import Relation, close, equal, quick_and_wide
+from relations.remembering import remembered
 from relations.test_pictures import color_picture, gray_picture
 
 from cvtimg import segment, superpixels
@@ -24,6 +25,7 @@ def noisy_picture(rng: np.random.Generator) -> Image:
     return np.clip(257 * (image + rng.normal(0, 60, image.shape)), 0, 65535).astype(np.uint16)
 
 
+@remembered
 def labels_of(image: Image) -> tuple[Image, float]:
     """Segment an image."""
     result = segment(image, 4)
@@ -35,6 +37,7 @@ def in_variances(image: Image) -> float:
     return labels_of(image)[1] / float(np.var(image.astype(float)))
 
 
+@remembered
 def of_volume(volume: Image) -> tuple[Image, float]:
     """Segment a volume."""
     result = segment(volume, 3, spacing=(1.5, 1, 1))
@@ -93,7 +96,7 @@ _TOLD: dict[str, Any] = {"since": "2026-11-27"}
 _CHANGES: list[tuple[str, Any, Callable[[Image], Image], Callable[[Any, Any], None], Any]] = [
     *((name, labels_of, change, same(back), None) for name, (change, back) in _HELD.items()),
     ("in a wider frame that does not count", labels_of, lambda image: image, same(lambda labels: labels), of_padded),
-    ("floats in 0..1", lambda a: segment(a, 4).labels, lambda a: a / np.iinfo(a.dtype).max, equal, None),
+    ("floats in 0..1", lambda a: labels_of(a)[0], lambda a: a / np.iinfo(a.dtype).max, equal, None),
     ("floats / 2^40", lambda a: segment(a.astype(float), "auto").n_segments, lambda a: a * 2.0**-40, close(0.3), None),
     ("an offset and a scale", in_variances, lambda a: 7 + a.astype(np.uint32) * np.uint32(1000), energy, None),
 ]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from conftest import SAMPLES
 from relations.relation import Relation, close, equal, not_above, quick_and_wide
+from relations.remembering import remembered
 from scipy.ndimage import median_filter
 from skimage.filters import gaussian
 
@@ -38,6 +39,7 @@ def spoiled(n_versions: int, gray: bool = False) -> Any:
     return inputs
 
 
+@remembered
 def restored(case: Case) -> Array:
     """(H, W, ...) image of the versions."""
     with warnings.catch_warnings():
@@ -135,9 +137,10 @@ def flat_versions(rng: np.random.Generator) -> Case:
 
 def error_in_flat_colors(case: Case) -> float:
     """Mean squared error of what is restored in flat colors, in squared levels."""
-    return error_of(restore(case[1], 4).image, case)
+    return error_of(in_flat_colors(case), case)
 
 
+@remembered
 def in_flat_colors(case: Case) -> Array:
     """(H, W, C) what is restored in flat colors."""
     return restore(case[1], 4).image
