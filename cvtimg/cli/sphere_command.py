@@ -12,7 +12,6 @@ from cvtimg.cli.running import Todo, plan_of, planned, plot
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from cvtimg._shared.types import ImageLike
     from cvtimg.sphere import SphereGrid
 
 EXAMPLES = """\
@@ -50,7 +49,6 @@ def sphere(given: Given) -> Todo:
     given.finer = [_circle_in_km(text) if in_km else _numbers("--refine", text, _CIRCLE) for text in given.refine or []]
     given.width = None if given.cell_width is None else _width(given.cell_width)
     given.circle = None if given.within is None else _numbers("--within", given.within, ("LON", "LAT", "RADIUS"))
-    given.below = None if str(given.over) == "none" else given.over
     given.area = None if given.region is None else _area(given.region)
     files = [part for part in (given.area, given.width) if isinstance(part, Path)]
     return planned(plan_of(given, together=True, also_read=files), _sphere, COLUMNS, given)
@@ -108,7 +106,6 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     attributes = {"history": given.command}
     if given.parent is not None:
         attributes["parent_id"] = read_lineage(given.parent)
-    image = None if given.below is None else cvtimg.read_image(given.below)
     stopwatch.lap("read")
     grid: SphereGrid
     if land is not None:
@@ -123,7 +120,7 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     whole.save(task.outputs["-o"], radius=given.radius, attributes=attributes, overwrite=given.overwrite)
     kept = np.ones(len(grid.points), bool) if part is None else part.kept
     if "--plot" in task.outputs:
-        _plot(grid, kept, task.outputs["--plot"], given, image)
+        _plot(grid, kept, task.outputs["--plot"], given)
     if "--histograms" in task.outputs:
         from cvtimg.halfedges import measure_triangles
 
@@ -138,11 +135,11 @@ def _sphere(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     }
 
 
-def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given, image: ImageLike | None) -> None:
+def _plot(grid: SphereGrid, kept: Any, path: Path, given: Given) -> None:
     from cvtimg.sphere import cell_polygons, earth_coasts
 
     cells, widths = grid.cells(), grid.widths()[kept]
-    more = {"image": image, "label": "cell width (km)", "lines": earth_coasts() if given.over is None else ()}
+    more = {"label": "cell width (km)", "lines": earth_coasts()}
     if given.view is not None:
         plot(path, given, "draw_globe", list(compress(cells, kept)), widths, center=given.view, **more)
     else:

@@ -223,13 +223,6 @@ SPHERE = (
         metavar="LON LAT",
         needs=("plot",),
     ),
-    file(
-        "over",
-        "Map to show below the cells in --plot, instead of coasts; or `none`.",
-        metavar="IMAGE",
-        needs=("plot",),
-        role="reads",
-    ),
     file("histograms", "Plot histograms of widths and angles, .png or .svg.", common.PLOTS),
     common.EFFORT,
     common.SEED,

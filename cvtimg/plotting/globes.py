@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cvtimg._shared.types import Bytes, Floats, Ints
+from cvtimg._shared.types import Floats, Ints
 from cvtimg.plotting.charts import POOR, add_polygons, chart, figure_file, show_box
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ def draw_globe(
     suffix: str,
     *,
     center: tuple[float, float] = (0.0, 20.0),
-    image: Bytes | None = None,
     lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
@@ -42,8 +41,6 @@ def draw_globe(
         What cells are colored by: their sizes, or values of a field.
     center : (lon, lat)
         Place in the middle of the image, in degrees.
-    image : (H, W) or (H, W, 3) uint8 array, optional
-        Shown below the cells: longitudes from -180 to 180 from left to right, latitudes from 90 to -90 downwards.
     lines : sequence of (M, 2) arrays
         Lines of longitudes and latitudes in degrees to draw on top, such as `cvtimg.sphere.earth_coasts()`.
     label : str
@@ -56,12 +53,10 @@ def draw_globe(
     seen = np.minimum.reduceat(turned[:, 2], np.concatenate([[0], ends[:-1]])) > 0
     with figure_file(8.0, 7.2, suffix) as (figure, content):
         axes = figure.subplots()
-        if image is not None:
-            axes.imshow(_on_globe(image, center), extent=(-1, 1, -1, 1), zorder=0)
         outlines = [
             outline for outline, is_seen in zip(np.split(turned[:, :2], ends[:-1]), seen, strict=True) if is_seen
         ]
-        drawn = _add_polygons(figure, axes, outlines, sizes[seen], sizes, scale, over_image=image is not None)
+        drawn = _add_polygons(figure, axes, outlines, sizes[seen], sizes, scale)
         for line in lines:
             x, y, toward = _axes_of_view(*center) @ _unit_vectors(line)
             axes.plot(np.where(toward > 0, x, np.nan), y, **_LINE)
@@ -79,7 +74,6 @@ def draw_map(
     sizes: Floats,
     suffix: str,
     *,
-    image: Bytes | None = None,
     lines: Sequence[Floats] = (),
     label: str = "cell size (degrees)",
     scale: Literal["log", "linear"] = "log",
@@ -90,16 +84,14 @@ def draw_map(
     ----------
     rings : sequence of sequences of (K, 2) arrays
         The polygons of each cell, in degrees, as `cvtimg.sphere.cell_polygons` yields them.
-    sizes, image, lines, label, scale
+    sizes, lines, label, scale
         As in `draw_globe`.
     """
     pieces = [np.asarray(ring) for cell in rings for ring in cell]
     of_cell = np.repeat(np.arange(len(rings)), [len(cell) for cell in rings])
     with figure_file(10.0, 5.0, suffix) as (figure, content):
         axes = figure.subplots()
-        if image is not None:
-            axes.imshow(image, extent=(-180, 180, -90, 90), cmap="gray", vmin=0, vmax=255, zorder=0)
-        drawn = _add_polygons(figure, axes, pieces, sizes[of_cell], sizes, scale, over_image=image is not None)
+        drawn = _add_polygons(figure, axes, pieces, sizes[of_cell], sizes, scale)
         for line in lines:
             for turn in (-360, 0, 360):  # lines may go on beyond the antimeridian
                 axes.plot(line[:, 0] + turn, line[:, 1], **_LINE)
@@ -140,7 +132,7 @@ def draw_surface(
 
 
 def _add_polygons(
-    figure: Figure, axes: Axes, outlines: list[Any], values: Floats, every: Floats, scale: str, *, over_image: bool
+    figure: Figure, axes: Axes, outlines: list[Any], values: Floats, every: Floats, scale: str
 ) -> PolyCollection:
     """Add polygons with colors on a scale of all values."""
     from matplotlib.colors import LogNorm, Normalize
@@ -152,10 +144,8 @@ def _add_polygons(
         # Cells that are all alike get one color, not a scale of their rounding.
         norm = LogNorm(min(low, middle / 1.1), max(high, middle * 1.1))
     shares = np.clip(values / np.median(every), 0.25, 1) if scale == "log" else 1.0
-    look = {"edgecolors": (1, 1, 1, 0.7), "alpha": 0.35} if over_image else {"edgecolors": "0.1"}
-    return add_polygons(
-        figure, axes, outlines, thickest=0.8, shares=shares, array=values, cmap="viridis", norm=norm, **look
-    )
+    look = {"array": values, "cmap": "viridis", "norm": norm, "edgecolors": "0.1"}
+    return add_polygons(figure, axes, outlines, thickest=0.8, shares=shares, **look)
 
 
 def _add_scale(figure: Figure, axes: Axes, drawn: PolyCollection, label: str) -> None:
@@ -181,18 +171,3 @@ def _axes_of_view(longitude: float, latitude: float) -> Floats:
     right = np.cross([0.0, 0.0, 1.0], toward)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(toward, right), toward])
-
-
-def _on_globe(image: Bytes, center: tuple[float, float], n_across: int = 1000) -> Bytes:
-    """Draw a map of the world on a globe of the given size in pixels, with transparent corners around."""
-    across = (np.arange(n_across) + 0.5) / n_across * 2 - 1
-    x, y = np.meshgrid(across, -across)
-    inside = x**2 + y**2 < 1
-    z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))
-    places = np.stack([x, y, z], axis=-1) @ _axes_of_view(*center)
-    height, width = image.shape[:2]
-    columns = (np.arctan2(places[..., 1], places[..., 0]) / (2 * np.pi) + 0.5) * width
-    rows = (0.5 - np.arcsin(np.clip(places[..., 2], -1, 1)) / np.pi) * height
-    colors = image[np.clip(rows.astype(int), 0, height - 1), np.clip(columns.astype(int), 0, width - 1)]
-    colors = np.repeat(colors[..., None], 3, axis=2) if colors.ndim == 2 else colors[..., :3]
-    return np.concatenate([colors, np.where(inside, np.uint8(255), np.uint8(0))[..., None]], axis=2)

@@ -6,23 +6,19 @@ A grid of 5,000 cells, four times as fine around Europe, with the coasts, seen f
 """
 
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from cvtimg import find_edges, read_image, sphere_grid
+from cvtimg import sphere_grid
 from cvtimg.plotting import draw_globe, draw_map
-from cvtimg.sphere import Refinement, cell_polygons
-
-land = read_image(Path("../../sample_images") / "land.png")
-coasts = np.where(find_edges(land > 127, mode="thick"), 0, 255).astype(np.uint8)
+from cvtimg.sphere import Refinement, cell_polygons, earth_coasts
 
 grid = sphere_grid(5000, density=Refinement(10, 50, radius=20, ratio=4))
 cells, sizes = grid.cells(), np.degrees(np.sqrt(grid.areas))
-globe = draw_globe(list(cells), sizes, ".png", center=(10, 50), image=coasts)
+globe = draw_globe(list(cells), sizes, ".png", center=(10, 50), lines=earth_coasts())
 rings = list(cell_polygons(cells.vertices, cells.corners, cells.offsets))
-on_map = draw_map(rings, sizes, ".png", image=coasts)
+on_map = draw_map(rings, sizes, ".png", lines=earth_coasts())
 
 # %%
 # Both charts color cells by size, over the coasts; the flat one is cut at 180 degrees.

@@ -109,7 +109,7 @@ def test_files_say_what_made_them_and_from_what(row_of: RowOf) -> None:
 
 @pytest.mark.slow
 def test_plots_are_maps_or_globes(row_of: RowOf, here: Path) -> None:
-    row_of("sphere", "-n", "200", "-o", "a.csv", "--plot", "map.png", "--over", "north.png")
+    row_of("sphere", "-n", "200", "-o", "a.csv", "--plot", "map.png")
     row_of("sphere", "-n", "200", "-o", "b.csv", "--plot", "globe.png", "--view", "10", "50", "--histograms", "h.svg")
     assert "cell width (km)" in Path("h.svg").read_text()
     with Image.open(here / "map.png") as drawn_map, Image.open(here / "globe.png") as globe:
