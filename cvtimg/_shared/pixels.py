@@ -97,6 +97,14 @@ def peak(dtype: np.dtype[Any]) -> float:
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
 
+def are_shades(samples: Array) -> bool:
+    """Whether samples are shades as screens show them: of 8 bits, or from 0 to white and not all nearly black."""
+    if samples.dtype == np.uint8:
+        return True
+    white, seen = peak(samples.dtype), samples[np.isfinite(samples)]
+    return bool(seen.size and seen.min() >= 0 and white / 16 <= seen.max() <= white)
+
+
 def white_among(samples: Array) -> float:
     """Return the value of white among finite samples: `peak`, but what most use where floating point is no share of it.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import AlphaArray, peak, with_mark
+from cvtimg._shared.pixels import AlphaArray, are_shades, with_mark
 from cvtimg.colors.spaces import to_depth
 from cvtimg.files.whole import StrPath
 from cvtimg.pictures.files import Metadata, read_metadata
@@ -232,17 +232,14 @@ def quantize_file(
 
 
 def _for_screens(stack: Stack) -> bool:
-    """Whether samples are shades as screens show them: of 8 bits, or from 0 to white and not all nearly black."""
+    """Whether the known samples of the first page are shades."""
     if stack.kind == "tiles":
         return bool(stack.content.form.dtype == np.uint8)
     image = stack.content if stack.kind == "image" else stack.content.images[0]
-    if image.dtype == np.uint8:
-        return True
     colors = image[..., :-1] if isinstance(image, AlphaArray) else image
     if stack.masks and stack.masks[0] is not None:
         colors = colors[stack.masks[0]]
-    white, seen = peak(image.dtype), colors[np.isfinite(colors)]
-    return bool(seen.size and seen.min() >= 0 and white / 16 <= seen.max() <= white)
+    return are_shades(colors)
 
 
 def _check_fit(stack: Stack, target: Path, how: QuantizeOptions, reading: Reading, writing: Writing) -> None:

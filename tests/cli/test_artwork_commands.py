@@ -12,6 +12,7 @@ import pytest
 from commands import RowOf
 
 from cvtimg import read_image, write_image
+from cvtimg._shared.types import Array
 
 RAMP = np.tile(np.linspace(0, 255, 80).astype(np.uint8), (50, 1))
 
@@ -47,3 +48,24 @@ def test_mosaic_is_written_as_pixels_and_polygons(picture: Path, row_of: RowOf) 
     row_of("mosaic", picture, "-n", 60, "--shape", "triangles", "-k", 4, "-o", output)
     fills = {feature["properties"]["fill"] for feature in json.loads(output.read_text())["features"]}
     assert len(fills) == 4
+
+
+@pytest.mark.parametrize("verb", ["stipple", "mosaic"])
+@pytest.mark.parametrize("values", [RAMP * np.uint16(16), RAMP * np.float32(-1e-5), RAMP.astype(np.int32) - 90])
+def test_measurements_are_drawn_as_in_the_range_that_they_fill(
+    values: Array, verb: str, tmp_path: Path, row_of: RowOf
+) -> None:
+    np.save(tmp_path / "measured.npy", values)
+    for name, more in (("alone.svg", []), ("stretched.svg", ["--composite", "white"])):
+        told = row_of(verb, tmp_path / "measured.npy", "-n", 40, "-o", tmp_path / name, *more)
+        assert ("measurements" in told.get("warning", "")) == (not more)
+    assert (tmp_path / "alone.svg").read_bytes() == (tmp_path / "stretched.svg").read_bytes()
+
+
+def test_pixels_without_data_stay_paper(tmp_path: Path, row_of: RowOf) -> None:
+    shades = RAMP.astype(np.float32) / 255
+    shades[:, :40] = np.nan
+    np.save(tmp_path / "holes.npy", shades)
+    row_of("stipple", tmp_path / "holes.npy", "-n", 50, "-o", tmp_path / "dots.csv")
+    with (tmp_path / "dots.csv").open() as file:
+        assert min(float(line["x"]) for line in csv.DictReader(file)) >= 40
