@@ -9,7 +9,6 @@ import time
 import zipfile
 from collections.abc import Callable, Sequence
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -32,6 +31,7 @@ from cvtimg.explore.outcomes import WANTED, fitting, seen_quality
 from cvtimg.explore.pasted import change_presets, presets, settings_of
 from cvtimg.explore.store import KNOWN, MOST_BYTES, Store
 from cvtimg.explore.tabs import TABS, opened, requested
+from cvtimg.pictures.formats.encoding import encode_image
 
 #: The files of the page; no other file is ever sent.
 STATIC = Path(__file__).parent / "static"
@@ -195,13 +195,9 @@ def _understood(content: bytes) -> Json:
 
 def _sample() -> bytes:
     """Return a photograph in the public domain that comes with scikit-image."""
-    from PIL import Image
     from skimage.data import astronaut
 
-    stream = BytesIO()
-    photograph = astronaut()  # type: ignore[no-untyped-call]
-    Image.fromarray(photograph).save(stream, "PNG")
-    return stream.getvalue()
+    return encode_image(".png", astronaut())  # type: ignore[no-untyped-call]
 
 
 def _json(answer: Json) -> Response:

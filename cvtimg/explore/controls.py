@@ -131,9 +131,6 @@ class Choice(Control):
             raise self.refuse(value, f"one of {', '.join(self.choices)}")
         return value
 
-    def described(self) -> Json:
-        return {**Control.described(self), "choices": list(self.choices.items())}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Switch(Control):
@@ -238,9 +235,6 @@ class Edits(Several):
         except (ValueError, TypeError, AttributeError) as error:
             raise UnfitRequestError(f"{self.label}: {error}") from error
         return str(value)
-
-    def described(self) -> Json:
-        return {**Control.described(self), "modes": list(self.modes.items())}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +38,6 @@ _BYTES = 48
 #: Length of the energy curve, and pixels of the picture in a small size, which searches for drafts use.
 N_CURVE = 64
 SMALL = 1 << 18
-#: What results import for a second or so, in the background before they are wanted.
-_IMPORTED = ("scipy.ndimage", "scipy.optimize", "scipy.spatial", "skimage.color", "skimage.measure", "scipy.stats")
 #: Colors of channels, as a page chooses them.
 _TINTS = Swatches(name="tints", label="Colors of channels")
 #: Samples of windows, and trees of segments, that are kept, and pixels of all of them but the last two.
@@ -237,8 +234,6 @@ class Picture:
             curve.set_result(energies)
         except Exception as error:
             curve.set_exception(error)
-        for name in _IMPORTED:
-            import_module(name)
 
     def close(self, *, wait_for: bool = True) -> None:
         """End what is computed in the background; by default, wait for that."""

@@ -11,7 +11,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
@@ -29,6 +28,7 @@ from cvtimg.explore.controls import UnfitRequestError, is_number
 from cvtimg.explore.opened import Picture, most_pixels
 from cvtimg.explore.outcomes import FOLDERS, Outcome, own_prefix
 from cvtimg.palettes.known import known_palettes
+from cvtimg.pictures.formats.encoding import encode_image
 
 #: Largest file that is taken.
 MOST_BYTES = 1 << 28
@@ -207,9 +207,7 @@ def _small(picture: Picture) -> bytes:
     """Return a small picture as PNG."""
     small = Image.fromarray(picture.seen(picture.whole(_ENOUGH)).pixels.squeeze())
     small.thumbnail(_SMALL)
-    stream = BytesIO()
-    small.save(stream, "PNG")
-    return stream.getvalue()
+    return encode_image(".png", np.asarray(small))
 
 
 def _remove_left() -> None:

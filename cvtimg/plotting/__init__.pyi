@@ -13,4 +13,3 @@ from .globes import draw_map as draw_map
 from .globes import draw_surface as draw_surface
 from .sheets import contour_drawing as contour_drawing
 from .sheets import draw_edges as draw_edges
-from .sheets import shown_colors as shown_colors

@@ -72,16 +72,6 @@ def draw_edges(
     return drawn
 
 
-def shown_colors(colors: ArrayLike, image: ImageLike, labels: ArrayLike, *, ignore: int | None = None) -> Bytes:
-    """Convert (K, C) colors in the units of the image to (K, 3) uint8, as `draw_edges` shows them."""
-    segments = check_labels("labels", labels)
-    values = check_labeled_image("image", image, segments)
-    rows = np.asarray(colors)
-    if values.dtype == np.uint8:
-        rows = np.rint(rows).astype(np.uint8)
-    return shown(rows, limits_to_show([values[segments != ignore]]))[:, :3]
-
-
 def contour_drawing(contours: Contours, labels: ArrayLike, image: ImageLike) -> Drawing:
     """Draw the contours of segments, each filled with its mean color.
 
@@ -111,10 +101,11 @@ def contour_drawing(contours: Contours, labels: ArrayLike, image: ImageLike) -> 
     areas = np.bincount(segments.ravel()).tolist()
     bands = np.asarray(image)
     seen = bands[..., :3] if bands.shape[2:] == (4,) else bands
+    rows = np.rint(means[:, :3]).astype(np.uint8) if bands.dtype == np.uint8 else means[:, :3]
     return Drawing(
         polygons=contours.polygons,
         size=(segments.shape[0], segments.shape[1]),
-        colors=shown_colors(means[:, :3], seen, segments, ignore=0),
+        colors=shown(rows, limits_to_show([seen[segments != 0]]))[:, :3],
         properties={label: {"area": areas[label], "mean": mean} for label, mean in enumerate(means.tolist())},
     )
 

@@ -45,24 +45,7 @@ def test_the_shown_command_writes_the_bytes_that_are_downloaded(
     assert without_history((tmp_path / words[-1][-1]).read_bytes()) == without_history(content)
 
 
-def test_a_reply_that_comes_too_late_is_dropped(visit: Go) -> None:
-    one = visit()
-    one.settled()
-    shown = one.page.evaluate(
-        """async () => {
-            const {Link} = await import("/link.js");
-            const got = [], link = new Link(reply => got.push(reply.seq), () => {});
-            const request = lane => ({lane, request: {}});
-            for (let seq = 1; seq <= 6; seq++) link.sent.set(seq, request(seq % 2 ? "draft" : "exact"));
-            link.newest = 6;
-            for (const seq of [3, 1, 4, 6, 5]) link.take(JSON.stringify({seq}));
-            return got;
-        }"""
-    )
-    assert shown == [3, 6]  # the draft 1 is older than 3, the result 4 than what is wanted, the draft 5 than 6
-
-
-def test_after_a_cancel_and_where_drafts_fail_nothing_of_a_draft_is_shown(visit: Go) -> None:
+def test_a_reply_that_comes_too_late_or_after_a_cancel_is_dropped(visit: Go) -> None:
     one = visit()
     one.settled()
     shown = one.page.evaluate(
@@ -70,16 +53,18 @@ def test_after_a_cancel_and_where_drafts_fail_nothing_of_a_draft_is_shown(visit:
             const {Link} = await import("/link.js");
             const got = [], link = new Link(reply => got.push(reply.seq), () => {});
             await link.ready ?? new Promise(done => setTimeout(done, 500));
-            link.seq = 10;
-            link.sent.set(8, {lane: "draft", request: {}});
-            link.sent.set(9, {lane: "draft", request: {}});
+            const request = lane => ({lane, request: {}});
+            for (let seq = 1; seq <= 9; seq++) link.sent.set(seq, request(seq % 2 ? "draft" : "exact"));
+            link.newest = 6;
+            for (const seq of [3, 1, 4, 6, 5]) link.take(JSON.stringify({seq}));
             link.take(JSON.stringify({seq: 9, error: "too many"}));
+            link.seq = 10;
             link.cancel();
             link.take(JSON.stringify({seq: 8}));
             return got;
         }"""
     )
-    assert shown == []
+    assert shown == [3, 6]  # the draft 1 is older than 3, the result 4 than what is wanted, the draft 5 than 6
 
 
 def test_a_number_that_is_not_allowed_is_refused_and_the_one_in_effect_comes_back(visit: Go) -> None:

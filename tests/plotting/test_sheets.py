@@ -11,8 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from cvtimg import find_contours
 from cvtimg.plotting import draw_sheet
-from cvtimg.plotting.sheets import CHECKERS, draw_edges, shown_colors
+from cvtimg.plotting.sheets import CHECKERS, contour_drawing, draw_edges
 
 Bytes = NDArray[np.uint8]
 
@@ -67,11 +68,9 @@ def test_edges_are_drawn_over_grey_deep_transparent_and_many_bands() -> None:
 
 
 def test_colors_of_segments_are_shown_as_the_picture_is() -> None:
+    contours = find_contours(HALVES)
     levels = np.where(HALVES == 1, 1000.0, 3000.0)
-    shown = shown_colors([[0.0], [1000.0], [2000.0]], levels, HALVES)
-    assert shown.tolist() == [[0] * 3, [0] * 3, [128] * 3]
-    means = [[0.0, 0, 0], [10.4, 20.6, 200]]
-    assert shown_colors(means, noise(5, 12, 3), HALVES).tolist() == [[0, 0, 0], [10, 21, 200]]
+    assert contour_drawing(contours, HALVES, levels).colors[1:].tolist() == [[0] * 3, [255] * 3]
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ export class Controls {
 	}
 
 	choice(control, id) {
-		const select = element("select", {id}, ...control.choices.map(([value, label]) => new Option(label, value)));
+		const select = element("select", {id}, ...Object.entries(control.choices).map(([value, label]) => new Option(label, value)));
 		select.onchange = () => this.changed(control.name, select.value, false);
 		this.set[control.name] = value => { select.value = value; };
 		return [select];
@@ -165,7 +165,7 @@ export class Controls {
 	}
 
 	edits(control, id) {
-		const buttons = control.modes.map(([mode, label], index) => {
+		const buttons = Object.entries(control.modes).map(([mode, label], index) => {
 			const button = element("button", {type: "button", textContent: label, ...(index ? {} : {id})});
 			button.onclick = () => this.edit(control, mode);
 			return [mode, button];

@@ -92,7 +92,7 @@ function change(name, value, live, more = {}) {
 	steps.before(name, value, live);
 	if (name === "start" && value === "hand" && last?.facts.counts) more = {colors: shades.hexes}; // begins with what is seen
 	state.settings[state.tab] = {...settings(), ...more, [name]: value};
-	if (name !== "seen") state.spot = shades.spot = -1;
+	state.spot = shades.spot = -1;
 	if (name === "space" && state.tab === "colors") measure();
 	drawControls();
 	want(performance.now(), live ? REST : AT_ONCE);

@@ -90,23 +90,15 @@ def _factors(settings: Settings) -> list[Factor]:
 
 
 def _drawn(design: Design, factors: Sequence[Factor]) -> bytes:
-    """Draw the points in each pair of axes, with bars on the diagonal that count them in each tenth or level."""
+    """Draw the points in each pair of axes, with names on the diagonal."""
     n_axes = len(factors)
     side = (_SIZE - 2 * _MARGIN - (n_axes - 1) * _GAP) / n_axes
     places = design.unit_points
     radius = float(np.clip(side / 3 / np.sqrt(len(places)), 1.2, 6))
     body = ['<rect width="100%" height="100%" fill="#fff"/><g font-family="sans-serif" font-size="15" fill="#333">']
     starts = [_MARGIN + axis * (side + _GAP) for axis in range(n_axes)]
-    for axis, (factor, start) in enumerate(zip(factors, starts, strict=True)):
-        counts = np.histogram(places[:, axis], min(len(factor.levels), 20) or 10, (0, 1))[0]
-        wide = side / len(counts)
+    for factor, start in zip(factors, starts, strict=True):
         body.append(_frame(start, start, side))
-        for bar, count in enumerate(counts.tolist()):
-            height = 0.7 * side * count / max(counts)
-            x, y = start + wide * (bar + 0.1), start + side - height
-            body.append(
-                f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide * 0.8:.1f}" height="{height:.1f}" fill="#b9cde8"/>'
-            )
         body.append(f'<text x="{start + 8:.1f}" y="{start + 20:.1f}" font-weight="600">{escape(factor.header)}</text>')
         ends = (factor.levels[0], factor.levels[-1]) if factor.levels else (f"{factor.low:g}", f"{factor.high:g}")
         for text, x, anchor in zip(ends, (start, start + side), ("start", "end"), strict=True):

@@ -59,12 +59,6 @@ class RestoreTab(Tab):
         ("edge_weight", _FLAT),
         ("space", _FLAT),
         "effort",
-        Choice(
-            name="seen",
-            label="Show",
-            default="result",
-            choices={"result": "restored image", "coverage": "versions known", "left_out": "versions left out"},
-        ),
     )
 
     def pasted(self, flag: str, text: str) -> Json:
@@ -120,7 +114,7 @@ class RestoreTab(Tab):
     def draft(self, request: Request) -> Outcome | None:
         """Restore the middle of what is in sight with little effort: all of it takes long."""
         (left, top, right, bottom, _), settings = request.window, request.settings
-        if settings["seen"] != "result" or min(right - left, bottom - top) <= (side := self.most_drafted):
+        if min(right - left, bottom - top) <= (side := self.most_drafted):
             return None
         x, y = (left + right - side) // 2, (top + bottom - side) // 2
         part = Window(x, y, x + side, y + side, 1)
@@ -128,7 +122,7 @@ class RestoreTab(Tab):
         if any(version.shape[:2] != versions[0].shape[:2] for version in versions):
             return None
         result: Denoised = evaluated(self._call({**settings, "effort": "fast"}), {"images": versions})
-        return Outcome(_layer(request, result, len(versions)), _kinds(result), drawn=part)
+        return Outcome(_layer(request, result), _kinds(result), drawn=part)
 
     def exact(self, request: Request) -> Outcome:
         """Restore the picture; files have the name of the first version."""
@@ -137,7 +131,7 @@ class RestoreTab(Tab):
     def seen(self, request: Request, values: Options) -> tuple[Layer, Json]:
         result: Denoised = values["result"]
         facts = {**_kinds(result), "about": _found(result)}
-        return _layer(request, result, len(values["images"])), facts
+        return _layer(request, result), facts
 
 
 def _versions(request: Request) -> list[Picture]:
@@ -196,14 +190,11 @@ def _are_versions(whole: Picture | None) -> bool:
     return whole is not None and isinstance(whole.frames, Pages) and whole.frames.axes == "Q"
 
 
-def _layer(request: Request, result: Denoised, n_versions: int) -> Pixels:
-    if request.settings["seen"] == "result":
-        bands = result.image.reshape(*result.coverage.shape, -1)
-        rows = bands.reshape(-1, bands.shape[2])
-        seen = request.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and request.picture.header.has_alpha)
-        return Pixels(seen.reshape(*result.coverage.shape, 4))
-    shares = getattr(result, request.settings["seen"]) / n_versions
-    return Pixels(np.rint(255 * shares).astype(np.uint8)[..., None].repeat(3, axis=2))
+def _layer(request: Request, result: Denoised) -> Pixels:
+    bands = result.image.reshape(*result.coverage.shape, -1)
+    rows = bands.reshape(-1, bands.shape[2])
+    seen = request.picture.colors_seen(rows, alpha=bands.shape[2] in (2, 4) and request.picture.header.has_alpha)
+    return Pixels(seen.reshape(*result.coverage.shape, 4))
 
 
 _LABELS = Code('result.labels.astype("uint8" if len(result.colors) < 256 else "uint16")')

@@ -10,21 +10,13 @@ from cvtimg._shared.choices import Json, Options
 from cvtimg.artwork import Stipples
 from cvtimg.artwork.papers import Sheet
 from cvtimg.explore.calls import Code, Line, call, evaluated
-from cvtimg.explore.controls import Choice, Control, Settings, Switch, controls_of
+from cvtimg.explore.controls import Choice, Control, Settings, Switch, active, controls_of
 from cvtimg.explore.layers import Drawing, Layer
 from cvtimg.explore.outcomes import Output, written_as
 from cvtimg.explore.tabs.base import IMAGE, Request, Tab, reading
 
-#: Settings of the drawing, not of the dots: options of `Stipples.save` by control.
-_DRAWN = {
-    "width": None,  # told whenever it is in effect
-    "height": "auto",
-    "paper": "none",
-    "landscape": False,
-    "margin": "auto",
-    "marks": "disks",
-    "pen_width": "auto",
-}
+#: Settings of the drawing, not of the dots: options of `Stipples.save`.
+_DRAWN = ("width", "height", "paper", "landscape", "margin", "marks", "pen_width")
 
 
 class StippleTab(Tab):
@@ -92,8 +84,8 @@ class StippleTab(Tab):
 
 def _drawing(tab: StippleTab, settings: Settings) -> Json:
     """Return the options of `Stipples.save` that are not the default."""
-    there = {*tab.in_effect(settings)}
-    changed = {name: settings[name] for name, usual in _DRAWN.items() if settings[name] != usual and name in there}
+    said = [control.name for control in active(tab.controls, settings) if control.says(settings[control.name])]
+    changed = {name: settings[name] for name in said if name in _DRAWN}
     if settings["by"] == "pen":
         changed["pen_width"] = settings["pen"]
     return changed
