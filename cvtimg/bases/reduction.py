@@ -25,8 +25,6 @@ from cvtimg.files.whole import StrPath
 _Subspaces: TypeAlias = tuple[Floats, Floats, Ints64, Ints64]
 _KIND = "reduced basis"
 
-#: Kinds of bases, by the names of `kind`.
-KINDS = ("pod", "cvt", "cvod")
 #: Coordinates beyond those that are used, which make these precise.
 _OVERSAMPLING = 24
 #: Cells of a CVOD have modes of their own: as many coordinates as this times all of them together.
@@ -36,21 +34,6 @@ _ROUNDED = 2.0**-40
 #: Starts of a CVOD, and when each rests.
 _STARTS = 4
 _RESTING = Stopping(tolerance=1e-6, max_iterations=100)
-
-
-def find_subspaces(rows: Floats, n_cells: int, n_axes: int, rng: np.random.Generator) -> Ints64:
-    """Tessellate (N, R) rows by `n_cells` affine subspaces of `n_axes` dimensions, each with a basis of its own.
-
-    Return the (N,) cells of the best of a few starts.
-
-    Q. Du, M. Gunzburger, Centroidal Voronoi tessellation based proper orthogonal decomposition analysis, in: Control
-    and Estimation of Distributed Parameter Systems, Birkhauser (2003) 137-150, doi 10.1007/978-3-0348-8001-5_9.
-    """
-    ends = []
-    for _ in range(_STARTS):
-        start = tessellate(_settled(rows), n_cells, init="k-means++", effort="fast", rng=rng).labels
-        ends.append(_descended(rows, start.astype(np.int64), n_cells, n_axes))
-    return min(ends, key=lambda end: end[0])[1]
 
 
 def _settled(rows: Floats) -> Floats:
@@ -307,7 +290,7 @@ def reduced_basis(
     >>> bool(np.allclose(basis.reconstruct(basis.project(waves)), waves))
     True
     """
-    check_choice("kind", kind, KINDS)
+    make = KINDS[check_choice("kind", kind, KINDS)]
     given = as_snapshots(snapshots)
     most = given.n_snapshots if kind == "cvt" else max(1, min(given.n_snapshots - 1, given.n_dims))
     asked = min(CHORD_ENDS, most)
@@ -324,7 +307,7 @@ def reduced_basis(
     rank = _COORDINATES_PER_MODE * asked * cells + _OVERSAMPLING
     generator = np.random.default_rng(rng)
     sketched = sketch(given, rank, generator)
-    make, rows, directions = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}[kind], sketched.coordinates, sketched.directions
+    rows, directions = sketched.coordinates, sketched.directions
     if share:
         asked = _fewest(sketched, share, asked)
     if n_modes == "auto":
@@ -371,12 +354,25 @@ def _cvt(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> 
 
 
 def _cvod(rows: Floats, n_modes: int, n_cells: int, rng: np.random.Generator) -> _Subspaces:
-    cells = find_subspaces(rows, n_cells, n_modes, rng)
+    """Tessellate (N, R) rows by affine subspaces of their own, the best of a few starts.
+
+    Q. Du, M. Gunzburger, Centroidal Voronoi tessellation based proper orthogonal decomposition analysis, in: Control
+    and Estimation of Distributed Parameter Systems, Birkhauser (2003) 137-150, doi 10.1007/978-3-0348-8001-5_9.
+    """
+    ends = []
+    for _ in range(_STARTS):
+        start = tessellate(_settled(rows), n_cells, init="k-means++", effort="fast", rng=rng).labels
+        ends.append(_descended(rows, start.astype(np.int64), n_cells, n_modes))
+    cells = min(ends, key=lambda end: end[0])[1]
     # Axes are those of the final cells, so that their order is that of the variance in them.
     fitted = [principal_axes(rows[cells == cell], n_modes) for cell in np.unique(cells)]
     centers, axes = (np.stack(parts) for parts in zip(*fitted, strict=True))
     labels = distances(rows, centers, axes).argmin(axis=1)
     return centers, axes, labels, _nearest_members(rows, labels, centers)
+
+
+#: Kinds of bases, by the names of `kind`.
+KINDS = {"pod": _pod, "cvt": _cvt, "cvod": _cvod}
 
 
 def _energies(rows: Floats, centers: Floats, axes: Floats, labels: Ints64) -> Floats:

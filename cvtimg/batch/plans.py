@@ -165,12 +165,14 @@ def _below(path: Path, root: Path) -> Path:
     return Path()
 
 
-def check_suffix(option: str, path: Path | None, allowed: Iterable[str]) -> None:
-    """Raise WrongUsageError unless the suffix of a file is allowed."""
+def check_suffix(option: str, path: Path | None, allowed: Iterable[str], *, folders: bool = False) -> None:
+    """Raise WrongUsageError unless the suffix of a file is allowed; `folders` tells that there is --out-dir."""
+    hint = "; for a folder there is --out-dir" if folders else ""
     if path and path.is_dir() and path.suffix.lower() != ".zarr":
-        raise WrongUsageError(f"{option}: {path} is a folder, and must be a file; for a folder there is --out-dir")
+        raise WrongUsageError(f"{option}: {path} is a folder, and must be a file{hint}")
     if path and path.suffix.lower() not in (suffixes := list(allowed)):
-        raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}")
+        hint = "" if path.suffix else hint
+        raise WrongUsageError(f"{option}: {str(path)!r} must end in one of {', '.join(suffixes)}{hint}")
 
 
 def _check_outputs(n_inputs: int, out_dir: Path | None, outputs: Mapping[str, Path | Pattern], beside: bool) -> None:

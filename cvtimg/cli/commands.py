@@ -27,7 +27,6 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 from cvtimg.batch import WrongUsageError
 from cvtimg.batch.report import complain, reason
 from cvtimg.cli.overview import COMMANDS, help_of, help_on, overview, whole_help_of
-from cvtimg.cli.overview import version as version_text
 from cvtimg.cli.running import Todo
 from cvtimg.options import PANELS, options_of
 from cvtimg.options.record import Choice, Option, Pair, Switch, collected
@@ -124,12 +123,6 @@ class _Commands(TyperGroup):
         return overview()
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        print(version_text(), flush=True)
-        raise typer.Exit
-
-
 # Typer's boxed help takes 0.1 s longer and breaks lines that users copy. Its completion options guess the shell from
 # the parent process, which fails if that is not a shell.
 app = typer.Typer(
@@ -140,7 +133,6 @@ _Shell = Literal["bash", "zsh", "fish"]
 
 @app.callback()
 def _cvtimg(
-    version: Annotated[bool, typer.Option("--version", "-V", callback=_show_version, is_eager=True)] = False,
     install: Annotated[
         _Shell | None, typer.Option("--install-completion", callback=install_callback, is_eager=True)
     ] = None,

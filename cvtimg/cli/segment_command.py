@@ -58,9 +58,9 @@ def segment(given: Given) -> Todo:
     a person would draw it, as with --hierarchy.
 
     Labels count from 1, dark to bright. Label 0 is left out: pixels that --mask or --nodata name, transparent ones,
-    and the background of --objects. If no output is named, the labels of one input go to NAME-labels.png beside it;
-    with --write each input gets the outputs listed. Contours are in pixels from the upper left corner, or in the
-    coordinates of a GeoTIFF.
+    and the background of --objects. If no output is named, labels of one input go to NAME-labels.png beside it, those
+    of a stack to NAME-labels.tif; with --write each input gets the outputs listed. Contours are in pixels from the
+    upper left corner, or in the coordinates of a GeoTIFF.
 
     --objects without -k counts objects without settings: noise, uneven light, brightness and size are measured on the
     image, and what was found is in the table that is printed. With --volume, objects are those of the volume, which

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cvtimg.batch import Task, WrongUsageError, check_suffix
+from cvtimg.batch.plans import Pattern
 from cvtimg.options.record import Given
 from cvtimg.options.segment_options import HIERARCHY_KINDS, KINDS
 
@@ -28,10 +30,10 @@ OF_LINES = ("chance", "strongest")
 _IMAGES, _OF_ONE = ("labels", "mean", "edges", "overlay", "strengths", "masks"), ("tree", "strengths")
 
 
-def outputs_of(given: Given) -> dict[str, Path | str]:
+def outputs_of(given: Given) -> dict[str, Path | Pattern]:
     """Name the outputs of each image, by option."""
     kinds = KINDS | HIERARCHY_KINDS if given.hierarchy else KINDS
-    outputs: dict[str, Path | str] = {}
+    outputs: dict[str, Path | Pattern] = {}
     for item in given.write or ():
         kind, dot, end = item.partition(".")
         if kind not in kinds:
@@ -43,7 +45,17 @@ def outputs_of(given: Given) -> dict[str, Path | str]:
     for kind in kinds:
         if path := given.output if kind == "labels" else getattr(given, kind):
             outputs["-o" if kind == "labels" else f"--{kind}"] = path
-    return outputs or {"-o": "{}-labels.png"}
+    return outputs or {"-o": _name_of_labels}
+
+
+def _name_of_labels(source: Path) -> str:
+    """Return the pattern of an output that is not named: one file for all pages."""
+    from cvtimg.pictures import image_info
+
+    with suppress(OSError):  # which is told when the file is read
+        if source.suffix.lower() in (".tif", ".tiff") and image_info(source).kind == "pages":
+            return "{}-labels.tif"
+    return "{}-labels.png"
 
 
 def kind_of(option: str) -> str:

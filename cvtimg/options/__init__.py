@@ -47,7 +47,7 @@ PANELS = {
     "Reading": "mask nodata weight_map columns weight missing delimiter decimal encoding header missing_values page "
     "channel_axis axes channel composite t z series pixel_size max_pixels",
     "Batch": "skip_existing jobs dask",
-    "Expert": "volume_power passes seed method init",
+    "Expert": "volume_power seed method init",
 }
 
 

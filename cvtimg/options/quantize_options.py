@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 #: Colors of `cvtimg palette` for images that have more than it lists, and with --main.
 DEFAULT_COLORS, MAIN_COLORS = 16, 6
-#: Short names of ways to dither, which other programs have, too.
-_SHORT = {"fs": "floyd-steinberg", "floyd": "floyd-steinberg"}
 #: Bits per channel that the page offers.
 _MACHINES = {
     "any": "shows any color",
@@ -122,7 +120,7 @@ QUANTIZE = (
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     passed(
         "dither",
-        Choice(("none", *get_args(DitherName)), aliases=_SHORT),
+        Choice(("none", *get_args(DitherName))),
         "Mix colors to show those between them: none, floyd-steinberg, edge-aware, blue-noise or bayer; "
         "or compact, for a small file.",
         metavar="NAME",

@@ -75,15 +75,13 @@ class Whole(Real):
 
 
 class Choice(NamedTuple):
-    """One of a few names; the page shows those in `labels` by their labels, and `aliases` stand for names."""
+    """One of a few names; the page shows those in `labels` by their labels."""
 
     names: Sequence[str]
     labels: Mapping[str, str] = {}
-    aliases: Mapping[str, str] = {}
 
     def parse(self, text: Any) -> Any:
-        """Return the name that a text is or stands for."""
-        text = self.aliases.get(text, text)
+        """Return the name that a text is."""
         if text not in self.names:
             raise ValueError(f"{str(text)!r} must be one of {', '.join(self.names)}")
         return text
@@ -294,6 +292,7 @@ def collected(options: Iterable[Option], values: Options) -> Given:
         if option.name in ("plot", "histograms", "sheet") and find_spec("matplotlib") is None:
             raise WrongUsageError(f"{option.flag} needs {needs('matplotlib', 'plot')}")
         if isinstance(option.kind, File) and not option.many and option.kind.suffixes:
-            check_suffix(option.flag, values[option.name], option.kind.endings)
+            folders = option.name == "output" and "out_dir" in known
+            check_suffix(option.flag, values[option.name], option.kind.endings, folders=folders)
     keywords = {option.keyword: option for option in known.values() if option.keyword}
     return Given(**values, options=known, keywords=keywords)

@@ -120,7 +120,7 @@ class ImplicitRegion(Region):
         """No: its boundary is curved."""
         return False
 
-    def outline(self, tolerance: float = 0) -> Geometry:
+    def outline(self) -> Geometry:
         """Trace the boundary on a grid of 512 x 512 cells, and move it to where the function is 0."""
         if self.n_dims != 2:
             return Region.outline(self)

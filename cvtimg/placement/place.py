@@ -21,7 +21,7 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.types import Floats32, Points
 from cvtimg.engine.samples import MAX_ORDERED_DIMS, WeightedSamples, along_curve
-from cvtimg.placement.boundaries import ToBoundary, checked_boundary, spread_along_boundary
+from cvtimg.placement.boundaries import ToBoundary, checked_boundary
 from cvtimg.placement.cells import PolygonMoments
 from cvtimg.placement.densities import Density, DensityLike, PictureDensity, as_density
 from cvtimg.placement.descent import DESCENTS, Projection, Terms
@@ -66,10 +66,10 @@ def place_generators(
         What `cvtimg.placement.as_density` takes: 1 everywhere, a number, an image, or a function of (N, D) points.
     fixed : (L, D) array, optional
         Generators that stay in place: the first L of the K.
-    on_boundary : (B, D) array, int or "auto", optional
-        Points of the boundary, which stay; or how many to spread along it, corners first, before the others are
-        placed (in the plane); or "auto" to let generators whose cells meet the boundary move along it. These follow
-        the fixed ones; with "auto" they may be any, and the energy may rise at some moves.
+    on_boundary : (B, D) array or "auto", optional
+        Points of the boundary, which stay, such as some of `Region.boundary_points`; or "auto" to let generators whose
+        cells meet the boundary move along it. These follow the fixed ones; with "auto" they may be any, and the energy
+        may rise at some moves.
     metric : float
         Power p of the p-norm, by which places are nearest and which is squared in the energy: 2, the Euclidean, 1, 20,
         numpy.inf.
@@ -115,7 +115,7 @@ def place_generators(
     if isinstance(on_boundary, str):
         check_choice("on_boundary", on_boundary, ("auto",))
     descend = DESCENTS[check_choice("method", method or ("lloyd" if auto else "l-bfgs"), DESCENTS)]
-    still = _still(where, weight, n_generators, fixed, None if auto else on_boundary)
+    still = _still(where, n_generators, fixed, None if auto else on_boundary)
     terms = Terms(
         settings.elsewhere,
         free=np.arange(n_generators) >= len(still) if len(still) else None,
@@ -155,15 +155,12 @@ def _projection(region: Region, n_on_boundary: int | None) -> Projection | None:
     return lambda there, before: region.project(there)
 
 
-def _still(region: Region, density: Density, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:
+def _still(region: Region, n_generators: int, fixed: ArrayLike | None, on_boundary: Any) -> Points:
     """Return the generators that stay: those fixed, then those on the boundary."""
     parts = [np.empty((0, region.n_dims))]
     if fixed is not None:
         parts.append(check_places("fixed", fixed, region.n_dims))
-    if on_boundary is not None and np.ndim(on_boundary) == 0:
-        n = check_count("on_boundary", on_boundary, n_generators, "n_generators")
-        parts.append(spread_along_boundary(region, n, density))
-    elif on_boundary is not None:
+    if on_boundary is not None:
         parts.append(checked_boundary(on_boundary, region))
     still = np.concatenate(parts)
     name = "fixed" if on_boundary is None else "fixed and on_boundary"

@@ -99,7 +99,7 @@ class PolygonRegion(Region):
             corners.append(places[np.abs(turn) > np.radians(_SMOOTH)])
         return np.concatenate(corners)
 
-    def outline(self, tolerance: float = 0) -> Geometry:
+    def outline(self) -> Geometry:
         """Return its geometry."""
         return self.geometry
 
@@ -217,12 +217,12 @@ class PictureRegion(Region):
         inside = self.mask[tuple(ends[:, ::-1].T * (np.array(self.mask.shape)[:, None] - 1))]
         return self.bounds[ends, np.arange(self.n_dims)][inside]
 
-    def outline(self, tolerance: float = 0) -> Geometry:
-        """Return polygons along the sides of pixels, or simpler ones by `tolerance` pixels."""
+    def outline(self) -> Geometry:
+        """Return polygons along the sides of pixels."""
         check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
         if self.mask.all():
             return shapely.box(*self.bounds.ravel())
-        return PolygonRegion.from_labels(self.mask, tolerance=tolerance).geometry
+        return PolygonRegion.from_labels(self.mask).geometry
 
     def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, D) points lie in a pixel of the mask."""

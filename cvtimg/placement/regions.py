@@ -59,8 +59,8 @@ class Region(ABC):
         """Whether it is a part of the plane with straight sides, where Voronoi cells are polygons."""
         return self.n_dims == 2
 
-    def outline(self, tolerance: float = 0) -> Geometry:
-        """Return a region of the plane as a shapely geometry, one of pixels simplified by `tolerance`."""
+    def outline(self) -> Geometry:
+        """Return a region of the plane as a shapely geometry."""
         raise ValueError(f"region={self!r} must be in the plane and have a boundary")
 
     @abstractmethod
@@ -197,7 +197,7 @@ class Box(Region):
             return np.empty((0, self.n_dims))
         return np.array(list(product(*self._bounds.T)))
 
-    def outline(self, tolerance: float = 0) -> Geometry:
+    def outline(self) -> Geometry:
         """Return a box of the plane as a shapely polygon."""
         if self.n_dims != 2:
             return Region.outline(self)

@@ -161,6 +161,7 @@ def test_a_file_that_is_replaced_keeps_its_mode_and_owner_and_other_names_their_
     ("words", "said"),
     [
         ("quantize in/a.png -o in", "in is a folder, and must be a file; for a folder there is --out-dir"),
+        ("quantize in/a.png -o new/", "for a folder there is --out-dir"),
         ("quantize in/a.png --palette gameboy", "gameboy: is no file, and no known palette: cga, game-boy"),
         ("quantize up/x/a.png up/y/a.png -k 4 --out-dir o", "give up, which has both, to keep their folders"),
     ],

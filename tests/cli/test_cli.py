@@ -229,11 +229,9 @@ PICTURE = "pictures/rgb.png"
 
 def test_what_other_programs_call_things_is_understood(run: Run, here: Path) -> None:
     assert run("help") == run("--help")
-    for number, name in enumerate(["fs", "floyd", "floyd-steinberg"]):
-        letter = "-n" if number % 2 else "-k"
-        assert run("quantize", PICTURE, letter, "4", "--dither", name, "-o", f"{name}.png").status == 0
-    for one, other in [("fs", "floyd"), ("fs", "floyd-steinberg")]:
-        assert (here / f"{one}.png").read_bytes() == (here / f"{other}.png").read_bytes()
+    for letter in "kn":
+        assert run("quantize", PICTURE, f"-{letter}", "4", "-o", f"{letter}.png").status == 0
+    assert (here / "k.png").read_bytes() == (here / "n.png").read_bytes()
 
 
 def test_each_option_is_in_one_panel_of_the_help_and_its_number_has_a_long_name(

@@ -154,7 +154,7 @@ quantize pages.tif -k 4 --mask two.tif -o out.tif | needs a mask of 1 or 3 pages
 quantize pages.tif -k 4 --mask none.tif -o out.tif | page 2 of 3 has no pixel that counts
 quantize low.tif -k 4 -o low.png | .png cannot hold; write .tif or .tiff or .npy
 quantize bands.npy -k 4 -o out.npy | say which by --channel-axis 0 or 2
-segment pages.tif -k 3 | has several pages: name an output that can hold them, -o FILE.tif
+segment pages.tif -k 3 -o l.png | has several pages: name an output that can hold them, -o FILE.tif
 segment pages.tif -k 3 --edges e.png | that can hold them, --edges FILE.tif
 segment pages.tif -k 3 --contours c.svg | --contours holds one
 segment pages.tif --objects --volume -o l.tif | --pixel-size, such as 0.3x0.3x2um

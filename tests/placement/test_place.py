@@ -96,28 +96,13 @@ def test_generators_follow_the_density() -> None:
 
 
 @pytest.mark.parametrize("region", [SQUARE, FRAME, np.ones((40, 40), bool)], ids=["square", "frame", "pixels"])
-def test_boundary_points_are_found_or_spread_and_hold_the_corners(region: Any) -> None:
-    for on_boundary in ("auto", 30):
-        placement = place_generators(region, 60, on_boundary=on_boundary, effort="fast")
-        where = placement.region
-        off = np.linalg.norm(where.to_boundary(placement.points) - placement.points, axis=1)
-        assert 10 < (off < 1e-9).sum() < 60
-        for corner in where.corners:
-            assert np.linalg.norm(placement.points - corner, axis=1).min() < 1e-9
-    assert (off[:30] < 1e-9).all()
-    assert (off[30:] > 1e-3).all()
-
-
-def test_points_are_spread_along_the_boundary_of_an_implicit_region() -> None:
-    annulus = ImplicitRegion(lambda p: np.abs(np.hypot(*p.T) - 1.5) - 0.5, [-2.5, -3], [3, 2.5])
-    points = place_generators(annulus, 60, on_boundary=30, effort="fast").points[:30]
-    radii = np.hypot(*points.T)
-    outer = np.abs(radii - 2) < 1e-9
-    assert outer.sum() == 20
-    np.testing.assert_allclose(radii[~outer], 1, atol=1e-9)
-    for own in (points[outer], points[~outer]):
-        turns = np.diff(np.sort(np.arctan2(*own.T)))
-        np.testing.assert_allclose(turns, 2 * np.pi / len(own), rtol=0.05)
+def test_boundary_points_are_found_and_hold_the_corners(region: Any) -> None:
+    placement = place_generators(region, 60, on_boundary="auto", effort="fast")
+    where = placement.region
+    off = np.linalg.norm(where.to_boundary(placement.points) - placement.points, axis=1)
+    assert 10 < (off < 1e-9).sum() < 60
+    for corner in where.corners:
+        assert np.linalg.norm(placement.points - corner, axis=1).min() < 1e-9
 
 
 def test_given_boundary_points_and_fixed_ones_stay() -> None:

@@ -85,7 +85,7 @@ def test_a_disk_is_covered_by_samples() -> None:
     ("region", "points", "cover"),
     [
         (~np.pad(np.ones((2, 3), bool), ((2, 2), (3, 3))), [[1.5, 1.5], [7.5, 1.5], [4.5, 5.0]], 1),
-        (SQUARE, place_generators(SQUARE, 40, on_boundary=12).points, 2),
+        (SQUARE, place_generators(SQUARE, 40, on_boundary="auto").points, 2),
         *((region, [[0.5, 0.5]], 1) for region in (SQUARE, np.ones((1, 1), bool), [[0, 0], [1, 0], [1, 1], [0, 1]])),
     ],
 )
