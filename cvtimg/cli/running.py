@@ -7,15 +7,17 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from cvtimg._shared.choices import Options
-from cvtimg._shared.types import Array
 from cvtimg.batch import InputsFailedError, Plan, Report, Row, Running, WrongUsageError, plan_each, plan_one, run
 from cvtimg.batch.pipes import is_standard
 from cvtimg.batch.plans import Outputs, Pattern
 from cvtimg.options.common import READING
 from cvtimg.options.record import Given
+
+if TYPE_CHECKING:
+    from cvtimg._shared.types import Array
 
 #: What is left to do when a command line is read: what runs its plan, and returns the exit status.
 Todo: TypeAlias = Callable[[], int]
