@@ -40,9 +40,11 @@ def parameters() -> list[object]:
         return []
     found = {title: rows(title) for title in ("pngquant", "Fiji", "Gmsh")}
     assert {title: len(pairs) for title, pairs in found.items()} == dict.fromkeys(found, 10)
-    quick = [pairs[0] for pairs in found.values()] + found["pngquant"] + found["Fiji"]
-    marks = {pair[1]: () if pair in quick else pytest.mark.slow for pairs in found.values() for pair in pairs}
-    return [pytest.param(*pair, id=pair[1], marks=marks[pair[1]]) for pairs in found.values() for pair in pairs]
+    return [
+        pytest.param(*pair, id=pair[1], marks=pytest.mark.slow if number > 2 else ())
+        for pairs in found.values()
+        for number, pair in enumerate(pairs)
+    ]
 
 
 @pytest.fixture(autouse=True)

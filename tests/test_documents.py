@@ -57,6 +57,7 @@ SLOW = {
     "surfaces.md",
     "table_in_blocks.md",
     "web_images.md",
+    "two_channels.md",
 }
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

@@ -115,6 +115,7 @@ def test_a_face_lists_all_that_it_imports_and_each_name_is_there() -> None:
             assert getattr(module, public) is not None, f"{name}.{public}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["quantize", "segment"])
 def test_a_command_passes_at_most_15_functions_before_the_search_begins(
     verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -37,7 +37,7 @@ def test_results_show_themselves(make: Any) -> None:
         assert np.asarray(shown.convert("L"))[60:].std() > 5  # below the caption
 
 
-@pytest.mark.parametrize("n_dims", [1, 2, 4, 7])
+@pytest.mark.parametrize("n_dims", [1, 2, 7])
 def test_points_of_any_dimension_are_drawn_and_without_matplotlib_nothing_is(
     n_dims: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

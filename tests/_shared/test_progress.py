@@ -67,7 +67,7 @@ def test_nobody_is_told_outside() -> None:
         lambda: cvtimg.denoise([IMAGE], effort="fast"),
         lambda: cvtimg.restore([IMAGE], 3),
         lambda: cvtimg.quantize(IMAGE, psnr=22),
-        lambda: cvtimg.segment(IMAGE, "auto", edge_weight=20),
+        pytest.param(lambda: cvtimg.segment(IMAGE, "auto", edge_weight=20), marks=pytest.mark.slow),
         lambda: cvtimg.segment_hierarchy(IMAGE),
     ],
     ids=["mesh", "stipple", "pens", "mosaic", "detail", "restore", "psnr", "segment", "hierarchy"],

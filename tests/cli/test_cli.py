@@ -431,7 +431,10 @@ def test_an_interrupt_ends_with_130_one_line_and_nothing_half_written(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX terminals")
-@pytest.mark.parametrize(("patience", "named"), [(0, "pictures"), (0, "pictures/rgb.png"), (600, "pictures")])
+@pytest.mark.parametrize(
+    ("patience", "named"),
+    [(0, "pictures"), pytest.param(0, "pictures/rgb.png", marks=pytest.mark.slow), (600, "pictures")],
+)
 def test_a_bar_is_drawn_on_a_terminal_once_it_takes_long_and_json_stays_clean(
     patience: int, named: str, here: Path
 ) -> None:

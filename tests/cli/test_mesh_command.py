@@ -120,6 +120,7 @@ def ring() -> None:
     cvtimg.surface_points(torus(), 800, effort="fast").save("ring.stl")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("ring")
 def test_a_surface_is_remeshed_as_by_the_function(row_of: RowOf) -> None:
     row = row_of("surface", "ring.stl", "-n", "300", "-o", "a.obj", "--plot", "a.png")

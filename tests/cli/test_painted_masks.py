@@ -18,13 +18,13 @@ READERS = {
         "mesh {} -n 60 -o out.obj",
         "stipple {} -n 60 -o out.csv",
         "sphere -n 60 --effort fast --coast {} -o out.csv",
-        "sphere -n 60 --land {} -o out.csv",
+        "sphere -n 60 --effort fast --land {} -o out.csv",
     ],
     "labels": ["mesh {} -n 60 -o out.obj"],
     "map": [
         "mesh mask-L.png -n 60 --size {} -o out.obj",
         "quantize photo.png -k 4 --weight-map {} -o out.png",
-        "sphere -n 60 --density {} -o out.csv",
+        "sphere -n 60 --effort fast --density {} -o out.csv",
     ],
 }
 
@@ -43,7 +43,14 @@ def drawings(here: Path) -> None:
     Image.fromarray(colors[labels]).save("map-colored.png")
 
 
-@pytest.mark.parametrize(("drawing", "command"), [(name, line) for name, lines in READERS.items() for line in lines])
+@pytest.mark.parametrize(
+    ("drawing", "command"),
+    [
+        pytest.param(name, line, marks=[pytest.mark.slow] if line.startswith(("mesh", "restore")) else [])
+        for name, lines in READERS.items()
+        for line in lines
+    ],
+)
 def test_a_drawing_is_the_same_in_all_modes(drawing: str, command: str, run: Run) -> None:
     written = []
     for mode in ("L", "P", "LA", "RGB", "RGBA"):

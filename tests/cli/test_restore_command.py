@@ -89,6 +89,7 @@ def test_a_version_given_twice_is_told(run: Run) -> None:
     assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "-o", "b.png")[2]
 
 
+@pytest.mark.slow
 def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: Array) -> None:
     small = np.ascontiguousarray(photograph[::2, ::2])
     write_image("upright.png", small)
@@ -98,6 +99,7 @@ def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: A
     assert re.search(r"upside_down\.png cannot be laid over .*upright\.png and is left out", err)
 
 
+@pytest.mark.slow
 def test_photographs_are_recognized_and_both_options_force(run: Run, photograph: Array) -> None:
     noise = np.random.default_rng(0).normal(0, 18, (64, 64, 3))
     write_image("photo.png", np.clip(photograph[40:104, 80:144] + noise, 0, 255).astype(np.uint8))
@@ -180,6 +182,7 @@ def test_transparency_comes_back_and_names_have_a_default(run: Run, photograph: 
     assert read_image("filled.png").shape == (64, 64, 3)
 
 
+@pytest.mark.slow
 def test_faint_text_is_no_drawing(run: Run) -> None:
     page = Image.new("L", (160, 120), 200)
     for line in range(0, 120, 12):

@@ -321,6 +321,7 @@ def test_auto_cuts_at_the_threshold(small: Array, tree: RowOf) -> None:
         assert row["k"] == hierarchy.n_regions(0.6)
 
 
+@pytest.mark.slow
 def test_contours_by_chance_are_lines_that_tell_it(small: Array, tree: RowOf) -> None:
     tree("--chance", "0.2", "--contours", "lines.geojson", "--write", "contours.svg")
     found = segment_hierarchy(small).find_lines(0.2)

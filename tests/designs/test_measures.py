@@ -52,6 +52,7 @@ def test_in_many_dimensions_the_discrepancy_is_a_lower_bound_and_says_so() -> No
     assert (found.exact_cells, found.exact_discrepancy) == (False, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("n_dims", [1, 2, 3])
 def test_exact_cells_agree_with_many_samples(n_dims: int, periodic: bool) -> None:

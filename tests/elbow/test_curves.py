@@ -196,7 +196,7 @@ def test_edge_weight_finds_the_number_that_noise_hides() -> None:
     assert result.n_segments == result.curve.elbow() == 4
 
 
-@pytest.mark.parametrize("n_dims", [1, 2, 10])
+@pytest.mark.parametrize("n_dims", [1, 2, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["normal", "uniform", "exponential"])
 def test_rows_without_clusters_have_no_elbow(kind: str, n_dims: int) -> None:
     rows = getattr(np.random.default_rng(n_dims), kind)(size=(1500, n_dims))

@@ -32,6 +32,7 @@ def tables() -> dict[str, Array]:
     return {"ruspini": np.array(RUSPINI).reshape(-1, 2), "iris": load_iris().data}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fewest"), OPTIMA)
 def test_the_best_effort_reaches_proven_optima(name: str, fewest: int, tables: dict[str, Array]) -> None:
     for n_generators, least in enumerate(OPTIMA[name, fewest], fewest):

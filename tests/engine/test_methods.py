@@ -97,6 +97,7 @@ def test_points_are_drawn_by_density_and_in_any_order(cloud: Points) -> None:
     assert abs(np.corrcoef(drawn[1:], drawn[:-1])[0, 1]) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWING)
 @pytest.mark.parametrize(
     ("n_generators", "init"), [(8, "split"), (32, "k-means++"), pytest.param(128, "split", marks=pytest.mark.slow)]

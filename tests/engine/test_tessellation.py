@@ -87,6 +87,7 @@ def test_it_stops_when_the_energy_rests_and_says_so(photograph: Array, monkeypat
     assert not tessellate(samples, 32, effort="fast", init=initial).converged
 
 
+@pytest.mark.slow
 def test_more_effort_finds_less_energy(photograph: Array) -> None:
     samples = color_samples(photograph)
     for n_generators in (8, 32):
@@ -111,6 +112,7 @@ def run(code: str, **environment: str) -> str:
     ).stdout
 
 
+@pytest.mark.slow
 def test_instruction_sets_agree() -> None:
     code = """
 import numpy as np

@@ -504,6 +504,7 @@ def test_a_draft_of_a_restoration_shows_its_middle(page: TestClient) -> None:
     assert (pixels[..., :3] != noisy[6:134, 11:139]).any(axis=2).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_drafts_of_large_pictures_are_made_of_few_pixels(
     page: TestClient, server: Server, photograph: NDArray[Any]
 ) -> None:

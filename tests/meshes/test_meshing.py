@@ -344,6 +344,7 @@ def test_the_best_effort_is_no_worse_than_the_balanced_one() -> None:
     assert best >= balanced
 
 
+@pytest.mark.slow
 def test_small_angles_at_borders_are_mended_with_exact_numbers_and_areas() -> None:
     labels = blobs(0)
     mesh = mesh_labels(labels, n=3000)

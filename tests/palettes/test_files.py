@@ -175,6 +175,7 @@ def test_a_file_that_is_no_palette_is_named_with_the_reason(
         read_palette(tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", PALETTE_FORMATS)
 def test_a_damaged_palette_is_read_or_is_an_os_error(tmp_path: Path, suffix: str) -> None:
     write_palette(tmp_path / f"a{suffix}", RGB)

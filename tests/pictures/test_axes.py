@@ -72,6 +72,7 @@ def test_the_only_channel_of_a_file_has_its_name(tmp_path: Path, n_pages: int) -
             np.testing.assert_array_equal(np.stack(read_pages(path).images).squeeze(), planes)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_file_of_zeiss_has_the_axes_channels_and_sizes_that_its_own_library_wrote(tmp_path: Path) -> None:
     czi = pytest.importorskip("pylibCZIrw.czi")

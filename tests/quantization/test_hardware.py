@@ -36,6 +36,7 @@ def test_all_colors_are_bits_that_repeat(bits: int, dtype: Any, photograph: NDAr
     assert result.palette.dtype == dtype
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_bits", [3, 4, 5])
 @pytest.mark.parametrize("n_colors", [8, 32, 128])
 def test_the_error_is_at_most_that_of_rounding_afterwards(n_bits: int, n_colors: int, photograph: NDArray[Any]) -> None:

@@ -57,6 +57,7 @@ def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_
     assert cvtimg.quantize(PART, quality=45, **FAST).quality >= 45
 
 
+@pytest.mark.slow
 def test_a_large_image_is_searched_in_pieces_and_reaches_its_quality(monkeypatch: pytest.MonkeyPatch) -> None:
     cat, sizes = cvtimg.read_image("sample_images/chelsea.png"), list[int]()
 
@@ -122,6 +123,7 @@ def test_what_stands_still_in_an_animation_does_not_flicker() -> None:
     np.testing.assert_array_equal(shown[0][still], shown[1][still])
 
 
+@pytest.mark.slow
 def test_a_pan_of_few_colors_is_no_larger_than_its_frames_alone_and_reaches_a_low_quality(tmp_path: Path) -> None:
     strip = cvtimg.quantize(COFFEE, 24, dither="floyd-steinberg", **FAST).image
     frames = Frames(tuple(strip[:128, 12 * n : 12 * n + 160] for n in range(3)), (80.0,) * 3, 0)
@@ -144,6 +146,7 @@ def test_a_noisy_animation_keeps_what_is_hardly_seen_and_has_half_the_bytes(tmp_
     assert (tmp_path / "eyes.gif").stat().st_size < 0.5 * (tmp_path / "plain.gif").stat().st_size
 
 
+@pytest.mark.slow
 def test_of_a_range_of_qualities_of_an_animation_the_upper_end_is_reached_and_less_than_the_lower_refused() -> None:
     frames = film(2)
     ranged = quantize_frames(frames, quality=(50, 60), **FAST)
@@ -193,6 +196,7 @@ def test_the_best_that_fits(tmp_path: Path) -> None:
     assert (tmp_path / "c.png").stat().st_size < 8_000  # which is enough for that quality
 
 
+@pytest.mark.slow
 def test_a_gradient_of_many_colors_is_written_as_it_is_and_small(tmp_path: Path) -> None:
     y, x = np.mgrid[:1:120j, :1:160j]
     smooth = np.rint(np.dstack([90 + 80 * x, 140 + 60 * y, 180 + 40 * x * y])).astype(np.uint8)

@@ -313,6 +313,7 @@ def test_few_trials_suffice_where_quality_follows_the_logarithm() -> None:
     assert len(tried) <= 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("psnr", [18, 24.5, 30])
 @pytest.mark.parametrize("options", [{}, {"effort": "fast"}, {"space": "oklab"}, {"dither": "floyd-steinberg"}])
 def test_no_fewer_colors_reach_the_quality(psnr: float, options: Any, photograph: NDArray[Any]) -> None:

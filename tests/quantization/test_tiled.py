@@ -150,6 +150,7 @@ def test_a_damaged_tile_leaves_no_output() -> None:
 # Counting
 
 
+@pytest.mark.slow
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cuts=st.lists(st.integers(1, 599), max_size=5), channels=st.sampled_from([1, 2, 3, 4, 5]))
 def test_counting_in_parts_is_counting(cuts: list[int], channels: int) -> None:

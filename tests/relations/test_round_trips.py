@@ -85,6 +85,12 @@ def read_tiles(path: Path) -> Array:
     return np.concatenate(list(open_bands(path)))
 
 
+def read_stack(path: Path) -> Array:
+    pages = read_pages(path)
+    assert (pages.axes, pages.shape) == ("Q", (len(pages.images),))
+    return np.stack(pages.images)
+
+
 def see_through(rng: np.random.Generator) -> Bytes:
     """Return a picture of which a part is transparent."""
     return np.dstack([color_picture(rng), gray_picture(rng)])
@@ -100,8 +106,8 @@ def many_labels(rng: np.random.Generator) -> Ints:
     return labels(rng, 2**31 - 1)
 
 
-def colors(n_channels: int) -> Callable[[np.random.Generator], Bytes]:
-    return lambda rng: rng.integers(0, 256, (rng.integers(1, 257), n_channels), np.uint8)
+def colors(n_channels: int, least: int = 1, most: int = 256) -> Callable[[np.random.Generator], Bytes]:
+    return lambda rng: rng.integers(0, 256, (rng.integers(least, most + 1), n_channels), np.uint8)
 
 
 def quantized(rng: np.random.Generator) -> Bytes:
@@ -135,7 +141,7 @@ _FILES += [
     for name in _TYPES
 ]
 _FILES += [
-    ("read_pages", name, stack(name), again(write_pages, lambda path: np.stack(read_pages(path).images), "a.tif"))
+    ("read_pages", name, stack(name), again(write_pages, read_stack, "a.tif"))
     for name in ("uint8", "uint16", "float32")
 ]
 _FILES += [
@@ -143,10 +149,10 @@ _FILES += [
     for suffix, inputs in ((".png", labels), (".tif", many_labels), (".tiff", many_labels), (".npy", many_labels))
 ]
 _FILES += [
-    ("read_palette", f"{suffix}{alpha}", inputs, again(cvtimg.write_palette, cvtimg.read_palette, f"a{suffix}"))
-    for alpha, inputs in (("", colors(3)), (", alpha", colors(4)))
+    ("read_palette", f"{suffix}{kind}", inputs, again(cvtimg.write_palette, cvtimg.read_palette, f"a{suffix}"))
+    for kind, inputs in (("", colors(3)), (", alpha", colors(4)), (", more than 256", colors(3, 257, 400)))
     for suffix in _PALETTES
-    if (suffix, alpha) != (".act", ", alpha")
+    if not kind or suffix != ".act"
 ]
 _FILES += [("quantize", "its own output", quantized, lambda image: cvtimg.quantize(image, 8).image)]
 

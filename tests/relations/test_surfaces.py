@@ -83,6 +83,7 @@ def test_repairs_are_counted_and_points_are_those_of_the_mended_surface() -> Non
     assert found.measures().least_angle > 30
 
 
+@pytest.mark.slow
 def test_a_surface_may_stay_split() -> None:
     corners, faces = soup(cube())
     with pytest.raises(ValueError, match="at least") as caught:

@@ -55,6 +55,7 @@ def test_points_on_the_coast_are_where_land_ends(grid: CoastalGrid) -> None:
         assert around.min() < around.max()
 
 
+@pytest.mark.slow
 def test_every_cell_that_the_coast_crosses_has_its_point_on_it(grid: CoastalGrid) -> None:
     land = continents()
     size = float(np.sqrt(grid.areas.min()))

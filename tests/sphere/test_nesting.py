@@ -23,7 +23,7 @@ def triangles_of(grid: SphereGrid, numbers: Indices) -> set[tuple[int, ...]]:
 @pytest.mark.parametrize(
     ("within", "factor"),
     [
-        (Cap(10, 50, 25), 4.0),
+        pytest.param(Cap(10, 50, 25), 4.0, marks=pytest.mark.slow),
         (Cap(-120, -85, 40), 1.0),
         (Cap(100, -20, 30), 0.5),
         pytest.param(Cap(40, 10, 40), 0.3, marks=pytest.mark.slow),

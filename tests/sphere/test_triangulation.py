@@ -130,6 +130,7 @@ def test_triangles_are_near_each_other_in_memory() -> None:
     assert (mesh.twins.ravel()[mesh.twins.ravel()] == edges).all()
 
 
+@pytest.mark.slow
 def test_weighted_moments_of_a_constant_density_agree_with_exact_ones() -> None:
     mesh = SphereTriangulation(random_points(20_000))
     for _ in range(3):

@@ -52,6 +52,7 @@ def test_corners_edges_and_faces_of_a_cube_are_kept() -> None:
     assert np.allclose(np.abs(found.points[found.triangles].sum(axis=1)).max(axis=1), 3)
 
 
+@pytest.mark.slow
 def test_points_divide_circles_evenly() -> None:
     rings = np.concatenate([np.c_[ring(48), np.full(48, z)] for z in (0.0, 1)]).reshape(2, 48, 3)
     walls = rings.transpose(1, 0, 2).reshape(-1, 3)
@@ -75,6 +76,7 @@ def test_borders_and_areas_of_open_surfaces_are_kept() -> None:
     assert len(found.points) == 200
 
 
+@pytest.mark.slow
 def test_creases_may_end_within_a_face() -> None:
     found = surface_points(sheet(1.0), 400, effort="fast", feature_angle=60)
     mesh = SurfaceTriangulation(found.points, found.triangles)
@@ -106,6 +108,7 @@ def test_three_sheets_meet_in_one_curve() -> None:
     assert len(found.points) == 150
 
 
+@pytest.mark.slow
 def test_creases_of_noise_are_left_out_or_whole() -> None:
     points, faces = sphere(0.002)
     mesh = SurfaceTriangulation(points, faces)

@@ -75,6 +75,7 @@ def test_a_ball_gets_a_sphere() -> None:
     assert (np.einsum("ij,ij->i", normals, found.points[found.triangles[:, 0]]) > 0).all()
 
 
+@pytest.mark.slow
 def test_distances_follow_the_density() -> None:
     def density(p: Points) -> Points:
         return np.exp(2 * p[:, 2])
@@ -125,6 +126,7 @@ def test_all_threads_give_the_same_bits() -> None:
     assert (one == three).all()
 
 
+@pytest.mark.slow
 def test_walks_end_at_the_nearest_points_of_a_mesh() -> None:
     mesh = torus().triangulation
     start = np.random.default_rng(0).integers(len(mesh.triangles), size=300).astype(np.int32)
@@ -169,7 +171,7 @@ def test_cells_wider_than_the_surface_is_thick_keep_its_shape() -> None:
     assert found.energy < 0.014
 
 
-@pytest.mark.parametrize("n", [60, 300])
+@pytest.mark.parametrize("n", [60, pytest.param(300, marks=pytest.mark.slow)])
 def test_a_thin_plate_keeps_both_sides(n: int) -> None:
     corners, faces = cube()
     found = surface_points((corners * [1, 1, 0.01], faces), n, effort="fast")

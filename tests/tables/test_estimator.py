@@ -23,6 +23,7 @@ WEIGHTS = RNG.integers(0, 4, 300)
 
 # Some checks ask for 8 clusters of 4 distinct samples, of which CVT warns as KMeans does; scikit-learn's own tests
 # ignore that warning too. All others are errors here.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:n_clusters=8 is more than:sklearn.exceptions.ConvergenceWarning")
 @parametrize_with_checks([CVT(), CVT(effort="best"), CVT(n_clusters=3, method="transfer", init="random")])
 def test_every_check_of_scikit_learn_passes(estimator: CVT, check: Callable[[CVT], None]) -> None:
