@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import ast
 import importlib
-import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
-from traceback import walk_stack
-from typing import Any
 
-import numpy as np
 import pytest
 
 import cvtimg
-from cvtimg.cli.app import main
-from cvtimg.engine import _kernels
 
 PACKAGE = Path(cvtimg.__file__).parent
 
@@ -113,28 +107,6 @@ def test_a_face_lists_all_that_it_imports_and_each_name_is_there() -> None:
         assert sorted(module.__all__) == sorted(listed(stub)), name
         for public in listed(stub) - {"CVT"}:
             assert getattr(module, public) is not None, f"{name}.{public}"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("verb", ["quantize", "segment"])
-def test_a_command_passes_at_most_15_functions_before_the_search_begins(
-    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # From there on each function is a part of the algorithm: search, breathing, method, loop, step, pass, threads.
-    kernel, ways = _kernels.assign, []
-
-    def assign(*arguments: Any) -> None:
-        frames = [frame for frame, _ in walk_stack(sys._getframe(1))]
-        names = [f"{one.f_globals['__name__']}.{one.f_code.co_name}" for one in frames]
-        ways.append([name for name in reversed(names) if name.startswith("cvtimg.")])
-        kernel(*arguments)
-
-    monkeypatch.setattr(_kernels, "assign", assign)
-    cvtimg.write_image(tmp_path / "in.png", np.random.default_rng(0).integers(0, 256, (30, 40, 3)).astype(np.uint8))
-    assert main([verb, str(tmp_path / "in.png"), "-k", "16", "-o", str(tmp_path / "out.png"), "--quiet"]) == 0
-    deepest = max(ways, key=len)
-    assert deepest.index("cvtimg.engine.tessellation.tessellate") < 15, deepest
-    assert len(deepest) <= 23, deepest
 
 
 def is_number(node: ast.expr | None) -> bool:

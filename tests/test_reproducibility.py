@@ -10,7 +10,7 @@ import pytest
 from reproducible import RESULTS, hashed
 
 ROOT = Path(__file__).parents[1]
-#: Beside this process: three threads; and a processor of 2008, as our kernels, OpenBLAS, NumPy and the C library are told.
+#: Beside this process: three threads; and a processor of 2008, as our kernels, OpenBLAS, NumPy and C are told.
 SETTINGS = {
     "threads": {"CVTIMG_THREADS": "3"},
     "old": {

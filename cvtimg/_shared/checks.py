@@ -6,6 +6,7 @@ A module whose sentence is its own raises its own error.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Collection
 from typing import Any, NoReturn, TypeVar
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import array_of, pixels_inside, says_alpha
+from cvtimg._shared.pixels import array_of, is_known, says_alpha
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, Ints
 
 _Name = TypeVar("_Name", bound=str)
@@ -291,13 +292,18 @@ def _check_image_form(name: str, array: Array) -> None:
 
 
 def _inside(name: str, array: Array, image: object, mask: ArrayLike | None) -> Bools | None:
-    """Return the (H, W) pixels that count, at least one; None for all."""
-    if mask is not None:
-        shape = array.shape[:2]
-        check_shape("mask", np.shape(mask), np.shape(mask) == shape, f"{shape}, as the {name}")
-    inside = pixels_inside(array, image, mask)
-    check_that(name, inside is None or inside.any(), _COUNTING)
-    return inside
+    """Return the (H, W) pixels that count, at least one: in the mask, not masked, and finite; None for all."""
+    shape = array.shape[:2]
+    inside: Any = True if mask is None else np.asarray(mask) != 0
+    check_shape("mask", np.shape(inside), mask is None or inside.shape == shape, f"{shape}, as the {name}")
+    known: Any = True
+    if array.dtype.kind == "f" and not (known := is_known(array.reshape(*shape, -1))).all():
+        inside = inside & known
+    if "numpy.ma" in sys.modules and isinstance(image, np.ma.MaskedArray):  # which takes time to import
+        known = ~np.ma.getmaskarray(image).reshape(*shape, -1).any(axis=2)
+        inside = inside if known.all() else inside & known
+    check_that(name, np.any(inside), _COUNTING)
+    return None if inside is True else np.asarray(inside)
 
 
 def check_labels(name: str, labels: ArrayLike) -> Ints:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cvtimg._shared.types import Array, Bools
 
@@ -65,17 +63,6 @@ def with_mark(image: Array, alpha: bool) -> Array:
     return image.view(AlphaArray if alpha else np.ndarray)
 
 
-def pixels_inside(array: Array, image: object, mask: ArrayLike | None) -> Bools | None:
-    """Return the (H, W) pixels that count: in the mask, not masked in a masked array, and finite; None for all."""
-    inside = None if mask is None else np.asarray(mask) != 0
-    known: Any = is_known(array.reshape(*array.shape[:2], -1)) if array.dtype.kind == "f" else True
-    if "numpy.ma" in sys.modules and isinstance(image, np.ma.MaskedArray):  # which takes time to import
-        known = known & ~np.ma.getmaskarray(image).reshape(*array.shape[:2], -1).any(axis=2)
-    if np.all(known):
-        return inside
-    return known if inside is None else inside & known
-
-
 def is_known(samples: Array, nodata: float | None = None) -> Bools:
     """(...) which of (..., C) samples are finite in all bands, and not `nodata` in all."""
     known = np.ones(samples.shape[:-1], np.bool_)
@@ -126,3 +113,9 @@ def usual_range(*arrays: Array) -> float:
 def white_of(dtype: np.dtype[Any]) -> Any:
     """Return white as a sample of a type: `peak`, which is a float, rounds integers of 64 bits."""
     return dtype.type(np.iinfo(dtype).max if dtype.kind in "iu" else 1)
+
+
+def psnr(mse: float | Array, white: float) -> Any:
+    """Return the peak signal-to-noise ratio in dB of a mean squared error, infinite where that is 0."""
+    with np.errstate(divide="ignore"):
+        return 10 * np.log10(white**2 / np.asarray(mse, dtype=np.float64))

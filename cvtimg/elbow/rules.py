@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cvtimg._shared import pixels
 from cvtimg._shared.types import Floats
-from cvtimg.colors import fidelity
 
 #: The rules that look at the shape of a curve end at this number of generators, so that a longer one does not move it.
 CHORD_ENDS = 32
@@ -34,7 +34,7 @@ class Scale(NamedTuple):
         peak = self.peak or np.nan
         if self.peak is None:
             raise ValueError("the rule 'psnr' needs colors in the space rgb: other samples have no peak")
-        return fidelity.psnr(energies / self.n_values, peak)
+        return pixels.psnr(energies / self.n_values, peak)
 
     def floor(self, energies: Floats) -> float:
         """Return the energy below which differences do not matter: that of rounding to 8 bits."""

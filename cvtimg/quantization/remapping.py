@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_colors
 from cvtimg._shared.choices import DitherName, SpaceName
 from cvtimg._shared.messages import warn
-from cvtimg._shared.pixels import array_of, says_alpha, with_mark
+from cvtimg._shared.pixels import array_of, psnr, says_alpha, white_among, with_mark
 from cvtimg._shared.records import Claims, ReadOnly
 from cvtimg._shared.sums import take_rows
 from cvtimg._shared.types import Array, Bools, Bytes, Floats, ImageLike, Ints
-from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.places import CLEAR, agree, allowed_for, kinds_of, to_places, widen
 from cvtimg.colors.samples import ColorSamples, color_samples
 from cvtimg.colors.spaces import to_depth, to_space
@@ -48,6 +47,25 @@ class Storing(NamedTuple):
         eight_bit = palette.dtype == np.uint8 and palette.shape[1] in (1, 3)
         fits = eight_bit and palette.shape[1] == 3 and len(palette) <= 256
         return cls(indexed and fits and not left_out, left_out and eight_bit and not keeps_nodata)
+
+
+class Fidelity:
+    """Figures of results that have an `energy` over `n_values` samples, and a `palette` of the type of the image."""
+
+    __slots__ = ()
+
+    @property
+    def mse(self: Any) -> float:
+        """Mean squared error per sample, alpha not counted, as in skimage.metrics.mean_squared_error."""
+        return float(self.energy / self.n_values)
+
+    @property
+    def psnr(self: Any) -> float:
+        """Peak signal-to-noise ratio in dB, infinite if exact.
+
+        The peak is the white of the type; for floating point it is 1, or the range of a palette that leaves 0..1.
+        """
+        return float(psnr(self.mse, white_among(self.palette)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_keywords
 from cvtimg._shared.choices import DitherName, GoalName, Row, SpaceName
 from cvtimg._shared.types import Array, Bools, Bytes
-from cvtimg.colors.fidelity import Fidelity
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
 from cvtimg.engine.tessellation import Tessellation
@@ -25,7 +24,7 @@ from cvtimg.pictures.pages import Pages, encode_pages, write_pages
 from cvtimg.quantization.driver import QuantizeOptions, Source, quantized
 from cvtimg.quantization.looks import MAX_ENTRIES, Below
 from cvtimg.quantization.palette_search import EngineOptions, Palette
-from cvtimg.quantization.remapping import Quantized, Storing, keep_outside, map_samples
+from cvtimg.quantization.remapping import Fidelity, Quantized, Storing, keep_outside, map_samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
