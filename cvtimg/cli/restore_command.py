@@ -7,7 +7,7 @@ import os
 import re
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -77,22 +77,15 @@ def _read(sources: Sequence[Path], masks: Sequence[Path], merge: str | None) -> 
 
     failed: Missing = []
 
-    def pages_of(path: Path) -> Pages:
-        if not is_animated(path):
-            return read_pages(path)
-        images = read_frames(path).images
-        return Pages(images, "T", (len(images),))
-
-    def read(paths: Sequence[Path]) -> list[tuple[Path, Pages]]:
-        pages = []
+    def read(paths: Sequence[Path]) -> Iterator[tuple[Path, Pages]]:
         for path in paths:
             try:
-                pages.append((path, pages_of(path)))
+                frames = read_frames(path).images if is_animated(path) else ()
+                yield path, Pages(frames, "T", (len(frames),)) if frames else read_pages(path)
             except OSError as error:
                 failed.append((str(path), error))
-        return pages
 
-    images, known = read(sources), read(masks)
+    images, known = [*read(sources)], [*read(masks)]
     if failed:
         raise InputsFailedError(failed)
     mask_names, shown = _named([(path, pages.images) for path, pages in known])

@@ -33,19 +33,20 @@ def chain(
     # The energy never rises from one end to the next. With an effort each number is also searched by itself, and the
     # better end kept.
     ends: list[Iteration] = []
-    last = conditions.until(Stopping.after(1))  # on all points, from generators found with fewer
+    one_step = conditions.until(Stopping.after(1))  # on all points, from generators found with fewer
     with part(0, SEARCHED if effort is None else 0.0):
         links = _over_fewer(points, n_max, method, conditions)
     for link in each(links):
-        end = _measured(points, method(points, link.generators, last), conditions)
+        end = _measured(points, method(points, link.generators, one_step), conditions)
         if effort is not None:
             alone = _measured(points, _alone(points, len(link.generators), method, conditions, effort), conditions)
             end = min(end, alone, key=lambda some: some.energies[-1])
         if ends and end.energies[-1] > ends[-1].energies[-1]:
             start = add(points, ends[-1], 1, 0)
-            end = _measured(points, method(points, start, last), conditions)
+            end = _measured(points, method(points, start, one_step), conditions)
             end = min(end, ends[-1], key=lambda some: some.energies[-1])
-        ends[-1:] = [replace(last, labels=None) for last in ends[-1:]]  # one for each point
+        if ends:
+            ends[-1] = replace(ends[-1], labels=None)  # one for each point
         ends.append(end)
         if end.energies[-1] == 0 or conditions.watch.stopped:
             break

@@ -123,7 +123,6 @@ STIPPLE = (
     Option(
         "pen_width", Text(_length), "Width of the pen's line in .svg; by default what suits the dots.", metavar="MM"
     ).on_page("Pen width", slider=(0.05, 2), unit="mm", default="auto"),
-    common.SKIP_EXISTING,
     *common.READING,
     *common.BATCH,
 )
@@ -150,7 +149,6 @@ MOSAIC = (
         "outline", Real(0), "Width of dark lines between tiles, in pixels; 0 for none.", metavar="W", default=0
     ).on_page("Outlines", slider=(0, 5), unit="px"),
     Option("scale", Real(above=0), "Enlarge .png and other images by this factor.", metavar="S", default=1),
-    common.SKIP_EXISTING,
     *common.READING,
     *common.BATCH,
 )

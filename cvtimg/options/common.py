@@ -138,7 +138,6 @@ def switch(name: str, help: str, **more: Any) -> Option:
 
 OUT_DIR = out_dir("Folder for outputs, which keep the names and subfolders of the inputs.")
 IMAGE_OUTPUT = "Output file, for one input; - for standard output, in PNG or in another format as webp:-."
-SKIP_EXISTING = switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped.")
 #: Of every verb that reads images: how large they may be, and what is read of their files.
 READING = (
     Option("max_pixels", Whole(1, 1 << 62), "Refuse larger images, for safety; 178956970 by default."),
@@ -230,8 +229,9 @@ RUN = (
     file("report", "Write a row for each input, .csv or .jsonl, as it is done.", (".csv", ".jsonl"), role=""),
     switch("dry_run", "Print which files would be written, INPUT -> OUTPUT, and do nothing.", excludes=("quiet",)),
 )
-#: Of verbs that process each input separately.
+#: Of verbs that process each input separately; the first is of those that write files.
 BATCH = (
+    switch("skip_existing", "Skip inputs whose outputs all exist, to resume a run that was stopped."),
     *RUN,
     Option(
         "jobs",

@@ -95,7 +95,6 @@ MESH = (
     file("over", "Image to show below the mesh in --plot.", metavar="IMAGE", needs=("plot",), role="reads"),
     common.EFFORT,
     common.SEED,
-    common.SKIP_EXISTING,
     *common.READING,
     *common.BATCH,
 )
@@ -127,7 +126,6 @@ SURFACE = (
         default=(-60.0, 30.0),
     ),
     common.EFFORT,
-    common.SKIP_EXISTING,
     *common.BATCH,
 )
 

@@ -212,7 +212,6 @@ QUANTIZE = (
         keyword="keep_metadata",
     ),
     switch("optimize", "Make PNG files smaller with oxipng; slower.", keyword="optimize"),
-    common.SKIP_EXISTING,
     common.READING[0]._replace(keyword="max_pixels"),
     *common.READING[1:],
     *common.ENGINE,
@@ -242,7 +241,6 @@ PALETTE = (
     ).on_page("Sort by"),
     common.SPACE.on_page("Color space", about="Where distances between colors are measured."),
     common.PALETTE_OUTPUT,
-    common.SKIP_EXISTING,
     *common.READING,
     *common.BATCH,
 )
@@ -253,5 +251,5 @@ INFO = (
         "noise", "Measure the noise in 8-bit levels, how its variance grows with the level, and how neighbors share it."
     ),
     *common.READING,
-    *common.BATCH,
+    *common.BATCH[1:],
 )

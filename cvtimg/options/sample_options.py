@@ -64,7 +64,6 @@ CLUSTER = (
     file("generators", "Write the mean and the weight of each cluster, .csv; for one table.", (".csv",)),
     file("plot", "Plot the clusters on their first two principal axes, .png or .svg.", common.PLOTS),
     *_TABLE,
-    common.SKIP_EXISTING,
     *common.ENGINE,
     *common.BATCH,
 )
@@ -90,7 +89,7 @@ ELBOW = (
     file("plot", "Plot all curves, .png or .svg.", common.PLOTS),
     common.SEED,
     *common.READING,
-    *common.BATCH,
+    *common.BATCH[1:],
 )
 
 #: Criteria of designs as the page names them.

@@ -245,7 +245,6 @@ SEGMENT = (
     common.VOLUME_POWER._replace(excludes=_OTHER_WAYS),
     common.EFFORT,
     common.SEED,
-    common.SKIP_EXISTING,
     *common.READING,
     *common.BATCH,
 )

@@ -62,18 +62,6 @@ class PolygonRegion(Region):
         shapely.prepare(geometry)
         object.__setattr__(self, "geometry", geometry)
 
-    @classmethod
-    def from_labels(cls, labels: ArrayLike, label: int | None = None, *, tolerance: float = 0) -> PolygonRegion:
-        """Make it of the contours of a mask, or of segments (H, W): of that with a label, or all that are not 0.
-
-        Contours may be moved by a `tolerance` in pixels to make them simpler.
-        """
-        segments = np.asarray(labels)
-        inside = segments == label if label is not None else segments != 0
-        check_in_range("label", label, inside.any(), "that of a pixel: the region is empty")
-        contours = find_contours(inside.astype(np.int32), tolerance=tolerance)
-        return cls(shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in contours.polygons]))
-
     def __repr__(self) -> str:
         n = len(shapely.get_parts(self.geometry))
         return f"<PolygonRegion of {n} polygon{'s' if n > 1 else ''}, area {self.measure:g}>"
@@ -222,7 +210,8 @@ class PictureRegion(Region):
         check_shape("mask", self.mask.shape, self.mask.ndim == 2, "(H, W) to have polygons")
         if self.mask.all():
             return shapely.box(*self.bounds.ravel())
-        return PolygonRegion.from_labels(self.mask).geometry
+        contours = find_contours(self.mask.astype(np.int32)).polygons
+        return shapely.union_all([shapely.Polygon(each.rings[0], each.rings[1:]) for each in contours])
 
     def contains(self, points: ArrayLike) -> Bools:
         """Tell which of (N, D) points lie in a pixel of the mask."""
