@@ -64,7 +64,7 @@ def test_nobody_is_told_outside() -> None:
         lambda: cvtimg.stipple(IMAGE, 200),
         lambda: cvtimg.stipple(IMAGE, 200, layers="cmyk"),
         lambda: cvtimg.mosaic(IMAGE, 80, effort="fast"),
-        lambda: cvtimg.denoise([IMAGE], effort="fast"),
+        pytest.param(lambda: cvtimg.denoise([IMAGE], effort="fast"), marks=pytest.mark.slow),
         lambda: cvtimg.restore([IMAGE], 3),
         lambda: cvtimg.quantize(IMAGE, psnr=22),
         pytest.param(lambda: cvtimg.segment(IMAGE, "auto", edge_weight=20), marks=pytest.mark.slow),

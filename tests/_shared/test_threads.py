@@ -104,7 +104,7 @@ def test_colors_are_counted_alike_by_one_thread_and_by_three(n_colors: int) -> N
     np.testing.assert_array_equal(found[0].colors[found[0].inverse], pixels)
 
 
-@pytest.mark.parametrize("before", ["", "import numpy; "])
+@pytest.mark.parametrize("before", [pytest.param("", marks=pytest.mark.slow), "import numpy; "])
 def test_the_limit_of_threads_holds_for_the_blas(before: str) -> None:
     command = (
         f"{before}import cvtimg, scipy.linalg, threadpoolctl; "

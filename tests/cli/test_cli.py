@@ -135,7 +135,7 @@ def test_a_person_reads_a_table(run: Run, here: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
-@pytest.mark.parametrize("options", [[], ["--json"]])
+@pytest.mark.parametrize("options", [pytest.param([], marks=pytest.mark.slow), ["--json"]])
 def test_a_name_that_is_no_text_is_no_obstacle(here: Path, options: list[str]) -> None:
     Path("pictures/few.png").rename(os.fsdecode(b"a\xff.png"))
     done = process("info", os.fsdecode(b"a\xff.png"), *options, env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"})
@@ -402,7 +402,10 @@ def test_no_garbage_is_sought_in_what_was_imported(here: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
-@pytest.mark.parametrize("arguments", [["--help"], ["quantize", "pictures/rgb.png", "-k", "4", "-o", "-"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], pytest.param(["quantize", "pictures/rgb.png", "-k", "4", "-o", "-"], marks=pytest.mark.slow)],
+)
 def test_a_reader_that_leaves_early_is_no_reason_to_complain(here: Path, arguments: list[str]) -> None:
     reader, writer = os.pipe()
     os.close(reader)

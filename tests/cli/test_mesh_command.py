@@ -27,7 +27,9 @@ def here(here: Path) -> Path:
     return here
 
 
-@pytest.mark.parametrize("name", ["a.geojson", "a.wkt", "a.csv"])
+@pytest.mark.parametrize(
+    "name", ["a.geojson", pytest.param("a.wkt", marks=pytest.mark.slow), pytest.param("a.csv", marks=pytest.mark.slow)]
+)
 def test_polygons_are_meshed_as_by_the_function(name: str, row_of: RowOf) -> None:
     row = row_of("mesh", name, "-n", "25", "-o", "a.obj")
     assert (row["n"], row["n_wanted"], row["area"]) == (25, 25, pytest.approx(2))

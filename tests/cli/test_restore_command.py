@@ -53,7 +53,7 @@ def test_masks_on_disk_say_what_alpha_says(run: Run) -> None:
 
 
 def test_json_tells_of_every_version(run: Run) -> None:
-    status, out, _ = run("v_*.png", "-k", "4", "-o", "whole.png", "--json")
+    status, out, _ = run("v_*.png", "-k", "4", "--effort", "fast", "-o", "whole.png", "--json")
     row = json.loads(out)
     assert status == 0
     assert [Path(name).name for name in row["inputs"]] == ["v_1.png", "v_2.png", "v_3.png"]
@@ -61,17 +61,17 @@ def test_json_tells_of_every_version(run: Run) -> None:
     assert row["k"] == 4
     assert 0 < row["unknown"] < 0.1
     assert set(row["seconds"]) == {"read", "cluster", "write"}
-    assert run("v_*.png", "-k", "4", "-o", "more.png", "--quiet") == (0, "", "")
+    assert run("v_*.png", "-k", "4", "--effort", "fast", "-o", "more.png", "--quiet") == (0, "", "")
 
 
 def test_the_sheet_has_the_versions_and_the_restored_picture(run: Run) -> None:
-    assert run("v_*.png", "-k", "4", "-o", "whole.png", "--sheet", "sheet.svg")[0] == 0
+    assert run("v_*.png", "-k", "4", "--effort", "fast", "-o", "whole.png", "--sheet", "sheet.svg")[0] == 0
     sheet = Path("sheet.svg").read_text()
     assert all(text in sheet for text in ("v_1.png", "v_2.png", "v_3.png", "restored: 4 segments", "versions used"))
 
 
 def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
-    how = ["v_1.png", "v_2.png", "-k", "4", "-o", "out.png", "--report", "rows.jsonl"]
+    how = ["v_1.png", "v_2.png", "-k", "4", "--effort", "fast", "-o", "out.png", "--report", "rows.jsonl"]
     status, _, err = run(*how, "--max-pixels", "99")
     assert (status, err.count("has over 99 pixels")) == (1, 2)
     assert [json.loads(line)["status"] for line in Path("rows.jsonl").read_text().splitlines()] == ["failed"] * 2
@@ -84,9 +84,9 @@ def test_max_pixels_guards_each_version_and_the_report_tells(run: Run) -> None:
 
 
 def test_a_version_given_twice_is_told(run: Run) -> None:
-    status, _, err = run("v_1.png", "v_2.png", "v_1.png", "-k", "4", "-o", "a.png")
+    status, _, err = run("v_1.png", "v_2.png", "v_1.png", "-k", "4", "--effort", "fast", "-o", "a.png")
     assert (status, "v_1.png is given more than once and counts once" in err) == (0, True)
-    assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "-o", "b.png")[2]
+    assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "--effort", "fast", "-o", "b.png")[2]
 
 
 @pytest.mark.slow

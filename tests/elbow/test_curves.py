@@ -117,6 +117,7 @@ def test_rules_on_curves_made_by_hand() -> None:
     assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance") == 4
     assert curve_of([1000.0, 400, 100, 40, 20, 10]).elbow("variance", 0.5) == 2
     assert curve_of([65025.0, 650.25, 65.025], 255.0).elbow("psnr", 40.0) == 2
+    assert Scale(6, 255.0).floor(np.ones(1)) == pytest.approx(6 / 12)  # of samples that are rounded to whole levels
     numbers = np.arange(1.0, 17)  # the energy falls by a power of them that is so much greater up to four
     bends = [np.maximum(numbers**-power, 4 ** (1 - power) / numbers) for power in (1.4, 3.0)]
     assert [curve_of((1e4 * bend).tolist()).is_clear for bend in bends] == [False, True]

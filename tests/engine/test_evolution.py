@@ -84,7 +84,9 @@ def test_the_callback_stops_evolution(tables: dict[str, Array]) -> None:
     assert len(seen) == 4
 
 
-@pytest.mark.parametrize(("n_rows", "n_dims", "k"), [(3000, 10, 30), (3000, 2, 20), (40_000, 8, 20)])
+@pytest.mark.parametrize(
+    ("n_rows", "n_dims", "k"), [(3000, 10, 30), (3000, 2, 20), pytest.param(40_000, 8, 20, marks=pytest.mark.slow)]
+)
 def test_separated_clusters_are_all_found(n_rows: int, n_dims: int, k: int) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)

@@ -37,6 +37,7 @@ def test_pages_and_bands_are_right(tmp_path: Path, name: str) -> None:
     assert hostile.judge(tmp_path / name) == "right"
 
 
+@pytest.mark.slow
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     name=st.deferred(lambda: st.sampled_from(sorted(seeds()))),

@@ -83,7 +83,7 @@ def test_periodic_cells_fill_the_box_and_agree_with_wrapped_samples(periodic: An
     ids=str,
 )
 def test_generators_end_at_their_centroids_and_energy_never_rises(region: Any) -> None:
-    placement = place_generators(region, 20, effort="best" if region is SQUARE else "balanced")
+    placement = place_generators(region, 20)
     size = (placement.region.measure / 20) ** (1 / placement.points.shape[1])
     np.testing.assert_allclose(placement.points, placement.centroids, atol=0.02 * size)
     assert (np.diff(placement.energies) < 0).all()

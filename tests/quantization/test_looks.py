@@ -35,6 +35,7 @@ def test_for_eyes_files_are_smaller_and_look_the_same_or_nearly_as_the_colors_ca
     assert eyes.quality == pytest.approx(min(85, best.quality - 1), abs=1)
 
 
+@pytest.mark.slow
 def test_a_quality_is_reached_in_five_mappings_and_not_much_more_and_less_gives_a_smaller_file(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -80,6 +81,7 @@ def test_a_quality_out_of_reach_gives_the_best_and_tells_what_can_be_had() -> No
     assert result.quality > cvtimg.quantize(COFFEE, 4, goal="eyes", **FAST).quality - 1
 
 
+@pytest.mark.slow
 def test_of_a_range_of_qualities_the_upper_end_is_wanted_and_less_than_the_lower_refused() -> None:
     ranged = cvtimg.quantize(PART, quality=(50, 80), **FAST)
     np.testing.assert_array_equal(ranged.image, cvtimg.quantize(PART, quality=80, **FAST).image)

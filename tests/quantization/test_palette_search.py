@@ -337,7 +337,7 @@ def size(result: Quantized) -> int:
     return len(encode_image(".png", pixels, palette=palette))
 
 
-@pytest.mark.parametrize("n_bytes", [2000, 4000])
+@pytest.mark.parametrize("n_bytes", [2000, pytest.param(4000, marks=pytest.mark.slow)])
 def test_the_file_fits_and_one_color_more_does_not(n_bytes: int, photograph: NDArray[Any]) -> None:
     picture = photograph[::4, ::4]
     result = quantize(picture, max_bytes=n_bytes)

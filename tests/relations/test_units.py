@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from relations.relation import Relation, close, quick_and_wide
+from relations.remembering import remembered
 from shapely import affinity
 from shapely.geometry import Polygon
 
@@ -25,6 +26,7 @@ def in_squares(points: int) -> Callable[[Polygon], float]:
     return lambda region: cvtimg.place_generators(region, points).energy / region.area**2
 
 
+@remembered
 def area(region: Polygon) -> float:
     return cvtimg.mesh_region(region, n=120).area / region.area
 
@@ -57,10 +59,11 @@ _ROWS: dict[str, Callable[[Floats], Floats]] = {
     "another order of places": lambda rows: rows[:, ::-1],
     "another unit": lambda rows: rows * 1000,
 }
+_IN_SQUARES = remembered(in_squares(40))
 _ENDS = "descents from other roundings end elsewhere"
 _CASES: list[tuple[str, dict[str, Callable[[Any], Any]], Any, Any, Any, str]] = [
-    ("place_generators", _UNITS, star, in_squares(40), close(0.03), _ENDS),
-    ("place_generators", _OUTLINES, star, in_squares(40), close(0.03), _ENDS),
+    ("place_generators", _UNITS, star, _IN_SQUARES, close(0.03), _ENDS),
+    ("place_generators", _OUTLINES, star, _IN_SQUARES, close(0.03), _ENDS),
     ("mesh_region", _UNITS, star, area, close(1e-5), "points within rounding are one"),
     ("reduced_basis", _ROWS, snapshots, unexplained, close(1e-6), "rounding"),
 ]

@@ -212,7 +212,9 @@ def poles_and_meridian() -> Floats:
 
 
 @pytest.mark.parametrize(
-    "points", [spiral(N), spiral(N)[:, [2, 0, 1]], poles_and_meridian()], ids=["a", "b", "corners"]
+    "points",
+    [pytest.param(spiral(N), marks=pytest.mark.slow), spiral(N)[:, [2, 0, 1]], poles_and_meridian()],
+    ids=["a", "b", "corners"],
 )
 def test_cells_in_geojson_tile_the_map(tmp_path: Path, points: Floats) -> None:
     path = tmp_path / "a.geojson"

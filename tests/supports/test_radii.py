@@ -21,7 +21,8 @@ def cube(n_dims: int) -> Box:
 
 @pytest.mark.parametrize("order", [1, 3])
 @pytest.mark.parametrize(
-    "region", [SQUARE, ELL, FRAME, cube(1), cube(3), pytest.param(cube(5), marks=pytest.mark.slow)]
+    "region",
+    [SQUARE, FRAME, cube(1), *(pytest.param(other, marks=pytest.mark.slow) for other in (ELL, cube(3), cube(5)))],
 )
 def test_a_proved_cover_holds_at_each_of_many_places_and_one_by_three_gets_tighter(region: Region, order: int) -> None:
     points, places = region.draw(40, 5), region.draw(1000, 2)
@@ -64,7 +65,7 @@ def test_distances_are_shares_of_the_radii_where_supports_hold_a_place() -> None
 @pytest.mark.parametrize("order", [1, 3])
 def test_radii_in_boxes_are_little_larger_than_samples_say(n_dims: int, order: int) -> None:
     region = cube(n_dims)
-    points, places = region.draw(40, 5), region.draw(1000, 2)
+    points, places = region.draw(40, 5), region.draw(4000, 2)
     apart = np.linalg.norm(places[:, None] - points, axis=2)
     nearest = np.argsort(apart, axis=1)[:, :order]
     sampled = np.zeros(40)

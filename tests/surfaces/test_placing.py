@@ -151,6 +151,7 @@ def test_triangles_are_saved(on_torus: SurfacePoints, tmp_path: Path, suffix: st
     assert np.allclose(places, on_torus.points[on_torus.triangles], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_parts_that_touch_in_a_vertex_are_divided() -> None:
     corners, faces = cube()
     both = np.concatenate([corners, corners + 2])
@@ -184,6 +185,7 @@ def test_a_thin_plate_keeps_both_sides(n: int) -> None:
     assert (np.cross(above[:, 1] - above[:, 0], above[:, 2] - above[:, 0])[:, 2] > -1e-9).all()
 
 
+@pytest.mark.slow
 def test_a_density_of_0_on_a_part_is_warned_of() -> None:
     with pytest.warns(UserWarning, match="the density is 0 on about 4.% of the surface"):
         surface_points(torus(), 200, density=lambda p: (p[:, 0] > 0).astype(float), effort="fast")

@@ -67,6 +67,7 @@ def test_prediction_on_the_training_data_gives_its_labels(dtype: Any, offset: fl
     np.testing.assert_array_equal(CVT(7).fit_transform(samples), cvt.transform(samples))
 
 
+@pytest.mark.slow
 def test_a_sample_has_one_label_in_any_company() -> None:
     cvt = CVT(30).fit(RNG.normal(size=(30, 2)))
     centers = cvt.cluster_centers_

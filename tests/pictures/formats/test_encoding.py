@@ -137,7 +137,7 @@ def test_an_indexed_png_is_smaller_than_pillow_makes_it(photograph: Array, dithe
         assert len(encode_image(".png", pixels, palette=palette)) < buffer.tell()
 
 
-@pytest.mark.parametrize("bands", [3, 4])
+@pytest.mark.parametrize("bands", [pytest.param(3, marks=pytest.mark.slow), 4])
 def test_optimizing_loses_nothing_but_bytes(tmp_path: Path, photograph: Array, bands: int) -> None:
     pixels, palette = quantize(photograph, 64).content
     assert palette is not None
