@@ -177,8 +177,8 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
         n_parts = np.clip(np.ceil(longest / how.step), 1, how.parts).astype(np.intp)
         if pass_ >= how.least_passes and n_parts.max(initial=1) < how.parts:
             break
-        places, own = divided_steps(places, n_parts)
-        line_of = line_of[own]
+        places, start = divided_steps(places, n_parts)
+        line_of = line_of[start]
     return places, line_of
 
 
@@ -189,13 +189,13 @@ def _crowded(borders: Borders, lengths: Floats, chains: _Chains, nearness: float
     tree = shapely.STRtree(segments)
     crossed, near = np.zeros(len(edges), bool), np.zeros(len(edges), bool)
     # Boxes are compared by the tree, and the rest by NumPy: the tree's own predicates take 10 times as long.
-    one, other = tree.query(segments)
-    one, other = one[one < other], other[one < other]
-    (a, b), (c, d) = edges[one].T, edges[other].T
+    first, second = tree.query(segments)
+    first, second = first[first < second], second[first < second]
+    (a, b), (c, d) = edges[first].T, edges[second].T
     apart = (a != c) & (a != d) & (b != c) & (b != d)
-    one, other = one[apart], other[apart]
-    crosses = _cross(*points[edges[one]].transpose(1, 0, 2), *points[edges[other]].transpose(1, 0, 2))
-    crossed[one[crosses]] = crossed[other[crosses]] = True
+    first, second = first[apart], second[apart]
+    crosses = _cross(*points[edges[first]].transpose(1, 0, 2), *points[edges[second]].transpose(1, 0, 2))
+    crossed[first[crosses]] = crossed[second[crosses]] = True
     _, which, counts = unique_edges(edges)
     crossed |= counts[which] > 1
     reach = np.zeros(len(points))
@@ -259,12 +259,12 @@ def _meet_sharply(
     lines = np.full(len(points), -1)
     lines[chains.vertices[chains.inner]] = chains.of_line[chains.inner]
     joined = EdgeTable(ends, len(points))
-    own, other = lines[point], chains.of_line[chains.first_of_edges()][edge]
+    of_point, of_edge = lines[point], chains.of_line[chains.first_of_edges()][edge]
     sharp = np.zeros(len(point), bool)
     for k in (0, 1):
-        corner = ends[other, k]
+        corner = ends[of_edge, k]
         is_joined = joined.find(np.stack([point, corner], axis=1)) >= 0
-        meets = np.where(own < 0, is_joined, (ends[own] == corner[:, None]).any(axis=1))
+        meets = np.where(of_point < 0, is_joined, (ends[of_point] == corner[:, None]).any(axis=1))
         way = np.linalg.norm(points[point] - points[corner], axis=1)
-        sharp |= meets & (own != other) & (gaps < spacing.sharp * way) & (way < spacing.tip * lengths[edge])
+        sharp |= meets & (of_point != of_edge) & (gaps < spacing.sharp * way) & (way < spacing.tip * lengths[edge])
     return sharp

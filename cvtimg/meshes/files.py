@@ -68,8 +68,8 @@ class MeshContent:
 
 def suffixes(kind: str = "triangle") -> tuple[str, ...]:
     """Return the suffixes of files that meshes of triangles, or of "triangle6", are written to."""
-    found = (*MESH_FORMATS, *_MESHIO)
-    return found if kind == "triangle" else tuple(suffix for suffix in found if suffix not in _STRAIGHT)
+    names = (*MESH_FORMATS, *_MESHIO)
+    return names if kind == "triangle" else tuple(suffix for suffix in names if suffix not in _STRAIGHT)
 
 
 def write_mesh(path: StrPath, mesh: MeshContent, overwrite: bool, allowed: tuple[str, ...] | None = None) -> None:

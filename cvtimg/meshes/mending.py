@@ -97,8 +97,8 @@ def _refined(
     bad, centers, radii, tips = _bad(mesh, how)
     may_split = (halves > shortest) & ~np.isin(ends, tips).any(axis=1)
     near = cKDTree(middles).query_ball_point(centers, halves.max())
-    found, shares = mesh.locate(centers, mesh.triangles[bad, 0])
-    way_out = EdgeTable(ends, len(mesh.points)).find(mesh.edges[3 * found + (shares.argmin(axis=1) + 1) % 3])
+    triangles, shares = mesh.locate(centers, mesh.triangles[bad, 0])
+    way_out = EdgeTable(ends, len(mesh.points)).find(mesh.edges[3 * triangles + (shares.argmin(axis=1) + 1) % 3])
     split, added = np.zeros(len(ends), bool), np.zeros(len(bad), bool)
     taken = dropped.copy()
     for k, triangle in enumerate(mesh.triangles[bad]):
@@ -113,7 +113,7 @@ def _refined(
         split[hit] = True
         if added[k] or len(hit):
             taken[triangle] = taken[ends[hit]] = True
-            taken[mesh.triangles[found[k]]] |= added[k]
+            taken[mesh.triangles[triangles[k]]] |= added[k]
     return split, centers[added], radii[added]
 
 

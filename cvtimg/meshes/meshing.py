@@ -278,10 +278,10 @@ def _best(outline: Outline, wanted: Wanted, alone: Points, effort: MeshEffort, r
     varies = plan.varies(inner)
     trials = enumerate(each(_trials(varies, n, effort)))
     with part(_PLANNED, 1):
-        found = [_made(outline, plan, wanted, one, place() if k else inner) for k, one in trials]
-    if len(found) == 1:
-        return found[0]
-    return max(found, key=lambda one: float(one.qualities.mean())) if varies else min(found, key=_irregularity)
+        meshes = [_made(outline, plan, wanted, trial, place() if k else inner) for k, trial in trials]
+    if len(meshes) == 1:
+        return meshes[0]
+    return max(meshes, key=lambda mesh: float(mesh.qualities.mean())) if varies else min(meshes, key=_irregularity)
 
 
 def _trials(varies: bool, n: int, effort: MeshEffort) -> list[MeshEffort]:

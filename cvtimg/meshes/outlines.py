@@ -73,14 +73,14 @@ class Outline:
     @property
     def corners(self) -> Bools:
         """Tell which nodes (V,) are corners: the ends of lines that are open, or turn where they start."""
-        found = np.zeros(len(self.nodes), bool)
-        found[list(self.still)] = True
-        found[self.ends[~self.is_closed]] = True
-        found |= np.bincount(self.ends.ravel(), minlength=len(found)) > 2
+        is_corner = np.zeros(len(self.nodes), bool)
+        is_corner[list(self.still)] = True
+        is_corner[self.ends[~self.is_closed]] = True
+        is_corner |= np.bincount(self.ends.ravel(), minlength=len(is_corner)) > 2
         rings = [line[[-2, 0, 1]] for line, closed in zip(self.lines, self.is_closed, strict=True) if closed]
         turns = turns_of(*np.array(rings).reshape(-1, 3, 2).transpose(1, 0, 2))
-        found[self.ends[self.is_closed, 0][turns > _CLOSED_CORNER]] = True
-        return found
+        is_corner[self.ends[self.is_closed, 0][turns > _CLOSED_CORNER]] = True
+        return is_corner
 
     @property
     def diameter(self) -> float:
@@ -97,13 +97,13 @@ class Outline:
 
     def detail_for(self, n: int) -> float:
         """Return a `min_size` by which polygons have no more than about `n` points; 0 if there is none."""
-        found, size = 0.0, self.diameter / 8
+        detail, size = 0.0, self.diameter / 8
         while self.polygons is not None and size > 1e-6 * self.diameter:
             simpler = shapely.simplify(self.polygons, size / 2)
             if simpler.area > 0 and shapely.get_num_coordinates(simpler) > n:
                 break
-            found, size = size if simpler.area > 0 else found, size / 2**0.5
-        return found
+            detail, size = size if simpler.area > 0 else detail, size / 2**0.5
+        return detail
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,12 +127,12 @@ class StraightParts:
         # Points are near to lines mostly, and boxes are compared ten times as fast as distances.
         steps = self.places[self.first + 1] - self.places[self.first]
         reach = _REACH * float(np.median(np.hypot(*steps.T)))
-        own, part = self.tree.query(shapely.box(*(points - reach).T, *(points + reach).T))
-        gaps = self._along(points[own], self.first[part])[1]
-        order = np.lexsort((part, gaps, own))
-        best = order[np.unique(own[order], return_index=True)[1]]
+        point, part = self.tree.query(shapely.box(*(points - reach).T, *(points + reach).T))
+        gaps = self._along(points[point], self.first[part])[1]
+        order = np.lexsort((part, gaps, point))
+        best = order[np.unique(point[order], return_index=True)[1]]
         nearest = np.full(len(points), -1)
-        nearest[own[best]] = np.where(gaps[best] <= reach, part[best], -1)
+        nearest[point[best]] = np.where(gaps[best] <= reach, part[best], -1)
         far = nearest < 0
         nearest[far] = self.tree.nearest(shapely.points(points[far]))
         first = self.first[nearest]
@@ -155,23 +155,23 @@ def label_outline(labels: Ints, image: ImageLike | None, tolerance: float) -> Ou
     mask = labels > 0
     check_that("labels", mask.any(), "not be 0 everywhere")
     cracks = find_contours(labels)
-    found = cracks if image is None else find_contours(labels, image)
-    areas = Areas.of(list(found.lines), _pieces_beside(cracks.lines, connected_pieces(labels)))
+    contours = cracks if image is None else find_contours(labels, image)
+    areas = Areas.of(list(contours.lines), _pieces_beside(cracks.lines, connected_pieces(labels)))
     lines: list[Points] = []
-    own: list[int] = []
-    for number, (line, both) in enumerate(zip(found.lines, found.sides, strict=True)):
+    source: list[int] = []
+    for number, (line, both) in enumerate(zip(contours.lines, contours.sides, strict=True)):
         if both.max() > 0:
             parts = [_smoothed(part, tolerance) for part in _cut_contour(line, tolerance)]
             lines += parts
-            own += [number] * len(parts)
+            source += [number] * len(parts)
 
     def contains(points: Points) -> Bools:
         at = np.clip(points.astype(np.intp), 0, np.array(mask.shape[::-1]) - 1)
         return mask[at[:, 1], at[:, 0]]
 
     bounds = np.array([[0.0, 0.0], [mask.shape[1], mask.shape[0]]])
-    kept = areas.of_parts(np.array(own)) if tolerance else None
-    return Outline.of(lines, found.sides[own], bounds, mask, contains, kept)
+    kept = areas.of_parts(np.array(source)) if tolerance else None
+    return Outline.of(lines, contours.sides[source], bounds, mask, contains, kept)
 
 
 def _pieces_beside(lines: Sequence[Points], pieces: Ints) -> Indices:
@@ -224,15 +224,15 @@ def _densified(line: Points) -> Points:
 
 def divided(n_parts: Indices) -> tuple[Indices, Indices]:
     """Return the step of each part of all steps, and its number there, from 0."""
-    own = np.repeat(np.arange(len(n_parts)), n_parts)
-    return own, np.arange(len(own)) - (np.cumsum(n_parts) - n_parts)[own]
+    step = np.repeat(np.arange(len(n_parts)), n_parts)
+    return step, np.arange(len(step)) - (np.cumsum(n_parts) - n_parts)[step]
 
 
 def divided_steps(places: Points, n_parts: Indices) -> tuple[Points, Indices]:
     """Divide the steps between (P, 2) places into (P - 1,) parts; also return the place before each new one."""
-    own, number = divided(n_parts)
-    made = places[own] + (number / n_parts[own])[:, None] * np.diff(places, axis=0)[own]
-    return np.concatenate([made, places[-1:]]), np.append(own, len(places) - 1)
+    start, number = divided(n_parts)
+    made = places[start] + (number / n_parts[start])[:, None] * np.diff(places, axis=0)[start]
+    return np.concatenate([made, places[-1:]]), np.append(start, len(places) - 1)
 
 
 def _smoothed(line: Points, tolerance: float) -> Points:
@@ -283,7 +283,7 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
     for point in alone:
         check_that(f"fixed has {point.tolist()} and", outline.contains(point[None])[0], "be in the region")
     lines: list[Points] = []
-    own: list[int] = []
+    source: list[int] = []
     for number, line in enumerate(outline.lines):
         here = np.flatnonzero(is_on & (parts.of_line[first] == number))
         here = here[np.argsort(first[here] + share[here])]
@@ -292,9 +292,9 @@ def with_points(outline: Outline, points: Points) -> tuple[Outline, Points]:
         new = np.insert(line, segment[~is_old] + 1, points[here[~is_old]], axis=0)
         cuts = np.flatnonzero((new[:-1, None] == points[here]).all(axis=2).any(axis=1))
         lines += split_line(new, cuts)
-        own += [number] * (len(lines) - len(own))
-    areas = None if outline.areas is None else outline.areas.of_parts(np.array(own))
+        source += [number] * (len(lines) - len(source))
+    areas = None if outline.areas is None else outline.areas.of_parts(np.array(source))
     about = outline.bounds, outline.mask, outline.contains, areas, outline.polygons, outline.changes
-    cut = Outline.of(lines, outline.sides[own], *about)
+    cut = Outline.of(lines, outline.sides[source], *about)
     gaps = cKDTree(points).query(cut.nodes)[0]
     return replace(cut, still=tuple(np.flatnonzero(gaps <= ON_LINE * outline.diameter).tolist())), alone

@@ -151,13 +151,13 @@ def plan_mesh(outline: Outline, wanted: Wanted, alone: Points) -> Plan:
     if plan.n_on_borders <= wanted.n:
         return plan
     low, high = np.log([factor, _SEARCH.coarsest * factor])
-    found = coarsest
+    best = coarsest
     for _ in range(_SEARCH.halvings):
         middle = (low + high) / 2
         plan = coarser(start.scaled(np.exp(middle)), most=wanted.n)
         is_fit = plan.n_on_borders <= wanted.n
-        found, low, high = (plan, low, middle) if is_fit else (found, middle, high)
-    return found
+        best, low, high = (plan, low, middle) if is_fit else (best, middle, high)
+    return best
 
 
 def _placed(

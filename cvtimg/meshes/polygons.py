@@ -62,18 +62,18 @@ def _lines(rings: list[Points], polygon: Indices, keep_points: bool) -> tuple[li
     beside[which, 1 - back] = np.where(is_hole, polygon.max() + 2 + of_ring, 0)
     beside[which, back] = polygon[of_ring] + 1
     is_end = (np.bincount(edges.ravel(), minlength=len(places)) != 2) | keep_points
-    for ring, own in zip(rings, numbers, strict=True):
-        is_end[own[_turns(ring)]] = True
+    for ring, ring_numbers in zip(rings, numbers, strict=True):
+        is_end[ring_numbers[_turns(ring)]] = True
     lines, faces, known = [], [], np.zeros(len(edges), bool)
     first = 0
-    for ring, own in zip(rings, numbers, strict=True):
-        for line in split_line(np.append(np.arange(len(own)), 0), np.flatnonzero(is_end[own])):
+    for ring, ring_numbers in zip(rings, numbers, strict=True):
+        for line in split_line(np.append(np.arange(len(ring_numbers)), 0), np.flatnonzero(is_end[ring_numbers])):
             along = which[first + line[:-1]]
             if not known[along].any():
                 known[along] = True
                 lines.append(ring[line])
                 faces.append(beside[along[0], :: -1 if back[first + line[0]] else 1])
-        first += len(own)
+        first += len(ring_numbers)
     return lines, np.array(faces)
 
 

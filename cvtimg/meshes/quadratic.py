@@ -66,10 +66,10 @@ def quadratic(points: Points, triangles: Ints, edges: Ints, outline: Outline) ->
     """Make triangles with six nodes of triangles whose border edges (E, 2) have their ends on an outline, or nearly."""
     n = len(points)
     half_edges = edges_around(triangles)
-    each_once, own, _ = unique_edges(half_edges)
+    each_once, which, _ = unique_edges(half_edges)
     border = EdgeTable(edges, n).find(each_once)
     number = n + EdgeTable(each_once, n).find(edges).astype(np.int32)
-    all_six = np.concatenate([triangles, (n + own.reshape(-1, 3)).astype(np.int32)], axis=1)
+    all_six = np.concatenate([triangles, (n + which.reshape(-1, 3)).astype(np.int32)], axis=1)
     with_middles = np.concatenate([edges, number[:, None]], axis=1)
     ways = _Ways.of(outline, points[edges])
     bent = _Bent(all_six, each_once, border)
@@ -105,8 +105,8 @@ class _Bent:
         """Make border edges straight, in place, where triangles fold over or nearly; return which (E,)."""
         straight = np.zeros(len(bends), bool)
         while True:
-            found = _jacobians(self.nodes(places, bends), self.triangles)
-            bad = self.triangles[found.min(axis=1) < _BENDING.least * found.mean(axis=1), 3:] - len(places)
+            jacobians = _jacobians(self.nodes(places, bends), self.triangles)
+            bad = self.triangles[jacobians.min(axis=1) < _BENDING.least * jacobians.mean(axis=1), 3:] - len(places)
             new = np.zeros(len(bends) + 1, bool)
             new[self.as_border[bad]] = True  # the last is for none
             new = new[:-1] & ~straight
@@ -144,8 +144,8 @@ class _Ways:
         chords = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
         def at(where: Floats) -> Points:
-            found: Points = shapely.get_coordinates(shapely.line_interpolate_point(strings, where))
-            return found
+            foot: Points = shapely.get_coordinates(shapely.line_interpolate_point(strings, where))
+            return foot
 
         return cls(
             line,

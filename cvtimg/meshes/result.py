@@ -82,8 +82,8 @@ class Mesh(ReadOnly):
     @property
     def area(self) -> float:
         """Area of all triangles, with sides that bend if they have six nodes."""
-        found = measure_triangles(self.points, self.triangles) if self.quadratic is None else self.quadratic
-        return float(found.areas.sum())
+        measures = measure_triangles(self.points, self.triangles) if self.quadratic is None else self.quadratic
+        return float(measures.areas.sum())
 
     @property
     def qualities(self) -> Floats:

@@ -83,9 +83,9 @@ class MeshValues:
     def __call__(self, points: Points) -> Points:
         """Return values (M, C) at (M, 2) points; outside of the mesh, those of the nearest vertex."""
         near = self._used[self._tree.query(points)[1]]
-        found, shares = self._mesh.locate(points, near)
+        triangles, shares = self._mesh.locate(points, near)
         outside = shares.min(axis=1) < -1e-9
-        values: Points = np.einsum("mkc,mk->mc", self._values[self._mesh.triangles[found]], shares)
+        values: Points = np.einsum("mkc,mk->mc", self._values[self._mesh.triangles[triangles]], shares)
         values[outside] = self._values[near[outside]]
         return values
 
@@ -117,13 +117,13 @@ def size_field(outline: Outline, size: SizeLike, n: int | None, least: float, pr
 
 def _picture_field(values: Array, inside: Bools, least: float) -> PictureField:
     check_shape("size", values.shape, values.shape == inside.shape, f"{inside.shape}, as the region")
-    own = values[inside].astype(np.float32)
-    wrong = ~((own > 0 if least == 0 else own >= 0) & (own < np.inf))
+    values_inside = values[inside].astype(np.float32)
+    wrong = ~((values_inside > 0 if least == 0 else values_inside >= 0) & (values_inside < np.inf))
     if wrong.any():
         y, x = np.argwhere(inside)[wrong][0].tolist()
-        check_that(f"size is {own[wrong][0]:g} at x={x}, y={y} and", False, _ALLOWED)
+        check_that(f"size is {values_inside[wrong][0]:g} at x={x}, y={y} and", False, _ALLOWED)
     sizes = np.full(values.shape, _HUGE)
-    sizes[inside] = np.maximum(own, np.float32(least))
+    sizes[inside] = np.maximum(values_inside, np.float32(least))
     return PictureField(sizes, inside)
 
 

@@ -66,12 +66,12 @@ def stuff(levels: Levels, low: Points, high: Points, spacing: float) -> Filling:
     """
     lattice = _Lattice(levels, low, high, spacing)
     while True:
-        found, made = _filled(lattice)
+        filling, made = _filled(lattice)
         # Where no point of the lattice moves, labels are derived neighborhoods of their points, which are manifolds.
-        at = made[pinched(found.cells, found.labels, len(found.points))]
+        at = made[pinched(filling.cells, filling.labels, len(filling.points))]
         at = at[at < len(lattice.points)]
         if not lattice.is_free[at].any():
-            return found
+            return filling
         lattice.is_free[at] = False
 
 
@@ -210,9 +210,9 @@ def _starred(
 
 def pinched(cells: NDArray[np.integer], labels: Indices, n: int) -> Indices:
     """Return the vertices, of n, of edges at which more than two triangles of the surface of one label meet."""
-    faces, own, beyond = label_faces(cells, labels)
+    faces, labels_of_faces, beyond = label_faces(cells, labels)
     # The surface of all is one as well, as that of label 0.
-    of = np.concatenate([own, beyond[beyond == 0]]).repeat(3)
+    of = np.concatenate([labels_of_faces, beyond[beyond == 0]]).repeat(3)
     edges = edges_around(np.concatenate([faces, faces[beyond == 0]]))
     keys = edge_keys(edges, n) * (int(labels.max(initial=0)) + 1) + of
     _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)
@@ -266,8 +266,8 @@ def lattice(low: Points, high: Points, spacing: float) -> tuple[Points, Cells]:
     cells = []
     for axis in range(3):
         inner = ((grid < shape - 1).all(axis=1) & (grid[:, axis] > 0)).nonzero()[0]
-        one, other = steps[[(axis + 1) % 3, (axis + 2) % 3]]
-        ring = np.stack([inner, inner + one, inner + one + other, inner + other], axis=1)
+        side, other = steps[[(axis + 1) % 3, (axis + 2) % 3]]
+        ring = np.stack([inner, inner + side, inner + side + other, inner + other], axis=1)
         for k in range(4):
             middles = len(grid) + inner
             cells.append(np.stack([middles - steps[axis], middles, ring[:, k], ring[:, (k + 1) % 4]], axis=1))
@@ -284,9 +284,9 @@ def _cut(
     """
     cells = np.take_along_axis(cells, np.lexsort((cells, values), axis=1), axis=1)
     n_inside = (values < 0).sum(axis=1)
-    one = cells[n_inside == 1]
-    a = one[:, 0]
-    made = [np.stack([a, *(cuts(a, one[:, k]) for k in (1, 2, 3))], axis=1)]
+    single = cells[n_inside == 1]
+    a = single[:, 0]
+    made = [np.stack([a, *(cuts(a, single[:, k]) for k in (1, 2, 3))], axis=1)]
     two = cells[n_inside == 2]
     a, b = two[:, 0], two[:, 1]
     a1, a2, b1, b2 = cuts(a, two[:, 2]), cuts(a, two[:, 3]), cuts(b, two[:, 2]), cuts(b, two[:, 3])
@@ -299,10 +299,10 @@ def _cut(
     a1, b1, c1 = cuts(a, p), cuts(b, p), cuts(c, p)
     # The frustum a b c, a1 b1 c1: diagonals a b1, a c1 and b c1.
     made += [np.stack(parts, axis=1) for parts in ((a, b, c, c1), (a, b, b1, c1), (a, a1, b1, c1))]
-    found = np.concatenate(made)
+    pieces = np.concatenate(made)
     labels = np.concatenate([labels[n_inside == 1], *[labels[n_inside == 2]] * 3, *[labels[n_inside == 3]] * 3])
-    proper = (np.diff(np.sort(found, axis=1), axis=1) > 0).all(axis=1)
-    return found[proper], labels[proper]
+    proper = (np.diff(np.sort(pieces, axis=1), axis=1) > 0).all(axis=1)
+    return pieces[proper], labels[proper]
 
 
 def _oriented(points: Points, cells: Cells) -> Cells:
@@ -367,7 +367,7 @@ def label_faces(tetrahedra: NDArray[np.integer], labels: NDArray[np.integer]) ->
     n = int(c.max(initial=0)) + 1
     pairs = np.unique(a * n + b, return_inverse=True)[1]  # three numbers in one would be too large
     which = np.unique(pairs * n + c, return_inverse=True)[1]
-    own = labels.astype(np.int64).repeat(4)
-    beyond = np.bincount(which, own).astype(np.int64)[which] - own
-    around = own != beyond
-    return faces[around], own[around], beyond[around]
+    label = labels.astype(np.int64).repeat(4)
+    beyond = np.bincount(which, label).astype(np.int64)[which] - label
+    around = label != beyond
+    return faces[around], label[around], beyond[around]

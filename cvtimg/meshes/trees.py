@@ -46,8 +46,8 @@ class Cells:
         """Draw (n, 2) points along a Morton curve, as many in each cell as its share of the mass."""
         order = along_curve(self.centers)
         ends = np.cumsum(masses[order])
-        own = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
-        return self.centers[own] + (rng.random((n, 2)) - 0.5) * self.sides[own, None]
+        cell = order[np.minimum(np.searchsorted(ends, (np.arange(n) + 0.5) / n * ends[-1]), len(order) - 1)]
+        return self.centers[cell] + (rng.random((n, 2)) - 0.5) * self.sides[cell, None]
 
 
 @dataclass(slots=True, eq=False)
@@ -104,8 +104,8 @@ class TreeField:
         return self.cells.masses(lambda points: self._at(points) ** -2.0)
 
     def _at(self, points: Points) -> Floats:
-        found, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
-        corners, shares = self.mesh.triangles[found], np.maximum(shares, 0)
+        triangles, shares = self.mesh.locate(points, self._near if len(self._near) == len(points) else None)
+        corners, shares = self.mesh.triangles[triangles], np.maximum(shares, 0)
         self._near = corners[:, 0]  # for the next time, when they have moved
         total: Floats = np.einsum("pk,pk->p", self.sizes[corners], shares)
         return total / np.einsum("pk->p", shares)
@@ -156,10 +156,10 @@ def divide(sizes: Sizes, outline: Outline, probes: Points) -> Cells:
         check_that(f"sizes down to {limit.min() / _SIDE:g}", n_cells <= _MOST_CELLS, f"suit a region {side:g} wide")
         if not len(cells):
             break
-    sides = np.concatenate([np.full(len(own), side / (1 << level)) for level, own in done])
-    corners = np.concatenate([own << (_LAST_LEVEL - level) for level, own in done])
+    sides = np.concatenate([np.full(len(squares), side / (1 << level)) for level, squares in done])
+    corners = np.concatenate([squares << (_LAST_LEVEL - level) for level, squares in done])
     # Sizes hardly change over a cell: the corners of squares twice as wide will do.
-    spans = np.concatenate([np.full((len(own), 1), 2 << (_LAST_LEVEL - level)) for level, own in done])
+    spans = np.concatenate([np.full((len(squares), 1), 2 << (_LAST_LEVEL - level)) for level, squares in done])
     steps = spans[:, None] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     keys = np.unique(((corners - corners % spans)[:, None] + steps).reshape(-1, 2) @ np.array([1 << 32, 1]))
     unique = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1)
@@ -186,7 +186,7 @@ def _least_around(sizes: Sizes, corners: Points, side: float) -> Floats:
 def _triangulated(points: Points, values: Floats) -> tuple[PlaneTriangulation, Floats]:
     """Triangulate points, of those at one place the one with the least value."""
     order = np.lexsort((values, points[:, 1], points[:, 0]))
-    own = order[np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))]
+    first = order[np.append(True, (np.diff(points[order], axis=0) != 0).any(axis=1))]
     nothing = np.empty((0, 2), np.int32)
-    mesh = PlaneTriangulation(points[own], np.ones(len(own), bool), delaunay(points[own]), nothing)
-    return mesh, values[own]
+    mesh = PlaneTriangulation(points[first], np.ones(len(first), bool), delaunay(points[first]), nothing)
+    return mesh, values[first]

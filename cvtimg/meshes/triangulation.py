@@ -129,17 +129,17 @@ class PlaneTriangulation(HalfEdges):
 
     def has_angles_below(self, least: float) -> Bools:
         """Tell which vertices (N,) are corners of triangles with an angle below this, in degrees."""
-        found = np.zeros(len(self.points), bool)
-        found[self.triangles[measure_triangles(self.points, self.triangles).least_angles < least]] = True
-        return found
+        is_corner = np.zeros(len(self.points), bool)
+        is_corner[self.triangles[measure_triangles(self.points, self.triangles).least_angles < least]] = True
+        return is_corner
 
     def locate(self, places: Points, near: Triangles | None = None) -> tuple[Triangles, Points]:
         """Walk to the triangles of (M, 2) places; return them and barycentric coordinates.
 
         Walks begin at vertices nearby, or at the place before.
         """
-        found = np.full(len(places), -1, np.int32) if near is None else self.outgoing[near] // 3
-        return found, _meshes.locate(self, np.ascontiguousarray(places), found)
+        triangles = np.full(len(places), -1, np.int32) if near is None else self.outgoing[near] // 3
+        return triangles, _meshes.locate(self, np.ascontiguousarray(places), triangles)
 
     def half_edges_on_borders(self) -> Indices:
         """Return one half-edge (E,) of each edge that stays."""
@@ -195,10 +195,10 @@ class PlaneTriangulation(HalfEdges):
 def delaunay(points: Points, edges: Triangles | None = None) -> Triangles:
     """Compute the (constrained) Delaunay triangulation of the convex hull of (N, 2) points: (T, 3) indices."""
     cdt = optional("pythoncdt", "mesh", "meshes need")
-    found: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
-    found.insert_vertices(np.ascontiguousarray(points, np.float64))
+    mesh: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
+    mesh.insert_vertices(np.ascontiguousarray(points, np.float64))
     if edges is not None and len(edges):
-        found.insert_edges(np.ascontiguousarray(edges, np.uint32))
-    found.erase_super_triangle()
-    table = found.triangles_array()
+        mesh.insert_edges(np.ascontiguousarray(edges, np.uint32))
+    mesh.erase_super_triangle()
+    table = mesh.triangles_array()
     return np.ascontiguousarray(table[table.dtype.names[0]], np.int32)

@@ -142,8 +142,8 @@ class VolumeMesh(ReadOnly):
     @property
     def interfaces(self) -> Ints:
         """Triangles (I, 3) between tetrahedra of two labels, counter-clockwise seen from the higher one."""
-        faces, own, beyond = label_faces(self.tetrahedra, self._numbers)
-        return faces[own < beyond]
+        faces, label, beyond = label_faces(self.tetrahedra, self._numbers)
+        return faces[label < beyond]
 
     @property
     def is_manifold(self) -> bool:
@@ -257,9 +257,9 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     filling = stuff(levels, levels.low, levels.high, spacing)
     points = widened(filling.points, filling.cells, spacing)
     points = _with_wanted_volumes(points, filling, levels.wanted, spacing)
-    found = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
+    filled = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
     name = f"edge_length={edge_length}" if n is None else f"n={n}"
-    for tag, error in zip(levels.tags[1:].tolist(), np.abs(found / levels.wanted - 1).tolist(), strict=True):
+    for tag, error in zip(levels.tags[1:].tolist(), np.abs(filled / levels.wanted - 1).tolist(), strict=True):
         check_that(name, error < _EFFORT.volume_error, f"let tetrahedra be smaller: they lose the shape of label {tag}")
     return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
 
@@ -325,11 +325,11 @@ class _VoxelLevels:
         return labels
 
     def distances(self, points: Points, labels: Indices) -> Floats:
-        found = np.empty(len(points))
+        values = np.empty(len(points))
         for number in np.unique(labels).tolist():
             some = labels == number
-            found[some] = self._at(number, points[some])
-        return found
+            values[some] = self._at(number, points[some])
+        return values
 
     def _at(self, number: int, points: Points) -> Floats:
         from scipy.ndimage import map_coordinates
@@ -344,10 +344,10 @@ def _with_wanted_volumes(points: Points, filling: Filling, wanted: Floats, spaci
         heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
         if is_near:
             break
-        faces, own, beyond = label_faces(filling.cells, filling.labels)
+        faces, label, beyond = label_faces(filling.cells, filling.labels)
         areas = normals(points[faces])
         weights = np.maximum(sum_by_label(faces.ravel(), np.linalg.norm(areas, axis=1).repeat(3), len(points)), 1e-300)
-        areas *= np.clip(heights[own] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
+        areas *= np.clip(heights[label] - heights[beyond], -0.1 * spacing, 0.1 * spacing)[:, None]
         moves = sum_by_label(faces.ravel(), areas.repeat(3, axis=0), len(points)) / weights[:, None]
         points = moved(points, filling.cells, moves)
     return points
@@ -358,9 +358,9 @@ def _heights(
 ) -> tuple[Floats, bool]:
     """Return heights (L + 1,) by whose differences surfaces between labels must move, and if volumes are near."""
     lacking = wanted - sum_by_label(labels, volumes(points, cells), len(wanted) + 1)[1:]
-    faces, own, beyond = label_faces(cells, labels)
+    faces, label, beyond = label_faces(cells, labels)
     areas = np.zeros((len(wanted) + 1,) * 2)
-    np.add.at(areas, (own, beyond), np.linalg.norm(normals(points[faces]), axis=1) / 2)
+    np.add.at(areas, (label, beyond), np.linalg.norm(normals(points[faces]), axis=1) / 2)
     flows = (np.diag(areas.sum(axis=1)) - areas)[1:, 1:]
     heights = np.append(0, np.linalg.lstsq(flows, lacking)[0])
     return heights, bool((np.abs(lacking) < _EFFORT.volume_near * wanted).all())

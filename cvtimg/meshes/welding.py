@@ -55,8 +55,8 @@ def clean(parts: Array, how: Cleaning) -> tuple[Array, OutlineChanges]:
     total, (x0, y0, x1, y1) = float(shapely.area(parts).sum()), shapely.total_bounds(parts)
     diameter = float(np.hypot(x1 - x0, y1 - y0))
     apart = SNAP * diameter if how.snap is None else check_non_negative("snap", how.snap)
-    one, other = shapely.STRtree(parts).query(parts, predicate="intersects")
-    both = shapely.buffer(shapely.intersection(parts[one], parts[other])[one < other], -apart / 2)
+    first, second = shapely.STRtree(parts).query(parts, predicate="intersects")
+    both = shapely.buffer(shapely.intersection(parts[first], parts[second])[first < second], -apart / 2)
     check_that("parts of the region", shapely.is_empty(both).all(), f"not overlap by more than snap={apart:.2g}")
     given, parts = parts, weld(parts, max(apart, ON_LINE * diameter))
     n_joined = n_points(given) - n_points(parts)
@@ -110,10 +110,10 @@ def _without_tips(parts: Array, least: float) -> Array:
 def _simplified(parts: Array, tolerance: float) -> Array:
     """Draw polygons (P,) with fewer points, and move those of new edges by as much as gives each its area."""
     simplify = shapely.simplify if len(parts) == 1 else shapely.coverage_simplify
-    found = shapely.orient_polygons(simplify(parts, tolerance))
-    before, polygons = shapely.get_parts(parts), shapely.get_parts(found)
+    simpler = shapely.orient_polygons(simplify(parts, tolerance))
+    before, polygons = shapely.get_parts(parts), shapely.get_parts(simpler)
     if len(before) != len(polygons):
-        return found
+        return simpler
     rings, polygon = shapely.get_rings(polygons, return_index=True)
     places, ring = shapely.get_coordinates(rings, return_index=True)
     points, number = np.unique(places, axis=0, return_inverse=True)
@@ -128,5 +128,5 @@ def _simplified(parts: Array, tolerance: float) -> Array:
     still = edges[[tuple(ends) in old for ends in points[edges].reshape(-1, 4).tolist()]].ravel()
     areas = Areas(beside, np.append(0, shapely.area(before)))
     moved = areas.kept(points, edges, np.arange(len(edges)), np.empty(0, np.intp), still)
-    kept = shapely.set_coordinates(found.copy(), moved[number.ravel()])
-    return kept if shapely.is_valid(kept).all() else found
+    kept = shapely.set_coordinates(simpler.copy(), moved[number.ravel()])
+    return kept if shapely.is_valid(kept).all() else simpler
