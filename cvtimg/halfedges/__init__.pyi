@@ -1,3 +1,4 @@
+from .half_edges import MOST_FLIPS as MOST_FLIPS
 from .half_edges import EdgeTable as EdgeTable
 from .half_edges import HalfEdges as HalfEdges
 from .half_edges import TriangleMeasures as TriangleMeasures

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from cvtimg._shared.checks import check_places, check_shape, check_triangles
 from cvtimg._shared.types import Array, Floats, Indices, Ints, Ints64, Points, Triangles
 
+#: Flips at most for each triangle: in a metric that varies, or on curved surfaces, two edges might take turns for ever.
+MOST_FLIPS = 20
+
 
 class HalfEdges:
     """Triangles; half-edge 3 t + k leads from corner k of triangle t to the next one.

@@ -37,7 +37,6 @@ class Spacing:
     straight: float = 20.0  # vertices slide along a border where edges turn by less, in degrees
     step: float = 0.34  # a line is sampled at steps of at most this part of an edge
     parts: int = 256  # into which steps are divided at once, since sizes may be tiny at one end only
-    least_passes: int = 3
     passes: int = 12  # at most, that divide steps
     rounds: int = 12  # of making crowded edges shorter,
     few: float = 1e-3  # until no more than this part of them is left,
@@ -170,12 +169,12 @@ def sampled(lines: tuple[Points, ...], field: Field, how: Spacing) -> tuple[Poin
     """Sample lines so closely that the metric hardly changes from point to point; also return the line of each."""
     places = np.concatenate(lines)
     line_of = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    for pass_ in range(how.passes):
+    for _ in range(how.passes):
         metric, steps = field.metric(places), np.diff(places, axis=0)
         longest = np.maximum(lengths_of(metric[:-1], steps), lengths_of(metric[1:], steps))
         longest[np.diff(line_of) > 0] = 0
         n_parts = np.clip(np.ceil(longest / how.step), 1, how.parts).astype(np.intp)
-        if pass_ >= how.least_passes and n_parts.max(initial=1) < how.parts:
+        if n_parts.max(initial=1) == 1:
             break
         places, start = divided_steps(places, n_parts)
         line_of = line_of[start]

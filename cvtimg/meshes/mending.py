@@ -28,7 +28,6 @@ class Mending:
     patience: int = 6  # rounds without a gain before it is given up
     moves: int = 6  # in each round, vertices move so often,
     smoothings: int = 10  # and triangles are smoothed so often
-    power: int = 8  # by this power of their cost
     near: float = (
         0.7  # vertices go where new ones are nearer than this part of the new edges, then where edges are short
     )
@@ -62,7 +61,7 @@ def mend(
         field = field.lowered(places, sizes, grade)
         relax(mesh, field.metric, isotropic=True, most=how.moves, tolerance=0.0)
         for _ in range(how.smoothings):
-            mesh.smooth(how.power)
+            mesh.smooth()
             mesh.flip(None)
         badness, since = _badness(mesh, how.small), since + 1
         if badness < least:

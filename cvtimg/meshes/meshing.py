@@ -51,12 +51,10 @@ class MeshEffort:
     work: int = 600_000  # meshes of one size have more moves and sweeps: as many as move this many vertices in all,
     most_moves: int = 200  # but not more than these
     most_sweeps: int = 20
-    power: int = 8  # where sizes vary, sweeps lower the sum of the shapes of triangles to this power: the worst counts
-    smoothings: int = 2  # so often
+    smoothings: int = 2  # where sizes vary, triangles are smoothed so often
     even_again: float = 0.55  # part of a last even step: with 0 the mean quality is best, with 1 lengths are
     polishes: int = 6  # so often, in the end, vertices of narrow triangles alone move,
-    narrow: float = 40.0  # those with a smaller angle, in degrees,
-    polish: int = 16  # by this power
+    narrow: float = 40.0  # those with a smaller angle, in degrees
 
     def of(self, n: int) -> MeshEffort:
         """Return the effort for n vertices whose distances are the same everywhere."""
@@ -324,13 +322,13 @@ def _finished(
             mesh.even(field.metric(mesh.points), lines)
             mesh.flip(None)
         for _ in range(effort.smoothings):
-            mesh.smooth(effort.power)
+            mesh.smooth()
             mesh.flip(None)
         if effort.even_again:
             mesh.even(field.metric(mesh.points), lines, effort.even_again)
             mesh.flip(None)
         for _ in range(effort.polishes):
-            mesh.smooth(effort.polish, among=mesh.has_angles_below(effort.narrow))
+            mesh.smooth(among=mesh.has_angles_below(effort.narrow))
             mesh.flip(None)
         # Where sizes are given, as for the error of a solution, they decide: vertices leave no part for another.
         mesh = mend(

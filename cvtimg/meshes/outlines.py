@@ -33,8 +33,8 @@ class Smoothing:
 
 
 SMOOTHING = Smoothing()
-#: Where a closed line turns by more, in degrees, at its start, that is a corner.
-_CLOSED_CORNER = 10.0
+#: Where a line turns by more, in degrees, at the start of a ring or between long sides, that is a corner.
+CLEAR_CORNER = 10.0
 #: The nearest part of a line is looked for in boxes first that reach this part of the usual length of such parts.
 _REACH = 0.1
 #: A fixed point this near to a line, by the diameter of all, is on it; points as near to each other are one.
@@ -79,7 +79,7 @@ class Outline:
         is_corner |= np.bincount(self.ends.ravel(), minlength=len(is_corner)) > 2
         rings = [line[[-2, 0, 1]] for line, closed in zip(self.lines, self.is_closed, strict=True) if closed]
         turns = turns_of(*np.array(rings).reshape(-1, 3, 2).transpose(1, 0, 2))
-        is_corner[self.ends[self.is_closed, 0][turns > _CLOSED_CORNER]] = True
+        is_corner[self.ends[self.is_closed, 0][turns > CLEAR_CORNER]] = True
         return is_corner
 
     @property

@@ -40,8 +40,7 @@ class Search:
     halvings: int = 5  # which is halved so often
     gap: float = 0.6  # no vertex starts nearer to one on a border than this part of the edge length there,
     less: float = 0.8  # and less where there is no room
-    draws: int = 16  # of more vertices inside,
-    more: float = 1.03  # and how many more than seem to be needed
+    draws: int = 16  # of more vertices inside
     fitting: float = 0.2  # polygons fit if details are left out until their points are this part of all vertices
 
 
@@ -221,6 +220,6 @@ def place_inside(borders: Borders, field: Field, n: int, rng: np.random.Generato
             return points[((np.arange(n) + 0.5) * len(points) / n).astype(np.intp)]
         if wanted > 4 * n:
             part *= _SEARCH.less
-        wanted = min(wanted * _SEARCH.more * n / max(len(points), 1), 8.0 * n) + 1
+        wanted = min(wanted * n / max(len(points), 1), 8.0 * n) + 1
     check_in_range("n", n, False, f"less by {n - len(points)}: the border leaves no room")
     return points

@@ -11,14 +11,13 @@ from cvtimg._shared.records import ReadOnly
 from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points
 from cvtimg.halfedges import EdgeTable, edges_around, measure_triangles, unique_edges
 from cvtimg.labels.contours import OUTSIDE
-from cvtimg.meshes.outlines import Outline, StraightParts, cross
+from cvtimg.meshes.outlines import ON_LINE, Outline, StraightParts, cross
 
 
 @dataclass(frozen=True, slots=True)
 class Bending:
     """Which edges on borders bend, and how far."""
 
-    off: float = 1e-8  # vertices farther from the outline, by its diameter, were put in the middle of edges, and move
     near: float = 0.3  # the ends of an edge are no farther from their line than this part of its length,
     around: float = 2.0  # nor the way between them longer than this multiple of it: else the line is another's
     least: float = 0.1  # Jacobians stay above this part of their mean, and areas above this part of what they were
@@ -151,7 +150,7 @@ class _Ways:
             line,
             np.stack([at(along[:, 0]), at(along[:, 1])], axis=1),
             at(middles),
-            gaps > _BENDING.off * outline.diameter,
+            gaps > ON_LINE * outline.diameter,
             ((along == 0) | (along == lengths[:, None])) & ~closed[:, None],
             (gaps <= _BENDING.near * chords[:, None]).all(axis=1) & (np.abs(ways) <= _BENDING.around * chords),
             ways < 0,

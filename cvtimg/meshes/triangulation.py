@@ -9,12 +9,12 @@ import numpy as np
 
 from cvtimg._shared.extras import optional
 from cvtimg._shared.types import Bools, Floats, Indices, Ints, Points, Triangles
-from cvtimg.halfedges import EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
+from cvtimg.halfedges import MOST_FLIPS, EdgeTable, HalfEdges, connected_parts, edge_keys, find_twins, measure_triangles
 from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
 
-#: Flips at most, for each triangle: in a metric that varies, flips might never end.
-_MOST_FLIPS = 20
+#: Smoothing lowers the sum of the shapes of triangles to this power: the larger, the more the worst counts.
+_POWER = 8
 #: No move leaves a triangle with less than this part of its area; it is halved this often before it is given up.
 _LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
 #: How vertices move.
@@ -78,7 +78,7 @@ class PlaneTriangulation(HalfEdges):
 
     def flip(self, metric: Points | None) -> None:
         """Flip edges until the triangulation is Delaunay, but for its borders."""
-        _meshes.flip(self, metric, _MOST_FLIPS * len(self.triangles))
+        _meshes.flip(self, metric, MOST_FLIPS * len(self.triangles))
 
     def moments(self, metric: Points) -> tuple[float, Points, Points]:
         """Compute the energy of the cells, mass times metric (N, 3), and that times the steps to centroids (N, 2)."""
@@ -122,10 +122,10 @@ class PlaneTriangulation(HalfEdges):
             steps[sliding] = lines.feet(self.points[sliding] + steps[sliding]) - self.points[sliding]
             self.move(steps, self.fixed == SLIDES, whole=True)
 
-    def smooth(self, power: int, among: Bools | None = None) -> None:
+    def smooth(self, among: Bools | None = None) -> None:
         """Move vertices, or some of them (N,), so that triangles around get more equilateral, above all the worst."""
         fixed = self.fixed if among is None else np.where(among, self.fixed, FIXED).astype(np.uint8)
-        _meshes.smooth(self, fixed, power)
+        _meshes.smooth(self, fixed, _POWER)
 
     def has_angles_below(self, least: float) -> Bools:
         """Tell which vertices (N,) are corners of triangles with an angle below this, in degrees."""

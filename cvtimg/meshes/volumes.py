@@ -39,11 +39,9 @@ class VolumeEffort:
     smoothness: float = 1.0  # the distance to the surface is smoothed by a Gaussian of this many voxels
     most_per_voxel: int = 16  # more vertices for each voxel show nothing that the voxels hold
     per_volume: float = 2.0  # vertices in a volume of 1 where the longer edges have length 1
-    rounds: int = 8  # by which the number of vertices is met
+    rounds: int = 8  # by which the number of vertices is met, and then the volume
     near: float = 0.01  # as part of the wanted one, which is near enough
-    volume_rounds: int = 6  # by which the volume is met
-    volume_near: float = 0.001  # what is near enough
-    volume_error: float = 0.01  # what is not near enough
+    volume_near: float = 0.001  # volumes are moved until they are as near as this
 
 
 _EFFORT = VolumeEffort()
@@ -260,7 +258,7 @@ def mesh_volume(labels: ArrayLike, *, n: int | None = None, edge_length: float |
     filled = sum_by_label(filling.labels, volumes(points, filling.cells), len(levels.wanted) + 1)[1:]
     name = f"edge_length={edge_length}" if n is None else f"n={n}"
     for tag, error in zip(levels.tags[1:].tolist(), np.abs(filled / levels.wanted - 1).tolist(), strict=True):
-        check_that(name, error < _EFFORT.volume_error, f"let tetrahedra be smaller: they lose the shape of label {tag}")
+        check_that(name, error < _EFFORT.near, f"let tetrahedra be smaller: they lose the shape of label {tag}")
     return VolumeMesh(points, filling.cells.astype(np.int32), levels.tags[filling.labels].astype(np.int32), n)
 
 
@@ -340,7 +338,7 @@ class _VoxelLevels:
 
 def _with_wanted_volumes(points: Points, filling: Filling, wanted: Floats, spacing: float) -> Points:
     """Move surfaces along their normals until labels have the wanted volumes, as far as dihedral angles let them."""
-    for _ in range(_EFFORT.volume_rounds):
+    for _ in range(_EFFORT.rounds):
         heights, is_near = _heights(points, filling.cells, filling.labels, wanted)
         if is_near:
             break

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, refuse_type
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.types import Floats, Indices, Points, Triangles
+from cvtimg.meshes.planning import MOST_VERTICES
 from cvtimg.placement import ConstantDensity, as_density
 from cvtimg.placement.densities import Density
 from cvtimg.surfaces import _surfaces
@@ -24,8 +25,6 @@ from cvtimg.surfaces.result import SurfacePoints
 from cvtimg.surfaces.sizes import HEXAGON, Sizes
 from cvtimg.surfaces.surface import Surface
 from cvtimg.surfaces.triangulation import SurfaceTriangulation, split_long_edges
-
-_MOST_POINTS = 1 << 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +114,7 @@ def surface_points(
     """
     shape = as_surface(surface, weld)
     n = check_at_least("n", n, 4, "the corners of a tetrahedron")
-    if n > _MOST_POINTS:
-        raise ValueError(f"n={n} must be at most {_MOST_POINTS}")
+    check_in_range("n", n, n <= MOST_VERTICES, f"at most {MOST_VERTICES}")
     check_choice("effort", effort, EFFORTS)
     if not (density is None or callable(density) or np.ndim(density) == 0):
         refuse_type("density", type(density).__name__, "a number or a function of points")

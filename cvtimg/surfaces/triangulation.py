@@ -11,13 +11,11 @@ from cvtimg._shared.checks import check_that
 from cvtimg._shared.sums import sum_by_label
 from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Bools, Floats, Indices, Points, Triangles
-from cvtimg.halfedges import HalfEdges, connected_parts, edge_keys, edges_around, find_twins
+from cvtimg.halfedges import MOST_FLIPS, HalfEdges, connected_parts, edge_keys, edges_around, find_twins
 from cvtimg.surfaces import _surfaces
 
 #: Rounds of splitting at most; each halves the longest edges.
 _ROUNDS = 24
-#: Flips at most for each triangle; rounding on curved surfaces might let two edges take turns for ever.
-_MOST_FLIPS = 20
 
 
 class SurfaceTriangulation(HalfEdges):
@@ -47,7 +45,7 @@ class SurfaceTriangulation(HalfEdges):
 
     def flip(self, normals: Points) -> None:
         """Flip edges until opposite angles add up to at most 180 degrees, but fold nothing."""
-        _surfaces.flip(self, normals, _MOST_FLIPS * len(self.triangles))
+        _surfaces.flip(self, normals, MOST_FLIPS * len(self.triangles))
 
     def moments(self, density: Floats) -> tuple[Floats, Points]:
         """Return the masses (N,) of the cells of points, and the steps (N, 3) to their centers of mass."""
