@@ -45,10 +45,13 @@ def _info(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
     n_colors = color_samples(known).n_colors if known.size else 0
     row = {**header, "distinct_colors": n_colors}
     if given.noise:
-        from cvtimg.restoration import measure_noise
-        from cvtimg.restoration.versions import with_tables
+        from cvtimg.restoration.evidence import prepare
+        from cvtimg.restoration.versions import stack_versions, with_tables
 
-        noise = measure_noise([with_tables(image, task.source)], nodata=info.nodata)
-        values = noise.levels[0], noise.slope, noise.neighbors
+        version, _ = stack_versions([with_tables(image, task.source)], nodata=info.nodata).distinct()
+        evidence, unit = prepare(version, white=False), version.level("rgb")
+        noise, lines = evidence.noise, evidence.noise_lines
+        slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)
+        values = float(noise.levels[0] / unit), slope, noise.shared.neighbors if noise.shared else 0.0
         row |= zip(NOISE_COLUMNS, (value if math.isfinite(value) else None for value in values), strict=True)
     return row

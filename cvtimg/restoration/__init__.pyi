@@ -1,10 +1,7 @@
 from .agreement import HIDDEN as HIDDEN
-from .choosing import restore_versions as restore_versions
 from .merging import RENORMALIZATIONS as RENORMALIZATIONS
-from .reconstruction import MeasuredNoise as MeasuredNoise
 from .reconstruction import denoise as denoise
-from .reconstruction import is_drawing as is_drawing
-from .reconstruction import measure_noise as measure_noise
 from .reconstruction import restore as restore
+from .reconstruction import restore_versions as restore_versions
 from .result import Denoised as Denoised
 from .result import Restoration as Restoration

@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import pairwise, product, starmap
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, uniform_filter
 
 from cvtimg._shared.choices import AutoEffortName, EffortName
 from cvtimg._shared.progress import each, part
@@ -18,7 +18,7 @@ from cvtimg._shared.types import Bools, Floats32
 from cvtimg.restoration.alignment import moved
 from cvtimg.restoration.evidence import Evidence
 from cvtimg.restoration.patches import REACH, Axes, Kinds, Noisy, PatchBlock, filtered, group_patches, with_border
-from cvtimg.restoration.versions import Clipped, Versions, fill, fuse
+from cvtimg.restoration.versions import Clipped, fill, fuse
 
 #: Largest number of patches in a group, pass by pass; and of pixels for which passes are affordable: one over a
 #: megapixel takes some seconds.
@@ -28,6 +28,8 @@ _AFFORDABLE: dict[EffortName, int] = {"best": 1 << 18, "balanced": 1 << 22}
 _KINDS, _FINDING = 32, 0.02
 #: Blur, in pixels, of the first estimate of an image.
 _BLUR = 0.7
+#: Standard deviations of noise by which an estimate may be beside what is seen: one pixel in 400 is, by chance.
+_FAR = 3.0
 #: Longest side, in pixels, of the blocks in which patches are grouped, each by a thread.
 _BLOCK = 256
 #: What patches a pixel apart differ by, in standard deviations of the noise: near ones are alike.
@@ -39,19 +41,17 @@ _OWN = 3
 _NEAR, _STRICT, _SURE = 1.5, 48.0, 1.5
 
 
-def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> tuple[Floats32, Versions]:
-    """(H, W, C) image of versions of one look, or of a single one, by groups of patches; also return what was used."""
-    versions, trust, suspicion = evidence.versions, evidence.trust, evidence.suspicion
-    fused, _ = fuse(versions, trust)
+def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generator) -> Floats32:
+    """(H, W, C) image of versions of one look, or of a single one, by groups of patches."""
+    versions = evidence.versions
+    values, weights = fuse(versions, evidence.trust)
     if not evidence.noise.is_seen and (versions.coverage > 0).all():
-        return fused, versions
+        return values
     n_pixels = versions.coverage.size
     if effort == "auto":
         effort = next((name for name, most in _AFFORDABLE.items() if n_pixels <= most), "fast")
     passes = _PASSES[effort]
     variance = max(min(evidence.variances(versions)), versions.rounding**2 / 12)
-    kept = suspicion.first_kept(versions, fused) if suspicion else versions
-    values, weights = fuse(kept, trust)
     estimate = gaussian_filter(values, _BLUR, axes=(0, 1))
     axes = Axes.of(evidence.noise.bands, estimate)
     # Holes are filled first, by passes in which known pixels count as a blur tells of them: else little would change.
@@ -63,10 +63,8 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
     with part(_FINDING, 1):
         for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
-            if suspicion and number > -len(filling):
-                kept = suspicion.kept(versions, estimate)
             own = number >= min(_OWN, len(passes) - 1)
-            values, weights = _fused(kept, evidence, variance, estimate, own=own)
+            values, weights = _fused(evidence, variance, estimate, own=own)
             precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
             noisy = Noisy(
                 with_border(axes.along(values)),
@@ -74,10 +72,12 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
                 with_border(precision[:, :, None])[:, :, 0],
                 evidence.noise.shared and evidence.noise.shared.along(axes.matrix),
             )
-            estimate = axes.back(_pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)}))
+            image = _pass(noisy, axes, kinds, largest, from_estimate=number not in {0, -len(filling)})
+            even = np.maximum(versions.noisiness(estimate), np.float32(1))  # lights may seem noisy
+            estimate = axes.back(_within_noise(image, noisy, even))
     if not evidence.noise.is_seen:
         estimate = np.where((weights > 0)[:, :, None], values, estimate)
-    return estimate, kept
+    return estimate
 
 
 def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: bool) -> Floats32:
@@ -101,21 +101,31 @@ def _pass(noisy: Noisy, axes: Axes, kinds: Kinds, largest: int, from_estimate: b
     return np.concatenate(images, axis=2)
 
 
+def _within_noise(image: Floats32, noisy: Noisy, even: Floats32) -> Floats32:
+    """(H, W, C) image, no further from the noisy one, over pixels and windows, than noise has that, but by chance."""
+    # Filters lower small lights, which are unlike all else.
+    values, precision = (band[REACH:-REACH, REACH:-REACH] for band in (noisy.values, noisy.precision))
+    with np.errstate(divide="ignore"):  # where nothing is known
+        most = _FAR / np.sqrt(even * precision)[:, :, None]
+    for side in (1,) if noisy.shared else (3, 1):
+        apart = uniform_filter(np.where(np.isfinite(most), image - values, 0), (side, side, 0))
+        image = image - (apart - np.clip(apart, -most / side, most / side))
+    return image
+
+
 def _parts(side: int) -> list[slice]:
     """Cut a side into equal parts."""
     n_parts = -(-side // _BLOCK)
     return list(starmap(slice, pairwise(side * number // n_parts for number in range(n_parts + 1))))
 
 
-def _fused(
-    versions: Versions, evidence: Evidence, variance: float, estimate: Floats32, *, own: bool
-) -> tuple[Floats32, Floats32]:
+def _fused(evidence: Evidence, variance: float, estimate: Floats32, *, own: bool) -> tuple[Floats32, Floats32]:
     """Fuse versions with what an estimate of what they show tells of each: (H, W, C) values, and (H, W) weights."""
     # Clipped values follow the true ones less than others do, and are less noisy: both is undone about the estimate.
     # Of versions that were moved by fractions of a pixel, `own` takes the pixels as they were; and they count less
     # where they differ from the first by more than noise: that is finer than the pixels, or has moved by itself.
-    white, source, ends = versions.white, evidence.given, list[tuple[bool, bool]]()
-    total, weights = np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
+    versions, source, ends = evidence.versions, evidence.given, list[tuple[bool, bool]]()
+    white, total, weights = versions.white, np.zeros_like(estimate), np.zeros(estimate.shape[:2], np.float32)
     first, first_known, spread = versions.bands(0), versions.known[:, :, 0], versions.noisiness(estimate)
 
     def add(version: int, share: np.float32) -> None:

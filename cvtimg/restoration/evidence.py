@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import part
 from cvtimg._shared.types import Floats
-from cvtimg.restoration.agreement import HIDDEN, Suspicion
+from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS, Alignment
 from cvtimg.restoration.alignment import align as align_versions
 from cvtimg.restoration.defects import Defects, without_defects
@@ -32,7 +31,6 @@ class Evidence:
     misfits: Floats  # (S,): misfit of each version, in place, with the one that most fit
     noise: Noise
     trust: Floats  # (S,): weight of each version, with mean 1
-    suspicion: Suspicion | None  # how often versions hold additions; None if nothing else is to be left out
     channels: bool  # whether versions share segments but no colors
     aligned: bool  # whether versions were put in place
     defects: Defects  # impulses and stripes that were taken out of versions
@@ -55,7 +53,6 @@ class Evidence:
 
 def prepare(
     given: Versions,
-    weights: ArrayLike | None,
     *,
     align: bool | AlignName = False,
     hidden: str | None = None,
@@ -82,14 +79,13 @@ def prepare(
         noise = Noise.of(given, level=level, white=white, in_place=model is None and not channels)
     whitening = noise.whitening(given.rounding)
     given, placed = (replace(one, lines=noise.lines, whitening=whitening) for one in (given, placed))
-    versions, suspicion, apart = placed, None, np.full(given.n_versions, np.nan)
+    versions, apart = placed, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)
         versions, apart = fitting(placed, usual, noise.shared, aligned=bool(model), hidden=hidden or "none")
         versions = rule(versions, usual, moved=bool(model))
-        suspicion = Suspicion.of(placed, versions, usual) if hidden == "outliers" else None
-    trust = trust_in(given, weights, noise.levels)
-    return Evidence(given, placed, versions, alignment, apart, noise, trust, suspicion, channels, bool(model), defects)
+    trust = trust_in(given, noise.levels)
+    return Evidence(given, placed, versions, alignment, apart, noise, trust, channels, bool(model), defects)
 
 
 def that_tell(versions: Versions) -> Versions:

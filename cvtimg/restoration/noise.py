@@ -274,7 +274,7 @@ def _covariances(versions: Versions, *, in_place: bool) -> list[Floats]:
     # The traces of versions, > 0, from means of two: each round brings them nearer, from those of versions alone.
     members = np.array([[(s in pair) / 2 for s in range(len(alone))] for pair, _ in told])
     # That of a version that tells nothing, NaN, must not reach the others.
-    traces, wanted = np.fmax([np.trace(own) for own in alone], 1e-9), [np.trace(own) for _, own in told]
+    traces, wanted = np.fmax([np.trace(covariance) for covariance in alone], 1e-9), [np.trace(half) for _, half in told]
     for _ in range(_ROUNDS):
         traces *= (members.T @ (wanted / (members @ traces))) / np.maximum(members.sum(axis=0), 1e-9)
     return [mean * (trace / np.trace(mean)) if s in seen else alone[s] for s, trace in enumerate(traces)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from inspect import signature
 from typing import Any, get_args
 
 import numpy as np
@@ -13,15 +13,16 @@ from cvtimg._shared.checks import check_choice, check_count, check_edge_weight, 
 from cvtimg._shared.choices import AlignName, AutoEffortName, EffortName, NoiseName, SpaceName
 from cvtimg._shared.progress import part
 from cvtimg._shared.threads import one_blas_thread
-from cvtimg._shared.types import Floats32
+from cvtimg._shared.types import Array, Bools, Floats32
 from cvtimg.engine.search import EFFORTS
+from cvtimg.files.whole import StrPath
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, that_tell
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Denoised, Restoration
-from cvtimg.restoration.versions import fuse, stack_versions, trust_in
+from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in, with_tables
 
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
@@ -30,9 +31,11 @@ _BLUR = 2.0
 #: A drawing has at most 12 colors in this part of the pixels, those farthest from edges, some of which are looked
 #: at. What they leave is below the variance of noise: drawings up to 0.6, photographs from 3 times that on.
 _COLORS, _AWAY, _SAMPLED = 12, 0.5, 1 << 13
+#: Correlation of neighbors in what a restored drawing leaves of one version, from which on it was no drawing.
+_STRUCTURE = 0.08
 #: Parts that red, green and blue have in lightness (Rec. 601).
 _LUMA = np.array([0.299, 0.587, 0.114])
-__all__ = ["Denoised", "MeasuredNoise", "Restoration", "denoise", "is_drawing", "measure_noise", "restore"]
+__all__ = ["Denoised", "Restoration", "denoise", "restore", "restore_versions"]
 
 
 @one_blas_thread
@@ -43,7 +46,6 @@ def restore(
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
-    weights: ArrayLike | None = None,
     align: bool | AlignName = False,
     channels: bool = False,
     hidden: str | None = "outliers",
@@ -72,8 +74,6 @@ def restore(
         Pixels with this value in all bands are unknown.
     alpha : bool, optional
         Whether the last channel of versions of two or four channels is alpha; False makes it a band. By default it is.
-    weights : (S,) array, optional
-        Weight of each version, > 0; by default the inverse variance of its noise, which is estimated.
     align : bool or {"auto", "translation", "euclidean", "affine", "homography"}
         Move each version to the place of the first. The name is the model of the motion: "euclidean" is a rotation and
         a translation, "homography" suits what is flat or far away. "auto", or True, takes the simplest that fits.
@@ -94,11 +94,10 @@ def restore(
     edge_weight : float or "auto"
         Penalty for each pair of pixels within a distance of 3 pixels in different segments, in squared 8-bit levels at
         any depth. "auto" is half the variance of the noise or, where versions disagree by more, of their disagreement.
-    renormalize : {"range", "median", "none"} or None
+    renormalize : {"range", "none"} or None
         How the generators of the versions become one color. The mean of a segment is diluted if a version hides parts
         of it. "range" takes the level that the segment has in each version on its own, where hidden parts belong to
-        the background, so that colors span the range of the versions again. "median" takes the median of all that is
-        known of the segment, "none" or None the mean.
+        the background, so that colors span the range of the versions again. "none" or None takes the mean.
     noise : float, optional
         Standard deviation of the noise of each version, > 0, in 8-bit levels at any depth; by default it is estimated.
     effort : {"fast", "balanced", "best"}
@@ -160,7 +159,7 @@ def restore(
     else:
         number = check_count("n_generators", n_generators, given.known[:, :, 0].size, "the number of pixels")
     with part(0, _PREPARING):
-        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, channels=channels)
+        evidence = prepare(given, align=align, hidden=hidden, level=noise, space=space, channels=channels)
     with part(_PREPARING, 1):
         return merge_versions(evidence, number, edge_weight=cost, renormalize=rule, effort=effort, space=space)
 
@@ -172,7 +171,6 @@ def denoise(
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
-    weights: ArrayLike | None = None,
     align: bool | AlignName = False,
     hidden: str | None = "outliers",
     space: SpaceName = "rgb",
@@ -190,7 +188,7 @@ def denoise(
 
     Parameters
     ----------
-    images, masks, nodata, alpha, weights, align, hidden, space, noise
+    images, masks, nodata, alpha, align, hidden, space, noise
         As in `restore`. Integer values are taken to be clipped at the ends of their type where they pile up there.
     noise_like : {"auto", "white"}
         Whether pixels next to each other may share noise, as after demosaicing, scaling, blurring or JPEG, and whether
@@ -241,12 +239,12 @@ def denoise(
     given, bands = stacked.distinct()
     white = noise_like == "white"
     with part(0, _PREPARING):
-        evidence = prepare(given, weights, align=align, hidden=hidden, level=noise, space=space, white=white)
+        evidence = prepare(given, align=align, hidden=hidden, level=noise, space=space, white=white)
     with part(_PREPARING, 1):
-        image, used = denoised(evidence, effort, np.random.default_rng(rng))
+        image = denoised(evidence, effort, np.random.default_rng(rng))
     if strengths != (1, 1):
-        image = _in_part(image, fuse(used, evidence.trust), *strengths, space)
-    return Denoised.of(stacked.with_all(image, bands), used, evidence, space, bands=bands)
+        image = _in_part(image, fuse(evidence.versions, evidence.trust), *strengths, space)
+    return Denoised.of(stacked.with_all(image, bands), evidence.versions, evidence, space, bands=bands)
 
 
 def _in_part(
@@ -255,48 +253,82 @@ def _in_part(
     """(H, W, C) image with a part of the noise of what was fused, and its weights, back in lightness and in colors."""
     fused, weights = before
     noise = np.where(weights[:, :, None] > 0, fused - image, 0)
-    if space in ("rgb", "linear"):
-        shares = _LUMA if image.shape[2] == 3 else np.full(image.shape[2], 1 / image.shape[2])
-        light = np.repeat((noise @ shares)[:, :, None], image.shape[2], axis=2)
-    else:  # the first band is lightness
-        light = np.concatenate([noise[:, :, :1], np.zeros_like(noise[:, :, 1:])], axis=2)
+    if space in ("lab", "oklab"):
+        light = noise * (np.arange(image.shape[2]) == 0)
+    else:
+        light = np.average(noise, axis=2, weights=_LUMA if image.shape[2] == 3 else None)[:, :, None]
     return np.asarray(image + (1 - luma) * light + (1 - chroma) * (noise - light), np.float32)
 
 
 # --- what versions are: drawings, whose few colors explain what they show, or photographs; and how noisy
 
 
-@one_blas_thread
-def is_drawing(
+def restore_versions(
     images: Sequence[Any],
+    paths: Sequence[StrPath] = (),
     *,
+    flat: bool | None = None,
     masks: Sequence[ArrayLike | None] | None = None,
     nodata: float | None = None,
     alpha: bool | None = None,
-) -> bool:
-    """Tell whether versions show a drawing in a few flat colors, for `restore`, and not a photograph, for `denoise`.
+    align: bool | AlignName = False,
+    **options: Any,
+) -> Denoised:
+    """Restore versions of one image by `cvtimg.restore` or `cvtimg.denoise`, whichever suits what they show.
 
     Parameters
     ----------
-    images, masks, nodata, alpha
-        As in `restore`. Of versions that are out of place, give the first alone.
-
-    Returns
-    -------
-    bool
-        As far as noise lets see: a drawing where it hides what is faint.
+    images, masks, nodata, alpha, align
+        As in `cvtimg.restore`.
+    paths : sequence of paths, optional
+        Files of the images: what JPEG has rounded away of those is known from their tables, where detail is restored.
+    flat : bool, optional
+        Whether the image has few flat colors. By default it has, if a few explain all but the noise, and segments of a
+        single image leave no more of it.
+    **options
+        Those of `cvtimg.restore` and of `cvtimg.denoise`; those of the other are left out.
 
     Examples
     --------
-    >>> from cvtimg.restoration import is_drawing
-    >>> is_drawing([np.eye(32)])
-    True
+    >>> from cvtimg.restoration import restore_versions
+    >>> type(restore_versions([np.eye(32)])).__name__
+    'Restoration'
     """
+    about: dict[str, Any] = {"masks": masks, "nodata": nodata, "alpha": alpha}
+    parameters = [signature(verb).parameters for verb in (restore, denoise)]  # what neither has, each refuses
+    for_segments, for_detail = (
+        {name: value for name, value in options.items() if name in own or name not in other}
+        for own, other in (parameters, parameters[::-1])
+    )
+    if for_segments.get("effort") == "auto":
+        del for_segments["effort"]
+    some = 1 if align else None  # others may be out of place
+    if flat or (flat is None and _shows_drawing(stack_versions(images[:some], **about))):
+        result = restore(images, align=align, **about, **for_segments)
+        if flat or len(images) > 1 or not _leaves_structure(result.image, images[0], result.coverage > 0):
+            return result
+    images = [with_tables(image, path) for image, path in zip(images, paths, strict=True)] if paths else images
+    return denoise(images, align=align, **about, **for_detail)
+
+
+def _leaves_structure(image: Array, version: Array, known: Bools) -> bool:
+    """Tell whether what a restored image leaves of a version is more than noise, as faint text is."""
+    bands = image.reshape(*known.shape, -1)
+    values = np.asarray(version).reshape(*known.shape, -1)[:, :, : bands.shape[2]]
+    inside = known[:, :, None] & (values > values.min()) & (values < values.max())  # what is clipped has a mean
+    apart = np.where(inside, values - bands.astype(np.float64), 0.0)
+    power = np.square(apart).sum()
+    pairs = [(apart[1:] * apart[:-1]).sum(), (apart[:, 1:] * apart[:, :-1]).sum()]
+    return bool(power and np.mean(pairs) > _STRUCTURE * power)
+
+
+@one_blas_thread
+def _shows_drawing(versions: Versions) -> bool:
+    """Tell whether versions in place show a few flat colors, as far as noise lets see: it hides what is faint."""
     from scipy.ndimage import gaussian_gradient_magnitude
 
-    versions = stack_versions(images, masks, nodata, alpha=alpha)
     noise = Noise.of(versions).levels
-    trust = trust_in(versions, None, noise)
+    trust = trust_in(versions, noise)
     picture, weight = fuse(versions, trust, _BLUR)
     slopes = [gaussian_gradient_magnitude(band, 1.0) for band in np.moveaxis(picture, 2, 0)]
     slope = np.square(slopes).sum(axis=0).ravel()
@@ -307,61 +339,3 @@ def is_drawing(
     noisy = float(np.mean(trust * np.nan_to_num(noise) ** 2))
     noisy /= max(float(weight.mean()), 1e-9) * 4 * np.pi * _BLUR**2
     return bool(left <= noisy + (versions.rounding / 2) ** 2)  # a level of 8 bits is lost by rounding
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredNoise:
-    """The noise of versions, in 8-bit levels at any depth.
-
-    Attributes
-    ----------
-    levels : tuple of float
-        Standard deviation in each version; NaN where too little is known.
-    slope : float
-        How much the variance grows with each level, a mean over bands, as that of light does; 0 where noise is even.
-    neighbors : float
-        Correlation of the noise of pixels next to each other in a row; 0 where noise is white.
-    """
-
-    levels: tuple[float, ...]
-    slope: float
-    neighbors: float
-
-
-@one_blas_thread
-def measure_noise(
-    images: Sequence[Any],
-    *,
-    masks: Sequence[ArrayLike | None] | None = None,
-    nodata: float | None = None,
-    alpha: bool | None = None,
-) -> MeasuredNoise:
-    """Measure the noise of versions of one image, or of a single one, as `denoise` does.
-
-    Parameters
-    ----------
-    images, masks, nodata, alpha
-        As in `restore`. Versions are in place.
-
-    Returns
-    -------
-    MeasuredNoise
-
-    References
-    ----------
-    G. Chen, F. Zhu, P. A. Heng, ICCV 2015, doi 10.1109/ICCV.2015.62, for the level.
-
-    Examples
-    --------
-    >>> from cvtimg.restoration import measure_noise
-    >>> rng = np.random.default_rng(0)
-    >>> found = measure_noise([rng.normal(128, 5, (64, 64)).astype(np.uint8)])
-    >>> 4 < found.levels[0] < 6, found.slope, found.neighbors
-    (True, 0.0, 0.0)
-    """
-    given, _ = stack_versions(images, masks, nodata, alpha=alpha).distinct()
-    evidence = prepare(given, None, white=False)
-    noise, lines, unit = evidence.noise, evidence.noise_lines, given.level("rgb")
-    slope = 0.0 if lines is None else float(lines[:, 1].mean() / unit)
-    levels = tuple((noise.levels / unit).tolist())
-    return MeasuredNoise(levels, slope, noise.shared.neighbors if noise.shared else 0.0)

@@ -15,10 +15,9 @@ from PIL import Image
 from PIL.JpegImagePlugin import samplings
 from scipy.ndimage import gaussian_filter
 
-from cvtimg._shared.checks import check_image, check_in_range, check_shape, check_that
+from cvtimg._shared.checks import check_image, check_shape, check_that
 from cvtimg._shared.choices import SpaceName
 from cvtimg._shared.pixels import array_of, peak, usual_range, white_of
-from cvtimg._shared.threads import in_stripes
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Indices, Ints
 from cvtimg.colors.places import has_alpha
 from cvtimg.colors.spaces import to_space
@@ -128,17 +127,11 @@ class Versions:
 
     def bands(self, version: int, rows: Any = slice(None)) -> Floats32:
         """(H, W, C) values of one version, or some rows of it; 0 where unknown."""
-        source, known = self.stack[version][rows], self.known[rows, :, version]
-        values = np.empty(source.shape, np.float32)
-
-        def convert(some: slice) -> None:
-            values[some] = source[some]
-            if self.tones is not None:
-                gains, offsets = self.tones[version].T.astype(np.float32)
-                values[some] = values[some] * gains + offsets
-            np.copyto(values[some], 0, where=~known[some, :, None])
-
-        in_stripes(convert, len(source), work=4.0 * source.size)
+        values, known = self.stack[version][rows].astype(np.float32), self.known[rows, :, version]
+        if self.tones is not None:
+            gains, offsets = self.tones[version].T.astype(np.float32)
+            values = values * gains + offsets
+        np.copyto(values, 0, where=~known[:, :, None])
         return values
 
     def distinct(self) -> tuple[Versions, Indices]:
@@ -326,15 +319,9 @@ def disagreement(versions: Versions, trust: Floats) -> float:
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
 
-def trust_in(versions: Versions, weights: ArrayLike | None, noise: Floats) -> Floats:
-    """(S,) weight of each version, with mean 1: the given one, or the inverse variance of its noise."""
-    if weights is not None:
-        trust = np.asarray(weights, np.float64)
-        each = (versions.n_versions,)
-        check_shape("weights", trust.shape, trust.shape == each, f"{each}, one for each version")
-        check_in_range("weights", trust.tolist(), np.isfinite(trust).all() and trust.min() > 0, "finite and > 0")
-    else:
-        trust = 1 / usual_noise(versions, noise) ** 2
+def trust_in(versions: Versions, noise: Floats) -> Floats:
+    """(S,) weight of each version, with mean 1: the inverse variance of its noise."""
+    trust = 1 / usual_noise(versions, noise) ** 2
     return trust / trust.mean()
 
 

@@ -17,7 +17,6 @@ from cvtimg.batch import WrongUsageError
 from cvtimg.cli.overview import COMMANDS
 from cvtimg.options import options_of
 from cvtimg.options.record import Choice, Option, Pair, Real, Switch, Whole, collected
-from cvtimg.restoration.choosing import FOR_SEGMENTS
 
 #: The function behind each command, or both of them, and what the command needs beside the option.
 BEHIND = {
@@ -28,7 +27,10 @@ BEHIND = {
     "cluster": ("cvtimg.tessellate", "rows.npy -k 3 -o out.csv"),
     "elbow": ("cvtimg.energy_curve", "in.png"),
     "basis": ("cvtimg.reduced_basis", "rows.npy -n 2 -o out.npz"),
-    "restore": ("cvtimg.restoration.choosing.restore cvtimg.restoration.choosing.denoise", "in.png -o out.png"),
+    "restore": (
+        "cvtimg.restoration.reconstruction.restore cvtimg.restoration.reconstruction.denoise",
+        "in.png -o out.png",
+    ),
 }
 #: Where the defaults of other commands are, and those of records; the last that has an argument is right.
 USUAL = {verb: names for verb, (names, _) in BEHIND.items()} | {
@@ -53,7 +55,7 @@ def values(option: Option) -> list[str]:
     """Return words for a value of an option that is not its default."""
     kind = option.kind
     if isinstance(kind, Choice):
-        return [[name for name in kind.names if name not in (option.default, "none", "auto")][-1]]
+        return ["none", *(name for name in kind.names if name not in (option.default, "none", "auto"))][-1:]
     if isinstance(kind, Whole):
         return [str(kind.low + 4)]
     if isinstance(kind, Real):
@@ -103,7 +105,7 @@ def test_an_option_arrives_as_an_argument(verb: str, option: Option, run: Run, m
     if verb == "quantize" and not needed and option.name not in ("number", "psnr", "quality", "max_bytes"):
         needed = ["-k", "3"]
     if verb == "restore" and option.name != "number":
-        needed = ["-k", "3"] if option.keyword in FOR_SEGMENTS else ["--detail"]
+        needed = ["-k", "3"] if "detail" in option.excludes else ["--detail"]
     outcome = run(verb, *words.split(), *needed, option.flag, *value)
     assert "is far enough" in outcome.err
     expected = option.parse(value if isinstance(option.kind, Pair) else value[0] if value else True)

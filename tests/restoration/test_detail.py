@@ -56,6 +56,20 @@ def test_bands_of_unequal_noise_are_each_denoised(clean: Floats) -> None:
         assert psnr(found[:, :, band], clean[:, :, band]) > psnr(image[:, :, band], clean[:, :, band]) + 1.5
 
 
+def test_small_lights_keep_their_peaks_where_frames_are_moved_by_half_pixels() -> None:
+    rng, (y, x) = np.random.default_rng(0), np.mgrid[:96, :96]
+    places, height = np.argwhere(np.ones((5, 5))) * 17.0 + 13 + rng.uniform(-1, 1, (25, 2)), 400.0
+
+    def sky(down: float, right: float) -> Floats:
+        lights = (np.exp(-((y - a - down) ** 2 + (x - b - right) ** 2) / (2 * 0.8**2)) for a, b in places)
+        return 20 + height * np.sum([*lights], axis=0)
+
+    frames = [sky(*way) + rng.normal(0, 4, y.shape) for way in ((0, 0), (0.5, 0.5), (-0.5, 2.5), (1.5, -0.5))]
+    image, true = denoise(frames, align=True, effort="fast").image, sky(0, 0)
+    spots = [tuple(place) for place in np.rint(places).astype(int)]
+    assert np.median([(image[at] - 20) / (true[at] - 20) for at in spots]) == pytest.approx(1, abs=0.03)
+
+
 @pytest.mark.slow
 def test_floating_values_are_not_clipped_and_their_unit_makes_no_difference(clean: Floats) -> None:
     image = noisy(clean, 0.1)
