@@ -40,8 +40,8 @@ def take_rows(rows: Array, labels: NDArray[np.integer]) -> Array:
 def copy_rows(rows: Array, out: Array) -> Array:
     """Copy (H, ...) rows to `out`, and return it; threads share the work."""
 
-    def copy(own: slice) -> None:
-        out[own] = rows[own]
+    def copy(stripe: slice) -> None:
+        out[stripe] = rows[stripe]
 
     in_stripes(copy, len(rows), work=2.0 * rows.size)
     return out
