@@ -48,12 +48,14 @@ def test_the_table_has_a_result_of_each_verb_that_is_compared() -> None:
     assert {cell for row in table() for cell in row[1:4]} == {"yes", "nearly"}
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", promised(1))
 def test_the_number_of_threads_changes_no_byte(name: str, hashes: dict[str, dict[str, str]]) -> None:
     assert hashes["threads"][name] == hashes["here"][name]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("name", promised(2))
 def test_an_old_processor_gives_the_same_bytes(name: str, hashes: dict[str, dict[str, str]]) -> None:
