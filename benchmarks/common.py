@@ -156,18 +156,6 @@ def cpu_seconds(call: Callable[[], object], repeats: int = 1) -> list[float]:
     return [timed(call, time.process_time)[1] for _ in range(repeats)]
 
 
-def median_seconds(call: Callable[[], object], repeats: int) -> float:
-    """Return the median over `repeats` calls, or as many as fill a quarter of a second if that is more.
-
-    A quarter of a second is what a processor takes to come up to speed; a call of milliseconds would be over before.
-    """
-    call()
-    runs: list[float] = []
-    while len(runs) < repeats or sum(runs) < 0.25:
-        runs.append(timed(call)[1])
-    return statistics.median(runs)
-
-
 def run_process(command: Sequence[str | Path]) -> Process:
     """Run a command to its end, from before it is started until after it is reaped."""
     start = time.perf_counter()

@@ -1,17 +1,18 @@
-"""What cores bring to each verb, and how its cost grows with the size.
+"""What cores bring to each verb, and what the memory allows.
 
 `virtual` tells what 16 cores can bring, on any machine: the parts of each pass are timed one by one, in one thread, and
-given to 16 workers as they get free; beside it how many passes that were, and what waking 15 threads for each of them
-adds. Locks and the memory's bandwidth are not seen. `threads` has seconds and processor seconds for several numbers of
-threads, `growth` the exponent of the processor time of one thread from a sixteenth of the size to the size, both also
-of rivals.
+given to as many of 16 workers as the pass asks for, as they get free; beside it how many passes that were, and what
+waking 15 threads for each of them adds. Bytes are those of arrays that passes hold and that no cache does, read or
+written once a pass; the limit is the gain at which a copy by all cores of this machine would be as fast. `threads` has
+seconds and processor seconds for several numbers of threads, also of rivals.
 
-    python benchmarks/scaling.py [--quick] [--parts virtual threads growth] [--verbs quantize ...]
+    python benchmarks/scaling.py [--quick] [--parts virtual threads] [--verbs quantize ...]
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import subprocess
@@ -24,11 +25,12 @@ from heapq import heapreplace
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
-from math import log, sqrt
+from math import sqrt
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
-from common import DATA, SAMPLES, Rows, parser, progress, read_rgb, run
+from common import DATA, SAMPLES, Rows, parser, progress, read_rgb, run, timed
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
@@ -38,6 +40,8 @@ WIDTH, HEIGHT = 768, 512
 PICTURE = WIDTH * HEIGHT
 #: Seconds that waking a sleeping thread takes the one that wakes it, on a virtual machine.
 WAKING = 36e-6
+#: Bytes of an array that stays in the caches of a core.
+CACHED = 1 << 20
 #: A part of the size runs first: imports are not counted.
 WARM = 1 / 64
 
@@ -110,8 +114,13 @@ class Passes:
     def __init__(self, n_workers: int) -> None:
         from cvtimg._shared import threads
 
-        self.n_workers, self.n_passes, self.work, self.seconds, self._within = n_workers, 0, 0.0, 0.0, False
+        self.n_workers, self._within = n_workers, False
+        self.forget()
         threads.in_parts, threads.side_by_side = self.in_parts, self.side_by_side  # before other modules import them
+
+    def forget(self) -> None:
+        """Forget all passes."""
+        self.n_passes, self.n_bytes, self.work, self.seconds = 0, 0, 0.0, 0.0
 
     def in_parts(self, kernel: Callable[[int, int], None], n_items: int, work: float) -> None:
         """Do what `threads.in_parts` does."""
@@ -120,17 +129,18 @@ class Passes:
         n = int(min(self.n_workers, n_items, (max(work, 0) / threads._TO_HAND_OVER) ** 0.5))
         n_parts = 1 if self._within or n <= 1 else min(n_items, threads._PARTS_OF_A_THREAD * n)
         ends = [n_items * part // n_parts for part in range(n_parts + 1)]
-        deque(self._timed(lambda part: kernel(*part), [*pairwise(ends)]), maxlen=0)
+        deque(self._timed(lambda part: kernel(*part), [*pairwise(ends)], n), maxlen=0)
 
     def side_by_side(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
         """Do what `threads.side_by_side` does."""
-        return self._timed(work, items)
+        return self._timed(work, items, self.n_workers)
 
-    def _timed(self, work: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
+    def _timed(self, work: Callable[[Any], Any], items: Sequence[Any], n_workers: int) -> Iterator[Any]:
         if self._within or len(items) == 1:
             yield from map(work, items)
             return
-        free = [0.0] * self.n_workers  # when each worker has done its parts
+        self.n_bytes += sum({id(array): array.nbytes for array in held(work) if array.nbytes > CACHED}.values())
+        free = [0.0] * n_workers  # when each worker has done its parts
         for item in items:
             self._within, start = True, time.thread_time()
             try:
@@ -142,6 +152,23 @@ class Passes:
             yield result
         self.seconds += max(free)
         self.n_passes += 1
+
+
+def held(thing: object, depth: int = 5) -> Iterator[NDArray[Any]]:
+    """Yield the arrays that a kernel holds: in its closure, its arguments, and values in these."""
+    if isinstance(thing, np.ndarray):
+        yield thing
+    elif depth and not isinstance(thing, (type, ModuleType)):
+        for part in gc.get_referents(thing.__closure__ if isinstance(thing, FunctionType) else thing):
+            yield from held(part, depth - 1)
+
+
+def bandwidth() -> float:
+    """Measure the bytes in a second that all threads of this machine copy, read and written, at best."""
+    rows, out = np.ones((2, 1 << 15, 1 << 9))
+    return (
+        2 * rows.nbytes / min(timed(partial(call, "cvtimg._shared.sums", "copy_rows", rows, out))[1] for _ in range(9))
+    )
 
 
 def measured(name: str, share: float) -> dict[str, float]:
@@ -160,7 +187,7 @@ def planned(name: str, share: float) -> dict[str, float]:
     make, work = VERBS[name]
     work(make(share * WARM), share * WARM)
     given = make(share)
-    passes.n_passes, passes.work, passes.seconds = 0, 0.0, 0.0
+    passes.forget()
     start = time.thread_time()
     work(given, share)
     all_ = time.thread_time() - start
@@ -170,6 +197,8 @@ def planned(name: str, share: float) -> dict[str, float]:
         "gain of 16": all_ / (all_ - passes.work + passes.seconds),
         "passes": passes.n_passes,
         "waking s": passes.n_passes * 15 * WAKING,
+        "bytes": passes.n_bytes,
+        "bytes an item": passes.n_bytes / (given if isinstance(given, int) else np.prod(np.shape(given)[:-1])),
     }
 
 
@@ -185,28 +214,22 @@ def measured_apart(name: str, share: float, n_threads: int, how: str = "--measur
 
 
 def virtual(given: argparse.Namespace) -> Rows:
-    """Measure the serial part and the passes of each verb, and how many times as fast 16 cores can be."""
-    return [{"verb": name, **measured_apart(name, given.size, 1, "--planned")} for name in given.verbs if name in VERBS]
+    """Measure the serial part and the passes of each verb, and how many times as fast it can be."""
+    found, speed = [], bandwidth()
+    for name in (name for name in given.verbs if name in VERBS):
+        row = measured_apart(name, given.size, 1, "--planned")
+        found.append({"verb": name, **row, "limit": row["processor s"] * speed / max(row.pop("bytes"), 1)})
+    progress(f"a copy by all threads of this machine: {speed / 1e9:.1f} GB/s")
+    return found
 
 
 def threads(given: argparse.Namespace) -> Rows:
     """Measure seconds / processor seconds by the number of threads."""
-    found = []
+    rows = []
     for name in given.verbs:
-        runs = {n: measured_apart(name, given.size, n) for n in given.numbers}
-        found.append(
-            {"verb": name, **{str(n): f"{run['seconds']:.2f} / {run['processor s']:.2f}" for n, run in runs.items()}}
-        )
-    return found
-
-
-def growth(given: argparse.Namespace) -> Rows:
-    """Measure processor seconds of one thread from a sixteenth of the size to the size, and the exponent."""
-    found = []
-    for name in given.verbs:
-        few, many = (measured_apart(name, share, 1)["processor s"] for share in (given.size / 16, given.size))
-        found.append({"verb": name, "a sixteenth": few, "all": many, "exponent": log(many / few) / log(16)})
-    return found
+        runs = [(n, measured_apart(name, given.size, n)) for n in given.numbers]
+        rows.append({"verb": name} | {str(n): f"{run['seconds']:.2f} / {run['processor s']:.2f}" for n, run in runs})
+    return rows
 
 
 if __name__ == "__main__":
@@ -218,4 +241,4 @@ if __name__ == "__main__":
     read.add_argument("--verbs", nargs="+", choices=known, default=known, help="only these")
     read.add_argument("--size", type=float, default=1, help="share of the size: 3.5 or .4 megapixels, 2 million rows")
     read.add_argument("--numbers", type=int, nargs="+", default=[1, 2, 4, 8, 16], help="of threads")
-    run(read, virtual, threads, growth)
+    run(read, virtual, threads)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 from skimage import data
+from skimage.metrics import peak_signal_noise_ratio
 from skimage.segmentation import slic
 
 import cvtimg
@@ -48,36 +49,34 @@ def photographs(megapixels: float, quick: bool) -> dict[str, NDArray[np.uint8]]:
 
 def stippling(given: argparse.Namespace) -> Rows:
     """Tones of stipples, after a blur by the distance of dots."""
-    quick = given.quick
     rows = []
-    n_dots = 5000 if quick else 20_000
-    for name, image in photographs(0.25 if quick else 1.0, quick).items():
+    n_dots = 5000 if given.quick else 20_000
+    for name, image in photographs(0.25 if given.quick else 1.0, given.quick).items():
         gray = np.asarray(Image.fromarray(image).convert("L"))
         wanted = np.float32(MAX_INK) * ink_coverage(gray)
         for dots in ("equal", "sized"):
             draw = partial(cvtimg.stipple, gray, n_dots, dots=dots, max_ink=MAX_INK, tones="true")
             result, seconds = timed(draw, time.process_time)
             rows.append({"image": name, "dots": dots, **errors(result.points, result.radii, wanted), "s": seconds})
-        for other, place in (("density 1 - gray", plain_density), ("error diffusion", error_diffusion)):
-            points, seconds = timed(partial(place, gray, wanted, n_dots), time.process_time)
+        plain = partial(cvtimg.place_generators, None, n_dots, density=1 - gray / np.float32(255))
+        for other, place in (
+            ("density 1 - gray", lambda plain=plain: plain().points),
+            ("error diffusion", partial(error_diffusion, wanted, n_dots)),
+        ):
+            points, seconds = timed(place, time.process_time)
             radii = np.full(len(points), np.sqrt(wanted.sum() / len(points) / np.pi))
             rows.append({"image": name, "dots": other, **errors(points, radii, wanted), "s": seconds})
     return rows
 
 
-def plain_density(gray: NDArray[np.uint8], wanted: NDArray[np.float32], n_dots: int) -> NDArray[np.float64]:
-    """Place dots by the density that others take."""
-    return cvtimg.place_generators(None, n_dots, density=1 - gray / np.float32(255)).points
-
-
-def error_diffusion(gray: NDArray[np.uint8], wanted: NDArray[np.float32], n_dots: int) -> NDArray[np.float64]:
+def error_diffusion(wanted: NDArray[np.float32], n_dots: int) -> NDArray[np.float64]:
     """Place about as many dots by Floyd and Steinberg, on a picture whose pixels are dots."""
     factor = np.sqrt(n_dots / wanted.sum() * 1.0)
-    size = (max(round(gray.shape[1] * factor), 1), max(round(gray.shape[0] * factor), 1))
+    size = (max(round(wanted.shape[1] * factor), 1), max(round(wanted.shape[0] * factor), 1))
     tones = np.asarray(Image.fromarray(wanted).resize(size, Image.Resampling.BOX))
     dark = np.rint(255 * (1 - np.clip(tones, 0, 1))).astype(np.uint8)
     dots = np.argwhere(~np.asarray(Image.fromarray(dark).convert("1")))
-    return (dots[:, ::-1] + 0.5) * [gray.shape[1] / size[0], gray.shape[0] / size[1]]
+    return (dots[:, ::-1] + 0.5) * [wanted.shape[1] / size[0], wanted.shape[0] / size[1]]
 
 
 def errors(points: NDArray[np.float64], radii: NDArray[np.float64], wanted: NDArray[np.float32]) -> Row:
@@ -100,10 +99,9 @@ def srgb(light: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def tours(given: argparse.Namespace) -> Rows:
     """Tours through stipples, in square roots of their number times the area."""
-    quick = given.quick
     gray = np.asarray(Image.fromarray(data.camera()).resize((632, 632)))
     rows = []
-    for n_dots in (5000,) if quick else (5000, 20_000, 100_000):
+    for n_dots in (5000,) if given.quick else (5000, 20_000, 100_000):
         points = cvtimg.stipple(gray, n_dots, tones="true").points
         order, seconds = timed(partial(find_tour, points), time.process_time)
         unit = np.sqrt(n_dots * gray.size)
@@ -114,14 +112,13 @@ def tours(given: argparse.Namespace) -> Rows:
 
 def mosaics(given: argparse.Namespace) -> Rows:
     """PSNR of mosaics beside means of superpixels."""
-    quick = given.quick
-    rows = []
-    for name, image in photographs(0.1 if quick else 0.4, quick).items():
-        for n_tiles in (250,) if quick else (1000, 4000):
+    rows, psnr = [], partial(peak_signal_noise_ratio, data_range=255)
+    for name, image in photographs(0.1 if given.quick else 0.4, given.quick).items():
+        for n_tiles in (250,) if given.quick else (1000, 4000):
             cells, seconds = timed(partial(cvtimg.mosaic, image, n_tiles), time.process_time)
             triangles = cvtimg.mosaic(image, n_tiles, shape="triangles")
-            others = max(psnr(superpixel_means(image, n_tiles, compactness), image) for compactness in (3, 10))
-            figures = {"cells": psnr(cells.image, image), "triangles": psnr(triangles.image, image), "SLIC": others}
+            others = max(psnr(image, superpixel_means(image, n_tiles, compactness)) for compactness in (3, 10))
+            figures = {"cells": psnr(image, cells.image), "triangles": psnr(image, triangles.image), "SLIC": others}
             rows.append({"image": name, "tiles": n_tiles, **figures, "s": seconds})
     return rows
 
@@ -133,11 +130,6 @@ def superpixel_means(image: NDArray[np.uint8], n_tiles: int, compactness: float)
     flat = labels.ravel()
     sums = np.stack([np.bincount(flat, image[:, :, band].ravel()) for band in range(3)], axis=1)
     return (sums / np.bincount(flat)[:, np.newaxis])[labels]
-
-
-def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Compare images of 8 bits."""
-    return float(-10 * np.log10(((a.astype(np.float64) - b) ** 2).mean() / 255**2))
 
 
 if __name__ == "__main__":

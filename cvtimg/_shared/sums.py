@@ -33,7 +33,7 @@ def take_rows(rows: Array, labels: NDArray[np.integer]) -> Array:
     def take(start: int, stop: int) -> None:
         np.take(rows, flat[start:stop], axis=0, out=taken[start:stop], mode="clip")
 
-    in_parts(take, flat.size, work=taken.size)
+    in_parts(take, flat.size, work=8.0 * taken.size)
     return taken.reshape(*labels.shape, *rows.shape[1:])
 
 
@@ -43,7 +43,7 @@ def copy_rows(rows: Array, out: Array) -> Array:
     def copy(stripe: slice) -> None:
         out[stripe] = rows[stripe]
 
-    in_stripes(copy, len(rows), work=2.0 * rows.size)
+    in_stripes(copy, len(rows), work=16.0 * rows.size)
     return out
 
 

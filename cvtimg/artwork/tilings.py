@@ -24,6 +24,8 @@ from cvtimg.placement import pixel_labels, place_generators
 
 #: Bands of rows, each with sums of its own. They are fixed, so that no bit depends on threads.
 _PARTS = 16
+#: Steps of kernels for a pixel, and of algebra for a cell, by which threads share them out.
+_STEPS_OF_PIXEL, _STEPS_OF_CELL = 32.0, 2e4
 #: The part of the error that a slope explains which a step explains, too, in a cell of uniform width.
 _STEP_OF_SLOPE = 0.75
 #: Side of an equilateral triangle of area 1.
@@ -78,7 +80,7 @@ def by_rows(add: Callable[[int, int, Floats], None], shape: tuple[int, ...], sum
     sums = np.zeros((_PARTS, *sums_shape))
     bounds = [height * number // _PARTS for number in range(_PARTS + 1)]
 
-    of_each(lambda n: add(bounds[n], bounds[n + 1], sums[n]), _PARTS, 4.0 * height * width)
+    of_each(lambda n: add(bounds[n], bounds[n + 1], sums[n]), _PARTS, _STEPS_OF_PIXEL * height * width)
     return sums.sum(axis=0)
 
 
@@ -100,15 +102,8 @@ def relocate(image: Floats32, points: Floats, painted: Painted) -> tuple[Floats,
 
 def removal_costs(painted: Painted) -> Floats:
     """(K,) estimate of how much the error grows if a cell is shared among its neighbors by the lengths of borders."""
-    n_cells = len(painted.areas)
-    squares, lengths = np.zeros(n_cells), np.zeros(n_cells)
-    labels = painted.labels
-    for label, other in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
-        border = label != other
-        apart = np.square(painted.colors[label[border]] - painted.colors[other[border]]).sum(axis=1)
-        for side in (label[border], other[border]):
-            squares += sum_by_label(side, apart, n_cells)
-            lengths += np.bincount(side, minlength=n_cells)
+    add = partial(_artwork.add_borders, painted.labels, painted.colors)
+    squares, lengths = by_rows(add, painted.labels.shape, (len(painted.areas), 2)).T
     return painted.areas * squares / np.maximum(lengths, 1)
 
 
@@ -122,17 +117,23 @@ def division_gains(image: Floats32, painted: Painted) -> tuple[Floats, Floats, F
     sums = by_rows(add, painted.labels.shape, (len(areas), 2 * image.shape[2] + 6)).reshape(len(areas), -1, 2)
     middles = sums[:, 0] / areas[:, np.newaxis]
     means = np.concatenate([middles, painted.colors], axis=1)
-    about = sums[:, 1:] - (areas[:, np.newaxis] * means)[:, :, np.newaxis] * middles[:, np.newaxis]
-    # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
-    moments, slopes = about[:, :2] + areas[:, np.newaxis, np.newaxis] / 12 * np.eye(2), about[:, 2:]
-    # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.
-    roots = np.linalg.cholesky(moments)
-    whitened = np.linalg.solve(roots, slopes.transpose(0, 2, 1))
-    values, vectors = np.linalg.eigh(whitened @ whitened.transpose(0, 2, 1))
-    directions = np.linalg.solve(roots.transpose(0, 2, 1), vectors[:, :, -1:])[:, :, 0]
-    # The halves of a uniform cell have their centers at half the root of three times its standard deviation.
-    lengths = np.sqrt(3) / 2 / (np.sqrt(areas) * np.square(directions).sum(axis=1))
-    return _STEP_OF_SLOPE * values[:, -1], middles, directions * lengths[:, np.newaxis]
+
+    def divided(cells: slice) -> tuple[Floats, Floats]:
+        n, middle = areas[cells, np.newaxis], middles[cells]
+        about = sums[cells, 1:] - (n * means[cells])[:, :, np.newaxis] * middle[:, np.newaxis]
+        # A pixel is a square: about its center it has 1/12 of its area, and no cell is flat.
+        moments, slopes = about[:, :2] + n[:, :, np.newaxis] / 12 * np.eye(2), about[:, 2:]
+        # Of all directions d, the slope along d explains most where |slopes d|^2 / (d moments d) is greatest.
+        roots = np.linalg.cholesky(moments)
+        whitened = np.linalg.solve(roots, slopes.transpose(0, 2, 1))
+        values, vectors = np.linalg.eigh(whitened @ whitened.transpose(0, 2, 1))
+        directions = np.linalg.solve(roots.transpose(0, 2, 1), vectors[:, :, -1:])[:, :, 0]
+        # The halves of a uniform cell have their centers at half the root of three times its standard deviation.
+        lengths = np.sqrt(3) / 2 / (np.sqrt(n) * np.square(directions).sum(axis=1, keepdims=True))
+        return _STEP_OF_SLOPE * values[:, -1], directions * lengths
+
+    gains, offsets = zip(*in_stripes(divided, len(areas), _STEPS_OF_CELL * len(areas), 128), strict=True)
+    return np.concatenate(gains), middles, np.concatenate(offsets)
 
 
 def detail_density(bands: Floats32, n_tiles: int, uniform: float) -> Floats32:
@@ -142,12 +143,12 @@ def detail_density(bands: Floats32, n_tiles: int, uniform: float) -> Floats32:
     """
     from scipy.ndimage import gaussian_filter
 
-    density = np.zeros(bands.shape[:2], np.float32)
-    for band in range(bands.shape[2]):
+    def detail(band: int) -> Floats32:
         smooth = gaussian_filter(bands[:, :, band], 1.0, mode="nearest")
-        for axis in (0, 1):
-            if smooth.shape[axis] > 1:
-                density += np.gradient(smooth, axis=axis) ** 2
+        slopes = [np.gradient(smooth, axis=axis) for axis in (0, 1) if smooth.shape[axis] > 1]
+        return np.sum(np.square(slopes), axis=0, initial=0, dtype=np.float32)
+
+    density = np.sum(of_each(detail, bands.shape[2], 100.0 * bands.size), axis=0)
     mean = float(density.mean(dtype=np.float64))
     if mean > 0:
         density /= np.float32(mean)

@@ -220,14 +220,14 @@ def _counted(numbers: Array) -> tuple[Array, Ints, Floats]:
     def rank(block: slice) -> None:
         np.take(rank_of, places[block], out=inverse[block], mode="clip")  # which needs no copy of what comes out
 
-    in_stripes(use, len(numbers), len(numbers), _BLOCK)
+    in_stripes(use, len(numbers), 16.0 * len(numbers), _BLOCK)
     used = np.flatnonzero(is_used)
     start_of[used] = np.arange(len(used)) << 8
     is_there = np.zeros(len(used) << 8, np.bool_)
-    in_stripes(place, len(numbers), len(numbers), _BLOCK)
+    in_stripes(place, len(numbers), 16.0 * len(numbers), _BLOCK)
     taken = np.flatnonzero(is_there)
     rank_of = np.empty(len(is_there), np.int32)
     rank_of[taken] = np.arange(len(taken), dtype=np.int32)
-    in_stripes(rank, len(numbers), len(numbers), _BLOCK)
+    in_stripes(rank, len(numbers), 16.0 * len(numbers), _BLOCK)
     distinct = (used[taken >> 8] << 8 | taken & 255).astype(np.uint32)
     return distinct, inverse, np.bincount(inverse).astype(np.float64)

@@ -32,7 +32,9 @@ class Region:
     def samples(self, n: int, rng: np.random.Generator) -> tuple[Floats32, Floats | None]:
         """Draw about the given number of samples (m, d), and their weights, if they differ."""
         n = int(np.clip(n, _FEW_SAMPLES, MANY_SAMPLES))
-        samples = _feasible_samples(sobol_samples(n, len(self.axes), rng), self.allows, rng)
+        samples = sobol_samples(n, len(self.axes), rng)
+        if self._feasible is not None:
+            samples = _feasible_samples(samples, self.allows, rng)
         if self._density is None or not len(samples):
             return samples, None
         weights = self._called("density", self._density, samples).astype(np.float64)

@@ -116,7 +116,7 @@ def pack(
         rows = rows.astype(np.float64)
     if frame is None:
         # Of few columns each by itself, which is faster.
-        columns = rows.T if len(rows.T) < 8 else [rows]
+        columns = rows.T if len(rows.T) < 16 else [rows]
         low, high = (np.hstack([least(column, axis=0) for column in columns]) for least in (np.min, np.max))
         if center is None:
             # Differences to the place nearest to 0 of the box of the rows lose none of their digits.
@@ -135,7 +135,7 @@ def pack(
             some, padded[ends] = rows[order[ends]], density[order[ends]]
         _kernels.pack_tiles(some, frame.center, frame.scale, tiles[start:stop])
 
-    in_parts(pack_part, n_tiles, work=4 * rows.size)
+    in_parts(pack_part, n_tiles, work=16 * rows.size)
     return _points(tiles, padded, frame, n_points, in_order or order is not None)
 
 
@@ -316,7 +316,7 @@ def cell_moments(points: Points, labels: Ints, n_cells: int) -> tuple[Floats, Fl
         for (tiles, ends), part in zip(slices[start:stop], parts[start:stop], strict=True):
             _kernels.accumulate(points.tiles[tiles], points.density[ends], labels[ends], part)
 
-    in_parts(accumulate, len(parts), work=3 * points.tiles.size)
+    in_parts(accumulate, len(parts), work=8 * points.tiles.size)
     total = parts.sum(axis=0)
     return total[:, -1].copy(), total[:, :-1].copy()
 
@@ -342,7 +342,7 @@ def cell_energies(points: Points, generators: Floats, labels: Ints) -> Floats:
             _kernels.distances_to_own(points.tiles[tiles], generators, labels[ends], distances)
             sums[n] = np.bincount(labels[ends], points.density[ends] * distances, len(generators))
 
-    in_parts(add, len(parts), work=3 * points.tiles.size)
+    in_parts(add, len(parts), work=12 * points.tiles.size)
     energies = sums.sum(axis=0)
     # Distinct points are farther apart than this: the rest is the rounding of means.
     least = _ROUNDING * points.energy_about_origin

@@ -30,7 +30,7 @@ Projection = Callable[[Points, Points], Points]
 #: A step is kept if it lowers the energy by this part of what the gradient promises; else halved, down to the shortest.
 _ENOUGH, _SHORTEST = 1e-4, 0.05
 #: Steps of the kernels of a descent for each number and vector.
-_STEPS = 1
+_STEPS = 5
 #: Rows of a block: a dozen vectors of them stay in a cache of the second level.
 _BLOCK = 1024
 

@@ -143,7 +143,7 @@ class PixelMoments:
         def sum_parts(start: int, stop: int) -> None:
             buckets.sum_cells(self.density, bands, start, stop, sums, touched)
 
-        in_parts(sum_parts, n_parts, work=2 * height * width + 500 * n)
+        in_parts(sum_parts, n_parts, work=12 * height * width + 4000 * n)
         totals, energies = np.zeros((n, 3)), np.zeros(n_parts)
 
         def finish(start: int, stop: int) -> None:
@@ -182,7 +182,7 @@ def pixel_labels(shape: tuple[int, ...], points: ArrayLike) -> Ints:
     def label(start: int, stop: int) -> None:
         buckets.label_pixels(labels, start, stop)
 
-    in_parts(label, buckets.rows, work=2 * labels.size + 500 * buckets.n_generators)
+    in_parts(label, buckets.rows, work=12 * labels.size + 4000 * buckets.n_generators)
     return labels
 
 

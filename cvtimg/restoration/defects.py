@@ -54,8 +54,9 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
     """Take stripes of rows and columns away, and let impulses be unknown, where there is evidence of either."""
     known, stack = versions.known.copy(), list(versions.stack)
     defects = Defects.none(versions.n_versions)
-    for number, given in enumerate(versions.stack):
-        inside = versions.known[:, :, number]
+
+    def mend(number: int) -> None:
+        given, inside = versions.stack[number], versions.known[:, :, number]
         bands = np.where(inside[:, :, None], given, np.float32(np.nan)).astype(np.float32)
         around = _around(bands)
         hits = [hit for hit in (_impulses(bands, around, inside), _lone(bands, around)) if hit is not None]
@@ -70,6 +71,8 @@ def without_defects(versions: Versions) -> tuple[Versions, Defects]:
                 defects.stripes[number, axis] = level
                 values = stack[number] - stripes.swapaxes(0, axis)
                 stack[number] = np.where(inside[:, :, None], values, np.float32(0))
+
+    of_each(mend, versions.n_versions, 1e3 * stack[0].size)
     return replace(versions, known=known, stack=tuple(stack)), defects
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from cvtimg._shared.checks import check_choice, check_positive
 from cvtimg._shared.choices import AlignName, SpaceName
 from cvtimg._shared.messages import warn
 from cvtimg._shared.progress import part
+from cvtimg._shared.threads import side_by_side
 from cvtimg._shared.types import Floats
 from cvtimg.restoration.agreement import HIDDEN
 from cvtimg.restoration.alignment import MODELS, Alignment
@@ -74,7 +76,7 @@ def prepare(
         placed, alignment = align_versions(given, model) if model else (given, Alignment.none(given.n_versions))
     if model and not channels:
         tones = exposures(placed)
-        given, placed = (equalized(one, tones) for one in (given, placed))
+        given, placed = side_by_side(partial(equalized, tones=tones), (given, placed))
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
         noise = Noise.of(given, level=level, white=white, in_place=model is None and not channels)
     whitening = noise.whitening(given.rounding)

@@ -12,7 +12,6 @@ from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Bools, Points
-from cvtimg.engine.samples import along_curve
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.result import SphereGrid
@@ -187,10 +186,8 @@ class _Plan:
             if level:
                 mesh = bisected(mesh)
             if n_surplus := len(mesh.points) - n:
-                points = without(mesh.points, n_surplus, self.rng)
-                mesh = SphereTriangulation(points[along_curve(points)])
-            else:
-                mesh = in_order(mesh)
+                mesh = without(mesh, n_surplus, self.rng)
+            mesh = in_order(mesh)
             sums = self._sums(n)
             if noise and level:
                 step = noise * np.sqrt(sums(mesh, None).areas)[:, None]

@@ -54,15 +54,20 @@ def in_order(mesh: SphereTriangulation) -> SphereTriangulation:
     return SphereTriangulation(mesh.points[order], triangles[by_least])
 
 
-def without(points: Points, n_surplus: int, rng: np.random.Generator) -> Points:
-    """Leave out some points, far from each other."""
-    direction = rng.normal(size=3)
-    left_out: list[int] = []
+def without(mesh: SphereTriangulation, n_surplus: int, rng: np.random.Generator) -> SphereTriangulation:
+    """Leave out some points, far from each other; a neighbor takes the triangles of each, and edges flip."""
+    points, direction = mesh.points, rng.normal(size=3)
+    stays, end = np.ones(len(points), bool), np.arange(len(points))
     farness = points @ direction
     for _ in range(n_surplus):
-        left_out.append(int(farness.argmax()))
-        farness = np.minimum(farness, -(points @ points[left_out[-1]]))
-    return np.delete(points, left_out, axis=0)
+        point = int(farness.argmax())
+        around = mesh.triangles[(mesh.triangles == point).any(axis=1)]
+        stays[point], end[point] = False, around[around != point][0]
+        farness = np.minimum(farness, -(points @ points[point]))
+    triangles = (np.cumsum(stays) - 1)[end[mesh.triangles]].astype(np.int32)
+    merged = SphereTriangulation(points[stays], triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
+    merged.replace(merged.points)
+    return merged
 
 
 def drawn(density: SphereDensity, n: int, rng: np.random.Generator) -> Points:

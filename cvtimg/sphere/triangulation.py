@@ -294,5 +294,5 @@ def _leveled(
         sums: tuple[float, float] = _sphere.level(mesh.points, moments, masses, at_points, areas, marks, *ends)
         return sums
 
-    along, squares = np.sum(in_stripes(level, len(masses), WORK * len(masses), _ROWS), axis=0).tolist()
+    along, squares = np.sum(in_stripes(level, len(masses), 2 * WORK * len(masses), _ROWS), axis=0).tolist()
     return along, (squares / (len(masses) if free is None else np.count_nonzero(free))) ** 0.5

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from cvtimg._shared.iteration import Stopping, iterate
+from cvtimg._shared.threads import in_parts
 from cvtimg._shared.types import Floats, Ints
 from cvtimg.engine import _kernels
 from cvtimg.engine.methods._iteration import Conditions, Ends, Iteration
@@ -66,12 +67,17 @@ def transfer_of_sets(points: Points, sets: Floats, conditions: Conditions) -> En
 
 def _sweep(points: Points, labels: Ints, masses: Floats, means: Floats, parts: Floats, conditions: Conditions) -> int:
     """Transfer points between the cells of n sets, in place; return how many moved last."""
-    (n_cells, n_dims), stopping = means.shape[1:], conditions.stopping
-    scratch = np.empty((n_cells, n_dims), points.tiles.dtype), np.empty((2, n_cells), points.tiles.dtype)
+    (n_sets, n_cells, n_dims), stopping = means.shape, conditions.stopping
     rule = conditions.n_locked, conditions.volume_power, masses[0].sum(), stopping.tolerance, stopping.max_iterations
-    state = labels, masses, means, parts, *scratch
-    n_moved: int = _kernels.transfer(points.tiles, points.density, *state, *rule)
-    return n_moved
+    n_moved: dict[int, int] = {}
+
+    def sweep(start: int, stop: int) -> None:
+        scratch = np.empty((n_cells, n_dims), points.tiles.dtype), np.empty((2, n_cells), points.tiles.dtype)
+        state = (array[start:stop] for array in (labels, masses, means, parts))
+        n_moved[stop] = _kernels.transfer(points.tiles, points.density, *state, *scratch, *rule)
+
+    in_parts(sweep, n_sets, work=means.size * points.tiles.size / n_dims)
+    return n_moved[n_sets]
 
 
 def weighted_energy(masses: Floats, energies: Floats, volume_power: float) -> float:
