@@ -171,6 +171,8 @@ def count_objects(
         inside = inside & ~outside
         gray = evenly_lit(gray, inside, outside)
     del gray
+    contrast, factor, above_blotches = _clear_of_blotches(contrast, inside)
+    step *= factor
     radius = _radius((contrast > 0.5) & inside, size) if diameter is None else diameter / 2
     white = noise / abs(step) if step else 0.0
     is_noise = SETTINGS.significant * white >= 1 or _are_impulses(contrast, inside)
@@ -178,7 +180,7 @@ def count_objects(
         labels, radius, least = np.zeros(inside.shape, np.int32), 0.0, 0.0
     else:
         noise = max(white, _noise_of_ground(contrast, inside, radius) if contrast.ndim == 2 else 0.0)
-        threshold = float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5))
+        threshold = max(float(np.clip(SETTINGS.above_noise * noise, SETTINGS.dimmest, 0.5)), above_blotches)
         necks = Necks(SETTINGS.outline * noise * blur, neck_depth)
         if diameter is not None and least is None:
             least = SETTINGS.least_size * (4 / 3 * radius**3 / size[0] if len(size) > 2 else radius**2) * np.pi
@@ -382,10 +384,30 @@ def _are_impulses(contrast: Floats32, inside: Bools) -> bool:
     return bool(abs(above - below) <= min(below, 3 * np.sqrt(above + below)))  # three standard deviations of chance
 
 
-def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats32, float]:
+def _clear_of_blotches(contrast: Floats32, inside: Bools) -> tuple[Floats32, float, float]:
+    """Return contrasts to objects in place of blotches, how much more these are, and above which objects have them.
+
+    A ground is blotchy if objects differ from it by less than it varies downward, where no objects are. That of a
+    volume is not judged: between dense objects little of it is seen.
+    """
+    if contrast.ndim > 2 or _height_of_blotches(contrast[inside]) <= 0.5:
+        return contrast, 1.0, 0.0
+    contrast, factor = contrast_of(contrast, inside, "darkest", contrast > 0.5)
+    return contrast, factor, _height_of_blotches(contrast[inside])
+
+
+def _height_of_blotches(contrasts: Floats32) -> float:
+    """Return the contrast by which objects exceed what the ground varies by, as told below 0, where no objects are."""
+    below = contrasts[contrasts < 0]
+    return SETTINGS.significant * float(np.sqrt(np.mean(np.square(below)))) if below.size else 0.0
+
+
+def contrast_of(
+    image: Floats32, inside: Bools, background: str, blotches: Bools | None = None
+) -> tuple[Floats32, float]:
     """Return where pixels lie between the generators of background, 0, and objects, 1, and their mean difference.
 
-    The image is overwritten.
+    The image is overwritten. With `blotches`, objects are more than these, and than all that the background varies by.
     """
     from skimage.filters import threshold_otsu
 
@@ -393,7 +415,9 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
     some, counts = image[..., ::apart, ::apart], inside[..., ::apart, ::apart]
     reach = [SETTINGS.reach_across * length for length in some.shape[:-2]] + [SETTINGS.reach * max(some.shape[-2:])] * 2
     objects = (some > threshold_otsu(some[counts])) & counts  # type: ignore[no-untyped-call]
-    if background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
+    if blotches is not None:
+        objects = blotches[..., ::apart, ::apart] & counts
+    elif background == "brightest" or (background == "largest" and 2 * objects.sum() > counts.sum()):
         objects = ~objects & counts
     step, generators = 0.0, None
     for _ in range(SETTINGS.max_rounds):
@@ -405,7 +429,9 @@ def contrast_of(image: Floats32, inside: Bools, background: str) -> tuple[Floats
         above = local_mean(beyond, objects, reach, SETTINGS.object_prior)
         step = float(spread(above, some.shape).mean())
         generators = ground, np.where(above * step > 0, above, step or 1).astype(np.float32)
-        before, objects = objects, (beyond / spread(generators[1], some.shape) > 0.5) & counts
+        shares = beyond / spread(generators[1], some.shape)
+        least = 0.5 if blotches is None else max(0.5, _height_of_blotches(shares[counts]))
+        before, objects = objects, (shares > least) & counts
         if (objects != before).mean() < 1e-4:
             break
     if generators is None or not _explains(some, generators, objects, counts, reach):
@@ -439,8 +465,7 @@ def split(
     if fine > 1:
         contrast = zoom(contrast, fine, order=3, grid_mode=True, mode="nearest")
         inside = inside.repeat(fine, axis=0).repeat(fine, axis=1)
-    thick = max(radius * fine * SETTINGS.thin, 1)
-    objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, thick, size)
+    objects, shares = _peeled(np.where(inside, contrast, np.float32(0)), threshold, radius * fine, size)
     distance = _distance(objects & (shares >= _level_of_necks(objects, shares, size)), size, fine)
     if necks.depth == np.inf:
         parts = np.asarray(label(objects)[0], np.int32)
@@ -485,21 +510,25 @@ def _peeled(contrast: Floats32, threshold: float, radius: float, size: tuple[flo
     from scipy.ndimage import binary_dilation, distance_transform_edt, label, median
 
     rest, shares = contrast > min(threshold, 0.5), np.full(contrast.shape, np.float32(0.5))
+    thick = max(radius * SETTINGS.thin, 1)
     for _ in range(SETTINGS.n_peels):
-        if np.count_nonzero(rest) * np.prod(size) <= radius**rest.ndim:
+        if np.count_nonzero(rest) * np.prod(size) <= thick**rest.ndim:
             break
         pieces, n_pieces = label(rest)
         levels = np.append(np.inf, median(contrast[rest], pieces[rest], np.arange(1, n_pieces + 1)))
         core = rest & (contrast > 0.5 * levels[pieces]) & (levels[pieces] >= threshold)
         shares[core] = contrast[core] / levels[pieces[core]]
         # What is left counts where it is thick: in balls of this radius.
-        kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > radius
-        rest = distance_transform_edt(~kernels, size) <= radius if kernels.any() else kernels
-    return _whole(shares > 0.5), shares
+        kernels = distance_transform_edt(rest & ~binary_dilation(core, iterations=2), size) > thick
+        rest = distance_transform_edt(~kernels, size) <= thick if kernels.any() else kernels
+    return _whole(shares > 0.5, radius), shares
 
 
-def _whole(objects: Bools) -> Bools:
-    """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background."""
+def _whole(objects: Bools, radius: float = 0.0) -> Bools:
+    """Fill what convex outlines enclose: an object is whole whatever is in it, but between several is background.
+
+    What is no larger than three usual objects, if their radius is known, is no clump of several with pores between.
+    """
     from scipy.ndimage import label
     from skimage.measure import regionprops
 
@@ -508,8 +537,10 @@ def _whole(objects: Bools) -> Bools:
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
     for region in regionprops(pieces * with_holes[pieces]):  # type: ignore[no-untyped-call]
-        if region.solidity > SETTINGS.convex and not _are_discs(objects[region.slice] & region.image):
-            whole[region.slice] |= region.image
+        if region.solidity > SETTINGS.convex:
+            piece = objects[region.slice] & region.image
+            if np.count_nonzero(piece) <= SEVERAL * np.pi * radius**2 or not _are_discs(piece):
+                whole[region.slice] |= region.image
     return whole
 
 

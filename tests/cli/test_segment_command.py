@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,9 @@ from scipy.ndimage import gaussian_filter
 
 from cvtimg import find_contours, find_edges, read_image, segment, segment_hierarchy, write_image
 from cvtimg._shared.types import Array
+from cvtimg.batch import Task
 from cvtimg.cli import app as cli
+from cvtimg.cli import segment_command
 from cvtimg.cli.segment_outputs import KINDS
 from cvtimg.labels import read_labels, region_table
 from cvtimg.pictures import image_info
@@ -394,7 +398,7 @@ def test_one_channel_is_segmented_and_others_are_measured(run: Run, measure: str
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_one_table_has_the_objects_of_all_images_and_a_run_that_goes_on_keeps_its_rows(
-    cells: np.ndarray[Any, Any], run: Run, suffix: str
+    cells: np.ndarray[Any, Any], run: Run, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for place, image in {"a/one.png": cells, "a/two.png": 255 - cells, "b/one.png": cells[:30]}.items():
         Path(place).parent.mkdir(exist_ok=True)
@@ -404,9 +408,19 @@ def test_one_table_has_the_objects_of_all_images_and_a_run_that_goes_on_keeps_it
     assert run(*how).status != 0  # the file is there
     whole, last = table.read_bytes(), Path("b/one.png").read_bytes()
     table.unlink()
-    Path("b/one.png").write_bytes(b"")
-    assert run(*how).status == 1
-    Path("b/one.png").write_bytes(last)
+    if suffix == "csv":
+        segment_one = segment_command._segment
+
+        def stopped(task: Task, *way: Any, **more: Any) -> Any:
+            return os.kill(os.getpid(), signal.SIGINT) if "b" in task.source.parts else segment_one(task, *way, **more)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(segment_command, "_segment", stopped)
+            assert run(*how).status == 130
+    else:
+        Path("b/one.png").write_bytes(b"")
+        assert run(*how).status == 1
+        Path("b/one.png").write_bytes(last)
     resumed = run(*how, "--skip-existing")
     assert [row.get("skipped", False) for row in resumed.rows] == [True, True, False]
     if suffix == "csv":

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from images import discs
 from scipy import ndimage
+from skimage import data
 
 from cvtimg._shared.types import Array, Bytes, Floats
 from cvtimg.segmentation import count_objects
@@ -80,6 +81,14 @@ def test_the_background_can_be_named() -> None:
     assert other.counting is not None
     assert not other.counting.dark
     assert other.labels[5, 90] > 0
+
+
+@pytest.mark.parametrize("size", [2, 5])
+def test_blotches_of_the_ground_are_no_objects(size: float) -> None:
+    blotches = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=drawn().shape), size)
+    ground = 0.16 * blotches / blotches.std()
+    assert abs(count_objects(noisy(drawn() + ground, 0.03)).n_segments - len(DISCS)) <= 1
+    assert count_objects(noisy(ground, 0.03)).n_segments == 0
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (60, 50)])
@@ -158,14 +167,14 @@ def test_objects_with_holes_and_texture_stay_whole(kind: str) -> None:
             assert abs(count_objects(polarity).n_segments - n) <= 1
 
 
+@pytest.mark.parametrize("scale", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_coins_are_counted_at_any_scale(scale: int) -> None:
+    assert count_objects(ndimage.zoom(data.coins(), scale, order=1, grid_mode=True, mode="nearest")).n_segments == 24
+
+
 @pytest.mark.parametrize("n_rings", [2, 3])
 def test_discs_of_a_clump_are_counted_however_round_it_is(n_rings: int) -> None:
     steps = np.arange(-n_rings, n_rings + 1)
     places = [(110 + 17.3 * b, 110 + 20 * a + 10 * b, 10) for a in steps for b in steps if abs(a + b) <= n_rings]
     clump = ndimage.gaussian_filter(np.float64(discs(places, (220, 220)) > 0), 0.8)
     assert count_objects(noisy(clump, 0.06)).n_segments == len(places)
-
-
-def test_the_coins_of_scikit_image_are_24() -> None:
-    data = pytest.importorskip("skimage.data")
-    assert abs(count_objects(data.coins()).n_segments - 24) <= 2
