@@ -19,8 +19,6 @@ from cvtimg.placement.densities import DensityLike, as_density
 #: shapely has no types that a checker could use.
 Geometry: TypeAlias = Any
 
-#: Sides of boxes, so that areas of their cells are no larger, and no smaller, than numbers can be.
-_SHORTEST, _LONGEST = 1e-60, 1e60
 #: More points than this need more memory than a machine has.
 MOST_POINTS = 1 << 28
 
@@ -162,8 +160,10 @@ class Box(Region):
         above = f"less than upper={greatest.tolist()} along each axis"
         check_in_range("lower", least.tolist(), (bounds[0] < bounds[1]).all(), above)
         sides = bounds[1] - bounds[0]
-        if sides.min() < _SHORTEST or sides.max() > _LONGEST:
-            refuse("upper - lower", sides.tolist(), f"in {_SHORTEST:g}..{_LONGEST:g} along each axis")
+        with np.errstate(over="ignore", under="ignore"):
+            energies = sides.prod() * np.array([sides.min(), sides.max()]) ** 2
+        if not np.finfo(np.float64).tiny < energies[0] <= energies[1] < np.inf:
+            refuse("upper - lower", sides.tolist(), "such that energies of cells are numbers")
         wraps = np.asarray(periodic, bool)
         fits = wraps.shape in ((), least.shape)
         check_shape("periodic", wraps.shape, fits, f"a bool, or {least.shape}, one for each axis")
