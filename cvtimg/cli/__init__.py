@@ -6,7 +6,7 @@ How a command is added:
    and help, what it needs and excludes; ``_MODULES`` in ``cvtimg/options/__init__.py`` says which module.
 2. ``cli/NAME_command.py`` has ``EXAMPLES``, the ``COLUMNS`` of the table, named as in --json and of 80 characters at
    most, and a function ``NAME`` of the values of the options; its docstring is the help.
-3. The function makes a plan (`plan_each`: a task for each input; `plan_one`: one for all, or without inputs)
+3. The function makes a plan (`plan_of`: a task for each input, or with ``together`` one for all, or without inputs)
    and returns ``planned(plan, work, COLUMNS, given)``: `main` runs it, which prints, reports and gives the exit status.
 4. ``work(task, stopwatch, given)`` is a function of the module: it reads ``task.source``, writes ``task.outputs`` by
    option (``task.outputs["-o"]``), calls ``stopwatch.lap("read" | "cluster" | "write")`` after each stage, and returns
