@@ -89,7 +89,9 @@ def place_on_borders(
         middles = borders.points[borders.edges].mean(axis=1)
         wanted = lengths_of(field.metric(middles), np.subtract(*borders.points[borders.edges.T]))
         sizes = lengths / np.maximum(wanted, 1e-300)
-        low = np.maximum(np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths), max(spacing.finest, min_size / 2))
+        low = np.where(halved, 0.5 * np.minimum(lengths, sizes), lengths)
+        # Edges on borders may have half of the least size, and those inside are shorter than wanted by up to a third.
+        low = np.maximum(low, max(spacing.finest, min_size / 2**0.5))
         changed = halved | (wanted < spacing.short)
         if changed.any():
             field = field.lowered(middles[changed], low[changed], grade)

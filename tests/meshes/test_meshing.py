@@ -18,6 +18,7 @@ from cvtimg.meshes.mending import Mending, mend
 from cvtimg.meshes.outlines import label_outline
 from cvtimg.meshes.triangulation import FIXED, Borders, PlaneTriangulation, delaunay
 from cvtimg.placement import Box, ImplicitRegion
+from cvtimg.sphere import earth_land
 
 pytestmark = pytest.mark.filterwarnings("ignore:the border needs more than")
 
@@ -398,6 +399,13 @@ def test_corners_of_labels_are_no_narrower_than_their_lines() -> None:
 def test_outlines_of_which_nothing_may_move_keep_their_points_above_the_least_size() -> None:
     boxes = shapely.union_all([shapely.box(x, 0, x + 1, 1) for x in (0, 2)])
     assert mesh_region(boxes, min_size=0.3, effort="fast").area == pytest.approx(2)
+
+
+def test_seas_of_islands_have_no_edge_below_half_of_the_least_size() -> None:
+    sea = shapely.box(115, -10, 130, 8) - shapely.geometry.shape(earth_land()).buffer(0)
+    mesh = mesh_region(sea, min_size=0.5, effort="fast")
+    ends = mesh.points[mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]]]
+    assert np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2).min() > 0.25
 
 
 def test_a_number_of_vertices_beyond_the_least_size_is_warned_of() -> None:
