@@ -15,7 +15,6 @@ from cvtimg.options.common import MAX_COLORS
 from cvtimg.options.record import Given
 
 if TYPE_CHECKING:
-    from cvtimg._shared.types import Array, Bools
     from cvtimg.segmentation.result import Segmentation
 
 EXAMPLES = """\
@@ -41,10 +40,6 @@ COLUMNS = ("input", "k", "edge_weight", "regions", "edge_length", "seconds", "ou
 #: Modules that tasks import.
 _LATE = ("cvtimg.segmentation.files", "cvtimg.segmentation.segments", "skimage.measure._label", "scipy.optimize")
 _OF_PLANES = "objects are those of each plane by itself; --volume finds them in three dimensions"
-_UNEVEN = (
-    "a smooth surface explains more than a third segment would: --shading takes uneven light out; of text, "
-    "--smallest-detail 0.25 keeps all strokes"
-)
 #: Options that only counting without -k takes.
 _COUNTED = ("diameter", "min_contrast", "exclude_edges")
 #: Columns where objects are counted: what was measured.
@@ -137,15 +132,7 @@ def _segment(task: Task, stopwatch: Stopwatch, given: Given) -> Row:
         **({} if task.outputs else {"output": str(given.table)}),
         **({"tracks": int(divided.labels.max())} if given.track else {}),
         **({"warning": _OF_PLANES} if by_planes else {}),
-        **({"warning": _UNEVEN} if _is_lit_unevenly(given, image, stack.known[0]) else {}),
     }
-
-
-def _is_lit_unevenly(given: Given, image: Array, known: Bools) -> bool:
-    from cvtimg.segmentation.local_means import is_lit_unevenly
-
-    others = given.shading or given.hierarchy or given.superpixels or given.objects
-    return given.number == 2 and not others and is_lit_unevenly(image, known, 2)
 
 
 def _way(given: Given) -> Callable[..., Segmentation]:

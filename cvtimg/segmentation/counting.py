@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 from cvtimg._shared.checks import check_choice, check_non_negative, check_partial_image, check_shape, check_that
 from cvtimg._shared.messages import warn
 from cvtimg._shared.types import Array, Bools, Floats, Floats32, ImageLike, Ints, Ints64
-from cvtimg.segmentation.field_of_view import SEVERAL, evenly_lit, surroundings, within_margins
-from cvtimg.segmentation.local_means import local_mean, spread
+from cvtimg.segmentation.field_of_view import CONVEX, SEVERAL, evenly_lit, surroundings, within_margins
+from cvtimg.segmentation.local_means import PRIOR, local_mean, spread
 from cvtimg.segmentation.necks import join_at_ripples
 from cvtimg.segmentation.noise import noise_covariance
 from cvtimg.segmentation.result import Counting, Segmentation, measured
@@ -39,8 +39,9 @@ class Settings:
     blurs: tuple[float, float] = (0.7, 3.0)  # at least what sampling needs, at most what keeps necks
     reach: float = 0.125  # blur of the generators, of the longer side
     reach_across: float = 0.25  # the same across planes, of their number
-    ground_prior: float = 0.02  # how much the mean of all counts where the background is far
-    object_prior: float = 0.05  # objects are fewer
+    object_prior: float = (
+        0.05  # how much the mean of all counts where objects are far; they are fewer than pixels of ground
+    )
     max_rounds: int = 15  # of generators; most images need five
     some_planes: int = 9  # in which noise is measured
     enough_pixels: int = 1 << 22  # generators that vary so slowly need no more
@@ -50,9 +51,8 @@ class Settings:
     above_noise: float = 5.0  # the same for pixels of a dim object
     dimmest: float = 0.15  # contrast of the dimmest objects
     speck: int = 5  # pixels, at most, that a single one becomes by the least blur; more takes small dots for noise
-    n_peels: int = 3  # how often brighter objects are taken away
+    n_peels: int = 3  # how often brighter objects are taken away, and what is above the noise of the ground
     thin: float = 1 / 3  # what brighter objects leave counts where it is thicker
-    convex: float = 0.93  # of its hull, what one object fills; two discs that overlap by a sixth of their width do
     full: float = 0.7  # of their parts, what three of four discs of a clump fill; parts of objects with pores, 0.63
     spots: float = 0.001  # share of what lies deep in objects that is no part of them; more takes texture for gaps
     depth: float = 0.015  # of saddles, in the logarithm of the distance ...
@@ -65,8 +65,9 @@ class Settings:
     outline: float = 2.5  # noise of outlines, in pixels, per noise of contrast and pixel of blur: one over their slope
     most_cover: float = 0.9  # of what counts, by objects; above, the background is in doubt
     flat: float = 0.6  # of their width, how deep objects of a volume of cubes are at least; below, cubes are in doubt
-    clipped: float = 3.0  # times the noise of the ground above which what varies is no ground ...
-    clippings: int = 3  # ... in each of its measurements; more take dimmer objects for objects
+    clipped: float = (
+        3.0  # times the noise of the ground above which what varies is no ground; more takes dimmer objects for it
+    )
     explained: float = 0.9  # of the variance around one generator, what two leave at most
     bin: float = 0.0625  # half the width of the bins of contrast in which pixels are counted
 
@@ -350,7 +351,7 @@ def _most_noise(values: Floats32) -> float:
 def _noise_of_ground(contrast: Floats32, inside: Bools, radius: float) -> float:
     """Return the noise of the ground after the blur, in contrasts: what varies over less than the size of an object."""
     lag, noise, top = max(round(radius), 1), 0.0, 0.5
-    for _ in range(SETTINGS.clippings):  # dim objects are no ground
+    for _ in range(SETTINGS.n_peels):  # dim objects are no ground
         ground, steps = inside & (contrast < top), []
         for values, known in ((contrast, ground), (contrast.T, ground.T)):
             steps.append(np.abs(values[lag:] - values[:-lag])[known[lag:] & known[:-lag]])
@@ -424,7 +425,7 @@ def contrast_of(
         rest = counts & ~objects
         if not objects.any() or not rest.any():
             break
-        ground = local_mean(some, rest, reach, SETTINGS.ground_prior)
+        ground = local_mean(some, rest, reach, PRIOR)
         beyond = some - spread(ground, some.shape)
         above = local_mean(beyond, objects, reach, SETTINGS.object_prior)
         step = float(spread(above, some.shape).mean())
@@ -450,7 +451,7 @@ def _explains(
 ) -> bool:
     """Tell whether two generators that vary across an image explain more of it than one does: of shaded noise, not."""
     ground, above = (spread(field, some.shape) for field in generators)
-    plain = spread(local_mean(some, counts, reach, SETTINGS.ground_prior), some.shape)
+    plain = spread(local_mean(some, counts, reach, PRIOR), some.shape)
     left, of_one = (np.square(some - mean)[counts].mean(dtype=np.float64) for mean in (ground + objects * above, plain))
     return bool(left < SETTINGS.explained * of_one)
 
@@ -537,7 +538,7 @@ def _whole(objects: Bools, radius: float = 0.0) -> Bools:
     with_holes = np.bincount(pieces[filled & ~objects], minlength=n_pieces + 1) > 0
     whole = objects.copy()
     for region in regionprops(pieces * with_holes[pieces]):  # type: ignore[no-untyped-call]
-        if region.solidity > SETTINGS.convex:
+        if region.solidity > CONVEX:
             piece = objects[region.slice] & region.image
             if np.count_nonzero(piece) <= SEVERAL * np.pi * radius**2 or not _are_discs(piece):
                 whole[region.slice] |= region.image

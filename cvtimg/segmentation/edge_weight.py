@@ -48,9 +48,8 @@ _STRIPE = 64
 _CORRELATED = 3
 #: Pixels of which variances are taken; up to four times as many where rows are long.
 _ENOUGH_SAMPLES = 1 << 14
-#: Regions of an image of more pixels move in a smaller one, whose sides are halved until it has at most four times the
-#: second number of pixels; it is held in memory.
-_ENOUGH_PIXELS, _MOST_PIXELS = 1 << 19, 1 << 17
+#: Regions of an image of more pixels move in a smaller one in memory, whose sides are halved until it has no more.
+_ENOUGH_PIXELS = 1 << 19
 #: Pixels above which superpixels are found at half the size, and sweeps that they get.
 _ENOUGH_FOR_CELLS, _CELL_SWEEPS = 1 << 16, 4
 #: Sweeps before regions move, and between rounds of moves.
@@ -250,7 +249,7 @@ class State:
                     break
                 self._settle(max(weight, of_pixels), _SWEEPS_BETWEEN)
             return max(weight, of_pixels)
-        side = 2 ** max(int(np.log2(height * width / _MOST_PIXELS) / 2), 1)  # of the squares that become one pixel
+        side = 2 ** int(np.log2(height * width / _ENOUGH_PIXELS) / 2 + 1)  # of the squares that become one pixel
         values, before = self._reduced(side)
         frames = (np.zeros([length + 2 * margin for length in before.shape], kind) for kind in (np.uint16, np.uint8))
         image = Layers(values, None, np.pad(before, margin), *frames)

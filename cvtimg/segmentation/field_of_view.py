@@ -12,7 +12,7 @@ _GROUND = 0.1
 _HANGING = 0.02
 #: Least share of its convex hull that a field fills: if its surroundings are objects, which may lie at its rim, and if
 #: it is an object itself, which a clump, scalloped by the objects in it, shall not pass for.
-_CONVEX, _SMOOTH = 0.93, 0.97
+CONVEX, _SMOOTH = 0.93, 0.97
 #: Least number of objects on a field that is itself brighter or darker than the ground: fewer are holes of an object.
 SEVERAL = 3
 #: Least shares of the image that a field has and what is around it, and of the rim of the image that this has.
@@ -116,7 +116,7 @@ def _is_view(field: Bools, others: Bools | None, inside: Bools, near: int) -> bo
     if np.isin(around[rim], corners).mean() < _LEAST_RIM:
         return False
     hull = convex_hull_image(field)  # type: ignore[no-untyped-call]
-    if field.sum() < (_CONVEX if others is None else _SMOOTH) * hull.sum():
+    if field.sum() < (CONVEX if others is None else _SMOOTH) * hull.sum():
         return False
     if others is None:
         return True

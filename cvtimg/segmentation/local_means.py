@@ -13,11 +13,9 @@ from cvtimg.engine.tessellation import tessellate
 #: on this number of pixels.
 _REACHES_OF_LIGHT, _ENOUGH_PIXELS = (0.125, 0.0625), 1 << 18
 _BLOCKS_IN_REACH = 4
-#: Pixels that tell whether it is uneven.
-_FEW_PIXELS = 1 << 13
 _MAX_ROUNDS = 12
 #: Where few pixels are near, the mean of all counts for this share of a neighborhood.
-_PRIOR = 0.02
+PRIOR = 0.02
 
 
 def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | np.random.Generator) -> Floats32:
@@ -31,8 +29,8 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
         reach, light = [share * max(known.shape)] * 2, np.ones(0, np.float32)
         for _ in range(_MAX_ROUNDS):
             before = light
-            shared = local_mean((some * means).sum(axis=2), known, reach, _PRIOR)
-            squares = local_mean(np.square(means).sum(axis=2), known, reach, _PRIOR)
+            shared = local_mean((some * means).sum(axis=2), known, reach, PRIOR)
+            squares = local_mean(np.square(means).sum(axis=2), known, reach, PRIOR)
             light = np.divide(shared, squares, out=np.ones_like(squares), where=squares > 0)
             light /= light.mean()
             if before.size and np.abs(light - before).max() < 1e-3:
@@ -42,27 +40,6 @@ def in_even_light(values: Floats32, inside: Bools, n_segments: int, rng: int | n
             means = np.zeros(some.shape, np.float32)
             means[known] = cells.generators[cells.labels]
     return np.where(inside[..., None], values / spread(light, inside.shape)[..., None], np.float32(0))
-
-
-def is_lit_unevenly(image: Array, inside: Bools, n_segments: int) -> bool:
-    """Tell whether a quadratic surface under the segments explains more than another segment would."""
-    apart = max(int(np.sqrt(inside.size / _FEW_PIXELS)), 1)
-    known = inside[::apart, ::apart]
-    rows = image[::apart, ::apart].reshape(*known.shape, -1)[known].astype(np.float32)
-    if len(np.unique(rows, axis=0)) <= n_segments:
-        return False
-    down, right = (2 * np.argwhere(known) / known.shape - 1).T
-    powers = np.stack([down**0, down, right, down**2, down * right, right**2], axis=1)
-    flat = rows - powers @ np.linalg.lstsq(powers, rows)[0]
-    labels = tessellate(flat, n_segments, effort="fast", rng=0).labels
-    for _ in range(_MAX_ROUNDS):
-        columns = np.concatenate([np.eye(n_segments)[labels], powers], axis=1)
-        fitted = np.linalg.lstsq(columns, rows)[0]
-        distances = rows[:, None] - (powers @ fitted[n_segments:])[:, None] - fitted[:n_segments]
-        squares = np.square(distances).sum(axis=2)
-        labels = squares.argmin(axis=1)
-    more = tessellate(rows, n_segments + 1, effort="fast", rng=0)
-    return bool(squares.min(axis=1).sum() < more.energy)
 
 
 def local_mean(values: Floats32, of: Bools, reach: Sequence[float], prior: float) -> Floats32:

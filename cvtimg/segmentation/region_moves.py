@@ -22,9 +22,7 @@ from cvtimg.segmentation import _segments
 #: Cycles over all segments end when one lowers the energy by less than this share of it, or after the most.
 _WORTHWHILE, _MAX_CYCLES = 1e-5, 10
 #: How often lost segments are given back, and two are joined to free one.
-_MAX_GIFTS, _MAX_TRADES = 4, 4
-#: Sum of what flows in a cut, in the whole numbers that it is found in.
-_WHOLE = 1 << 30
+_MAX_CHANGES = 4
 
 _Labels = Ints64
 
@@ -100,8 +98,8 @@ def parts_of(values: Floats32, numbers: Ints, margin: int, steps: Ints, border: 
 def rearranged(parts: Parts, labels: _Labels) -> _Labels:
     """Return labels of parts, from 0, of lower energy; the same where no move lowers it."""
     best = _expanded(parts, labels)
-    for way, n_times in ((_given_back, _MAX_GIFTS), (_traded, _MAX_TRADES)):
-        for _ in range(n_times):
+    for way in (_given_back, _traded):
+        for _ in range(_MAX_CHANGES):
             start = way(parts, best)
             if start is None or parts.energy(start) >= parts.energy(best):
                 break
@@ -157,7 +155,7 @@ def _joined(parts: Parts, labels: _Labels, label: int, costs: Floats) -> _Labels
     starts = np.concatenate([tails[both], np.where(supplies > 0, source, each)])
     ends = np.concatenate([heads[both], np.where(supplies > 0, each, sink)])
     capacities = np.concatenate([arcs[both], np.abs(supplies)])
-    whole = np.rint(np.minimum(capacities / np.abs(supplies).sum(), 1) * _WHOLE).astype(np.int32)
+    whole = np.rint(np.minimum(capacities / np.abs(supplies).sum(), 1) * (np.iinfo(np.int32).max // 2)).astype(np.int32)
     graph = csr_array((whole, (starts, ends)), shape=(n_parts + 2,) * 2)
     left = graph - maximum_flow(graph, source, sink).flow
     left.eliminate_zeros()

@@ -273,13 +273,6 @@ def test_objects_are_counted_without_settings_and_what_was_measured_is_told(run:
     assert run("empty.png", "--objects", *kinds).rows[0]["k"] == 0
 
 
-def test_where_light_is_uneven_a_warning_names_shading(run: Run) -> None:
-    down, right = np.mgrid[:60, :80]
-    write_image("lit.png", np.uint8(np.where((down // 10 + right // 10) % 3, 200, 120) * (0.3 + right / 115)))
-    assert "--shading" in run("lit.png", "-k", "2", "-o", "l.png").rows[0]["warning"]
-    assert "warning" not in run("lit.png", "-k", "2", "-o", "m.png", "--shading").rows[0]
-
-
 # Hierarchies
 
 

@@ -15,7 +15,6 @@ from cvtimg._shared.types import Array, Bools, Floats32, Indices, Ints
 from cvtimg.colors import color_samples
 from cvtimg.labels import read_labels
 from cvtimg.segmentation.edge_weight import Planes, weight_of_detail
-from cvtimg.segmentation.local_means import is_lit_unevenly
 from cvtimg.segmentation.noise import averaged, noise_gain
 
 #: One of each kind of way through `segment`.
@@ -287,17 +286,6 @@ def test_in_even_light_segments_are_those_of_the_things_not_of_the_lamp(bands: i
     with_mask = segment(image, 2, shading=True, mask=right > 50).labels
     assert ((with_mask == 1) != inside)[right > 50].mean() < 0.005
     assert not with_mask[right <= 50].any()
-
-
-def test_light_is_uneven_where_a_surface_explains_more_than_another_segment() -> None:
-    down, right = np.mgrid[:150, :200]
-    things = np.where(np.hypot(down % 40 - 20, right % 40 - 20) < 8, 40, 100)
-    noise = np.random.default_rng(0).normal(0, 4, things.shape)
-    inside = right > 3
-    assert is_lit_unevenly(things * (0.5 + right / 200) + noise, inside, 2)
-    assert not is_lit_unevenly(things + noise, inside, 2)
-    assert not is_lit_unevenly(np.where(right > 100, 20, 80) + noise, inside, 2)
-    assert not is_lit_unevenly(things, inside, 2)  # has no third color
 
 
 def test_details_within_a_pixel_need_less_weight_the_smaller_they_are() -> None:

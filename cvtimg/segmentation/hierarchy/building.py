@@ -115,8 +115,8 @@ def aligned(leaves: Leaves, coarse: Leaves) -> Leaves:
     if not len(seen):
         return leaves
     means = np.add.reduceat(seen, borders.starts[:-1]) / borders.lengths
-    weight, worth = SETTINGS.coarse_weight, SETTINGS.coarse_worth
-    strengths = (leaves.strengths + weight * means) / (1 + weight * worth)
+    weight = SETTINGS.coarse_weight
+    strengths = (leaves.strengths + weight * means) / (1 + weight**2)
     near_altitudes = altitudes_between(borders.pairs, *leaves.merged(), len(leaves.sizes))
     return replace(leaves, strengths=strengths, near_and_far=(near_altitudes, means))
 

@@ -48,8 +48,9 @@ class Settings:
     softness: float = 0.3  # strength that weakens a spring by e
     least_spring: float = 1e-6  # no spring is weaker
     global_weight: float = 0.6  # of steps of vibrations across a border
-    coarse_weight: float = 0.6  # of the hierarchy of the image at half its size ...
-    coarse_worth: float = 0.6  # ... share of the strengths of the whole that theirs have
+    coarse_weight: float = (
+        0.6  # of the hierarchy of the image at half its size, and what its strengths are of those of the whole
+    )
     near: int = 1  # pixels of the half within which borders of the two are the same
     # merges: how much regions differ
     color: float = 0.5  # weight of the chi-square distance of their histograms in each channel of color
