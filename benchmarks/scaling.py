@@ -154,7 +154,7 @@ class Passes:
         self.n_passes += 1
 
 
-def held(thing: object, depth: int = 5) -> Iterator[NDArray[Any]]:
+def held(thing: object, depth: int = 12) -> Iterator[NDArray[Any]]:
     """Yield the arrays that a kernel holds: in its closure, its arguments, and values in these."""
     if isinstance(thing, np.ndarray):
         yield thing

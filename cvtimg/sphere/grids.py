@@ -5,26 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_shape, check_that
+from cvtimg._shared.checks import check_at_least, check_choice, check_in_range, check_that
 from cvtimg._shared.choices import EffortName
 from cvtimg._shared.iteration import Callback, Watch
 from cvtimg._shared.messages import warn
-from cvtimg._shared.types import Bools, Points
+from cvtimg._shared.types import Bools
 from cvtimg.sphere.densities import GlobePicture, Scaled, SphereDensityLike, as_sphere_density
 from cvtimg.sphere.descent import descend, polish_angles
 from cvtimg.sphere.result import SphereGrid
 from cvtimg.sphere.starts import Lattice, bisected, drawn, icosahedron, in_order, twist, without
-from cvtimg.sphere.triangulation import (
-    Cells,
-    SphereTriangulation,
-    SumCells,
-    WeightedCells,
-    check_sphere_points,
-    uniform_cells,
-    unit,
-)
+from cvtimg.sphere.triangulation import Cells, SphereTriangulation, SumCells, WeightedCells, uniform_cells, unit
 from cvtimg.sphere.widths import CellWidth
 
 #: More points than this have more edges than 32 bits number.
@@ -74,7 +65,6 @@ def sphere_grid(
     n: int | None = None,
     *,
     density: SphereDensityLike = None,
-    start: ArrayLike | None = None,
     polish: bool = True,
     effort: EffortName = "balanced",
     rng: int | np.random.Generator = 0,
@@ -92,9 +82,6 @@ def sphere_grid(
         left to right and latitudes 90..-90 from top to bottom; or `Refinement` caps, of which the finest counts. The
         size of cells goes as density^(-1/4); by an image, it grows by at most 15 % through a cell and is at most 10
         times that of the finest. `CellWidth` says it in km. 1 everywhere by default.
-    start : (n, 3) array, optional
-        Where points begin, if not few at first, which are moved and whose triangles are divided by four at each level:
-        the best way to good grids.
     polish : bool
         Move points a little at the end, so that no triangle is obtuse.
     effort : {"fast", "balanced", "best"}
@@ -139,12 +126,7 @@ def sphere_grid(
             f"the density is 0 on {scaled.share_of_zeros:.0%} of the sphere: cells there are 100 times as wide as the "
             "finest, and triangles at their border are bad; a density that falls gradually makes better grids"
         )
-    plan = _Plan(scaled, settings, polish, random, Watch(callback))
-    if start is not None:
-        points = check_sphere_points("start", start)
-        check_shape("start", points.shape, len(points) == n, f"({n}, 3)")
-        return plan.from_points(points)
-    return plan.by_levels(_sizes(n, weight is None))
+    return _Plan(scaled, settings, polish, random, Watch(callback)).by_levels(_sizes(n, weight is None))
 
 
 def _sizes(n: int, is_even: bool) -> list[int]:
@@ -173,12 +155,6 @@ class _Plan:
             return self._finished(self._climb(sizes, 0.0))
         grids = [self._finished(self._climb(sizes, noise)) for noise in self.effort.noises]
         return min(grids, key=lambda grid: (grid.measures().n_obtuse, grid.energy))
-
-    def from_points(self, points: Points) -> SphereGrid:
-        """Begin with points, which keep their numbers."""
-        mesh = SphereTriangulation(points)
-        self._descend(mesh, self._sums(len(points)))
-        return self._finished(mesh)
 
     def _climb(self, sizes: list[int], noise: float) -> SphereTriangulation:
         mesh = self._coarsest(sizes[0])

@@ -166,23 +166,14 @@ def width_map(lon: ArrayLike, lat: ArrayLike, widths: ArrayLike) -> Floats:
     >>> width_map([-180, 0, 180], [-90, 90], [[60, 60, 60], [30, 30, 30]]).tolist()
     [[37.5, 37.5, 37.5, 37.5], [52.5, 52.5, 52.5, 52.5]]
     """
-    from scipy.interpolate import RegularGridInterpolator
-
     x, y, table = (np.asarray(values, np.float64) for values in (lon, lat, widths))
     check_shape("widths", table.shape, table.shape == (y.size, x.size) and min(table.shape) > 1, "(Y, X), Y, X >= 2")
-    if y[0] > y[-1]:
-        y, table = y[::-1], table[::-1]
-    check_that("lon and lat", (np.diff(x) > 0).all() and (np.diff(y) > 0).all(), "be in order")
-    check_that("lon", x[-1] - x[0] <= 360 < x[-1] - x[0] + 2 * np.diff(x).max() + 1e-9, "go around the globe")
-    # What is beyond both ends is at the other one; above the last latitude widths are those at it.
-    around = np.concatenate([x[-2:] - 360, x, x[:2] + 360])
-    around, kept = np.unique(around.round(9), return_index=True)
-    table = np.concatenate([table[:, -2:], table, table[:, :2]], axis=1)[:, kept]
-    height = max(int(np.ceil(180 / min(np.median(np.diff(x)), np.median(np.diff(y))) - 1e-6)), 2)
+    steps, order = np.diff(x), np.argsort(y)
+    check_that("lon", x[-1] - x[0] <= 360 < x[-1] - x[0] + 2 * steps.max() + 1e-9, "go around the globe")
+    height = max(int(np.ceil(180 / min(np.median(steps), np.median(np.diff(y[order]))) - 1e-6)), 2)
     rows, columns = 90 - 180 * (np.arange(height) + 0.5) / height, 180 * (np.arange(2 * height) + 0.5) / height - 180
-    columns = (columns - x[0]) % 360 + x[0]
-    places = np.stack(np.meshgrid(np.clip(rows, y[0], y[-1]), columns, indexing="ij"), axis=-1)
-    return np.asarray(RegularGridInterpolator((y, around), table)(places))
+    along = np.stack([np.interp(columns, x, row, period=360) for row in table[order]])
+    return np.stack([np.interp(rows, y[order], column) for column in along.T], axis=1)
 
 
 def _outside(width: WidthLike) -> Callable[[Points], Floats]:

@@ -45,7 +45,6 @@ def place(kind: Any, **wrong: float) -> Callable[[], Any]:
         (lambda: sphere_grid(100, density=np.ones((4, 9))), r"density of shape \(4, 9\) must be twice as wide as high"),
         (lambda: sphere_grid(100, density=np.zeros((4, 8))), "density must"),
         (lambda: sphere_grid(100, density=lambda x: 0 * x[:, 0]), "density must not be 0 everywhere"),
-        (lambda: sphere_grid(100, start=np.eye(3)), r"start of shape \(3, 3\) must be \(100, 3\)"),
         (nested(within=Cap(3.3, 1.1, 1e-3)), "within must hold a point of the parent"),
         (nested(within=Cap(46, 20, 179.9)), "within must leave a point of the parent outside"),
         (nested(within=lambda x: x[:, 0] < 2), "within must be a Cap"),
