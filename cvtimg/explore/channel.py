@@ -173,7 +173,7 @@ class Channel:
             else:
                 begun = time.monotonic()
                 outcome = tab.exact(request)
-                if megapixels:
+                if megapixels > 1:  # what smaller pictures take does not grow with them
                     self._paces[tab.name] = (time.monotonic() - begun) / megapixels
             if outcome is None:
                 return json.dumps({"seq": number, "none": True, **about}), "", None

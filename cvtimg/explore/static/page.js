@@ -20,7 +20,7 @@ const state = {tabs: [], tab: "colors", settings: {}, fitted: {}, picture: null,
 let last = null, before = null, kept = null, other = null, timer = 0, started = 0, share = 0, shared = 0, expected = 0, frame = 0;
 
 const viewer = new Viewer({moved, picked});
-const controls = new Controls($("controls"), change, file => openPalette(file), problem);
+const controls = new Controls($("controls"), change, file => openPalette(file), refuse);
 const shades = new Shades(locate, toggleLock, (colors, live, spot) => {
 	const old = shades.hexes[spot], {locked} = settings(), edited = colors.length === shades.hexes.length && colors[spot];
 	const kept = colors.includes(old) || !edited ? locked : locked.map(one => one === old ? edited : one);
@@ -168,6 +168,8 @@ function want(t0 = performance.now(), rest = AT_ONCE) {
 	if (!subject() || link.gone) return;
 	clearTimeout(timer);
 	recipes.withdraw();
+	refuse.stays = false;
+	link.newest = 0; // results under way are of older settings
 	want.t0 ??= t0;
 	want.rest = rest;
 	if (!frame) frame = requestAnimationFrame(() => { // at most one draft a frame
@@ -235,7 +237,7 @@ function receive(reply, about) {
 	if (about.lane === "before") return receivePicture(reply, about);
 	if (about.tab !== state.tab) return;
 	if (reply.share !== undefined) { share = reply.share; shared = performance.now(); return; }
-	problem("");
+	if (!refuse.stays) problem("");
 	recipes.show(reply.recipes, state.tab);
 	if (about.lane === "draft") expected = reply.seconds;
 	if (reply.none) return;
@@ -337,6 +339,11 @@ function problem(text) { // of the settings; it goes with the next result
 	if ($("problem").dataset.lost) return;
 	$("problem").textContent = text;
 	$("problem").hidden = !text;
+}
+
+function refuse(text) { // what is typed; it stays until something else is chosen
+	problem(text);
+	refuse.stays = true;
 }
 
 function report(text) { // of a file; it stays until it is read
