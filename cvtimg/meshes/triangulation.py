@@ -14,7 +14,7 @@ from cvtimg.meshes import _meshes
 from cvtimg.meshes.outlines import StraightParts, cross
 
 #: Smoothing lowers the sum of the shapes of triangles to this power: the larger, the more the worst counts.
-_POWER = 8
+_POWER = 16
 #: No move leaves a triangle with less than this part of its area; it is halved this often before it is given up.
 _LEAST_AREA_LEFT, _HALVINGS = 0.1, 5
 #: How vertices move.
