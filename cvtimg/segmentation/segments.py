@@ -125,6 +125,10 @@ def segment(
     """
     of_planes = {"shading": shading, "averaging": averaging, "components": components, "min_size": min_size}
     check_excluded("spacing", spacing is not None, **of_planes, objects=objects)
+    check_excluded("objects", bool(objects), components=components)
+    size, color_space = int(check_non_negative("min_size", min_size)), check_choice("space", space, SPACES)
+    if n_segments != "auto":
+        check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
     bands, known, size_of_voxels = checked_bands(image, spacing, mask)
     shape, planes, frame = known.shape, None, frame_of(bands, known)
     bands, known = frame.of(bands), frame.of(known)
@@ -132,11 +136,7 @@ def segment(
     if spacing is not None:
         bands, known, planes = below_each_other(bands, known, size_of_voxels[0], edge_radius)
     smoothness = Smoothness.checked(averaging, edge_weight, edge_radius, smallest_detail, volume_power, planes, effort)
-    size = int(check_non_negative("min_size", min_size))
-    check_excluded("objects", bool(objects), components=components)
-    if n_segments != "auto":
-        check_count("n_segments", n_segments, _MAX_SEGMENTS, "the largest number of segment colors")
-    values = picture_values(bands, check_choice("space", space, SPACES), known)
+    values = picture_values(bands, color_space, known)
     shaded = (2 if n_segments == "auto" else min(n_segments, values.samples.n_colors)) if shading else 0
     prepared = smoothness.prepare(values, shaded)
     curve = None
