@@ -190,7 +190,8 @@ def _on_pixels(region: PictureRegion, density: Density) -> Floats32:
 def _samples(
     region: Region, density: Density, n_generators: int, effort: PlacementEffort, rng: np.random.Generator
 ) -> WeightedSamples:
-    n = max(int(np.clip(effort.samples * n_generators, *effort.all_samples)), 4 * n_generators)
+    least = EFFORTS["fast"].most_samples // 8
+    n = max(int(np.clip(effort.samples * n_generators, least, effort.most_samples)), 4 * n_generators)
     samples = region.sample(n, density=density, rng=rng)
     check_that("density", samples.density.any(), _NOT_0)
     return samples
