@@ -165,9 +165,9 @@ def held(thing: object, depth: int = 12) -> Iterator[NDArray[Any]]:
 
 def bandwidth() -> float:
     """Measure the bytes in a second that all threads of this machine copy, read and written, at best."""
-    rows, out = np.ones((2, 1 << 15, 1 << 9))
+    rows, out = np.ones((2, 1 << 14, 1 << 9))
     return (
-        2 * rows.nbytes / min(timed(partial(call, "cvtimg._shared.sums", "copy_rows", rows, out))[1] for _ in range(9))
+        2 * rows.nbytes / min(timed(partial(call, "cvtimg._shared.sums", "copy_rows", rows, out))[1] for _ in range(99))
     )
 
 
