@@ -22,11 +22,7 @@ def triangles_of(grid: SphereGrid, numbers: Indices) -> set[tuple[int, ...]]:
 
 @pytest.mark.parametrize(
     ("within", "factor"),
-    [
-        pytest.param(Cap(10, 50, 25), 4.0, marks=pytest.mark.slow),
-        (Cap(-120, -85, 40), 1.0),
-        (Cap(100, -20, 30), 0.5),
-    ],
+    [pytest.param(Cap(10, 50, 25), 4.0, marks=pytest.mark.slow), (Cap(-120, -85, 40), 1.0), (Cap(100, -20, 30), 0.5)],
 )
 def test_every_point_and_triangle_outside_is_kept(within: Cap, factor: float) -> None:
     inside = within(PARENT.points)
