@@ -152,8 +152,8 @@ def _doubts(result: Denoised, given: Given) -> list[str]:
     )
     if not result.noisy:
         levels = result.noise * 255 / float(white_of(result.image.dtype))
-        written = ", ".join(f"{level:.2f}" if math.isfinite(level) else "?" for level in levels)
-        notes.append(f"no noise found: {written} levels of 8 bits; --noise S sets it")
+        written = ", ".join(f"{level:.2f}" for level in levels if math.isfinite(level))  # of copies nothing is
+        notes.append(f"no noise found: {written or 'too little is known'}; --noise S sets it, in levels of 8 bits")
     return notes
 
 

@@ -161,7 +161,7 @@ class _Part:
             slack = maximum_filter(reference, (3, 3, 1)) - minimum_filter(reference, (3, 3, 1))
             slack = _SLACK * np.nan_to_num(slack)
         apart = (self.apart(version, reference) for version in range(len(self.values)))
-        return np.stack([self.departs(one - np.clip(one, -slack, slack), s, scales[s]) for s, one in enumerate(apart)])
+        return np.stack([self.departs(off - np.clip(off, -slack, slack), s, scales[s]) for s, off in enumerate(apart)])
 
     def departs(self, residual: Floats32, version: int, scales: Floats32) -> Bools:
         """(h, W) where a version departs by a residual, (h, W, C), by more than noise would."""
@@ -173,18 +173,18 @@ class _Part:
         residual = self.versions.even(np.where(known[..., None], residual, np.float32(0)), self.is_cut_off)
         rare = chi2.isf(norm.sf(_RARE), residual.shape[2])
         alone = np.square(residual / scales[0]).sum(axis=2)
-        found = alone > rare
+        departing = alone > rare
         for side, scale in zip(_SIDES[1:], scales[1:], strict=True):
             share = uniform_filter(known.astype(np.float32), side, mode="constant")
             sums = uniform_filter(residual, (side, side, 0), mode="constant")
             mean = np.divide(sums, share[..., None], out=sums, where=share[..., None] > 0)
             # Beside what was added the mean departs too: the pixel itself must be likelier with it than without.
             likelier = np.square((residual - mean) / scales[0]).sum(axis=2) < alone
-            found |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _FULL)
+            departing |= (share * np.square(mean / scale).sum(axis=2) > rare) & likelier & (share >= _FULL)
         # A pixel among those that depart is taken to depart too: noise alone has brought it back.
-        around = uniform_filter(found.astype(np.float32), 3, mode="constant")
-        found |= around > _MANY * uniform_filter(known.astype(np.float32), 3, mode="constant")
-        return found & known
+        around = uniform_filter(departing.astype(np.float32), 3, mode="constant")
+        departing |= around > _MANY * uniform_filter(known.astype(np.float32), 3, mode="constant")
+        return departing & known
 
 
 def _in_bands(versions: Versions, kept: Callable[[_Part], Bools], most: int = 1 << 18) -> Versions:
@@ -222,7 +222,7 @@ def _scales(part: _Part, reference: Floats32, judged: Bools, noise: Floats) -> F
         residual = np.where(part.known[version][..., None], part.apart(version, reference), np.float32(0))
         residual = part.versions.even(np.nan_to_num(residual), is_cut_off)
         means = [uniform_filter(residual, (side, side, 0))[seen] for side in _SIDES]
-        usual = [np.median(np.abs(one), axis=0) / (0.6745 * 0.88) if len(one) else one.sum(axis=0) for one in means]
+        usual = [np.median(np.abs(mean), axis=0) / (0.6745 * 0.88) if len(mean) else mean.sum(axis=0) for mean in means]
         return np.maximum((noise[version] / _SIDES)[:, None], usual).astype(np.float32)
 
     return np.stack([*side_by_side(scale, range(len(part.values)))])

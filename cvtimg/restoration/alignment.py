@@ -68,8 +68,8 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
     # S. Baker and I. Matthews, Int. J. Computer Vision 56 (2004) 221-255, doi 10.1023/B:VISI.0000011205.11775.fd, for
     # steps with the slopes of the image that stays in place, which are the same in all of them.
     values, known = list(versions.stack), versions.known.copy()
-    found = Alignment.none(versions.n_versions)
-    models, stuck = list(found.models), []
+    alignment = Alignment.none(versions.n_versions)
+    models, stuck = list(alignment.models), []
     fixed = _pyramid(versions, 0)
 
     def move(version: int) -> tuple[Floats, str, Floats32, Bools] | None:
@@ -85,12 +85,12 @@ def align(versions: Versions, model: str = "auto") -> tuple[Versions, Alignment]
         if end is None:
             stuck += [f"images[{version}]"] if known[:, :, version].any() else []
         else:
-            found.transforms[version], models[version], values[version], known[:, :, version] = end
+            alignment.transforms[version], models[version], values[version], known[:, :, version] = end
     if stuck:
         why = "one of them is of one color, or they know no pixels in common"
         names = ", ".join(stuck)
         warn(f"{names} cannot be aligned with images[0] and stay in place: {why}")
-    return replace(versions, stack=tuple(values), known=known), Alignment(found.transforms, tuple(models))
+    return replace(versions, stack=tuple(values), known=known), Alignment(alignment.transforms, tuple(models))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,7 +179,7 @@ class _Pair:
     weights: Floats32  # (N,)
     slopes: Floats32  # (2, N): along x and y
     look: Callable[[Floats], Floats32]  # gives the values of the other image at places
-    other_weight: Floats32 | None  # of the other image; None if all is known
+    other_weight: Floats32  # of the other image
     n_independent: float  # number of pixels whose noise differs
 
     @classmethod
@@ -200,7 +200,7 @@ class _Pair:
             fixed.weight.ravel()[chosen],
             np.stack([right.ravel()[chosen], down.ravel()[chosen]]),
             _interpolation(moving.values[:, :, None]),
-            None if moving.weight.min() > 1 - 1e-3 else moving.weight,
+            moving.weight,
             n_independent,
         )
 
@@ -212,9 +212,7 @@ class _Pair:
         height, width = self.shape
         at = np.stack([y, x])
         inside = (x >= 1) & (x <= width - 2) & (y >= 1) & (y <= height - 2)
-        weights = inside * self.weights
-        if self.other_weight is not None:
-            weights *= map_coordinates(self.other_weight, at, order=1, mode="nearest")
+        weights = inside * self.weights * map_coordinates(self.other_weight, at, order=1, mode="nearest")
         return self.look(at)[:, 0], np.where(weights > _COMPARED**2, weights, 0)
 
     def improved(self, transform: Floats, n_generators: int) -> tuple[Floats, float, float]:

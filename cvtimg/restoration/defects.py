@@ -44,16 +44,11 @@ class Defects:
     impulses: Floats  # (S,): share of the known pixels that are impulses, which are unknown from then on
     stripes: Floats  # (S, 2): standard deviations of what stripes of rows and of columns added and was taken away
 
-    @classmethod
-    def none(cls, n_versions: int) -> Defects:
-        """Return versions without any."""
-        return cls(np.zeros(n_versions), np.zeros((n_versions, 2)))
-
 
 def without_defects(versions: Versions) -> tuple[Versions, Defects]:
     """Take stripes of rows and columns away, and let impulses be unknown, where there is evidence of either."""
     known, stack = versions.known.copy(), list(versions.stack)
-    defects = Defects.none(versions.n_versions)
+    defects = Defects(np.zeros(versions.n_versions), np.zeros((versions.n_versions, 2)))
 
     def mend(number: int) -> None:
         given, inside = versions.stack[number], versions.known[:, :, number]
@@ -92,24 +87,14 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
     high = np.max(around, axis=0, initial=-np.inf, where=is_between)
     judged = is_between.sum(axis=0) >= _BETWEEN
     apart = np.where(judged, np.maximum(bands - high, low - bands), np.float32(-1))
-    # What stands out does so by more than the range of what is around, or by twice that, where noise does so by once.
     around_by = np.maximum(high - low, (white - black) / np.float32(256))
     inside = judged & ~ends[0] & ~ends[1]
     quiet = np.quantile((high - low)[inside], _QUIET) if inside.any() else 0.0  # 0 in drawings, where areas count
-    judged_ends = [end & judged for end in ends] if quiet else ends
-    for times in (1, _LONE) if quiet else (1,):
-        stands_out = apart > times * around_by
-        alone, others = [stands_out & end for end in ends], stands_out & ~ends[0] & ~ends[1]
-        counts = [np.count_nonzero(one) for one in alone]
-        # Dithering stands out by a step of its levels, as a rule.
-        heights, half = [apart[one] for one in alone if one.any()], np.max(white - black) / 2
-        if not any(np.count_nonzero(own > half) > _ALONE * len(own) or _vary(own) for own in heights):
-            return None
-        n_below = np.count_nonzero(others & (bands < low))
-        n_others = n_below, np.count_nonzero(others) - n_below
-        if any(_are_impulses(*of_end) for of_end in zip(alone, judged_ends, n_others, strict=True)):
-            break
-    else:
+    counted = tuple(end & judged for end in ends) if quiet else ends
+    # What stands out does so by more than the range of what is around, or by twice that, where noise does so by once.
+    outs = (apart > times * around_by for times in ((1, _LONE) if quiet else (1,)))
+    tries = (_counts(out, apart, ends, counted, bands < low, np.max(white - black) / 2) for out in outs)
+    if (counts := next(filter(None, tries), None)) is None:
         return None
     least = 1.5 * quiet  # three of them
     # Where noise is cut off at the other end, that is what is around.
@@ -120,6 +105,21 @@ def _impulses(bands: Floats32, around: Floats32, known: Bools) -> Bools | None:
         same = (around == level).sum(axis=0) <= binom.isf(_CHANCE, 8, share)
         hits |= (end & same & (apart > least) & (n > 0)).any(axis=2)
     return hits
+
+
+def _counts(
+    out: Bools, apart: Floats32, ends: tuple[Bools, ...], counted: tuple[Bools, ...], is_low: Bools, half: float
+) -> list[int] | None:
+    """Numbers of the values at each end that stand out, (H, W, C), if those of either are impulses."""
+    alone, others = [out & end for end in ends], out & ~ends[0] & ~ends[1]
+    # Dithering stands out by a step of its levels, as a rule.
+    heights = [apart[some] for some in alone if some.any()]
+    if not any(np.count_nonzero(some > half) > _ALONE * len(some) or _vary(some) for some in heights):
+        return None
+    n_low = np.count_nonzero(others & is_low)
+    n_others = n_low, np.count_nonzero(others) - n_low
+    are_any = any(_are_impulses(*of_end) for of_end in zip(alone, counted, n_others, strict=True))
+    return [int(np.count_nonzero(some)) for some in alone] if are_any else None
 
 
 def _are_impulses(alone: Bools, end: Bools, n_others: np.integer | int) -> bool:
@@ -186,7 +186,7 @@ def _stripes(image: Floats32) -> Floats32:
     least, shift = image.min(), np.ptp(image) / np.float32(64) + np.float32(1e-30)
     logs = np.log(image - least + shift)  # in which gains are offsets
     without = [image - offsets, np.exp(logs - _offsets(logs)) + least - shift]
-    left = [sum(np.square(_departures(band)).sum() for band in np.moveaxis(one, 2, 0)) for one in without]
+    left = [sum(np.square(_departures(band)).sum() for band in np.moveaxis(candidate, 2, 0)) for candidate in without]
     return image - without[int(np.argmin(left))]
 
 

@@ -63,8 +63,8 @@ def denoised(evidence: Evidence, effort: AutoEffortName, rng: np.random.Generato
         kinds = Kinds.of(axes.looks(with_border(axes.along(estimate))), min(_KINDS, n_pixels), rng)
     with part(_FINDING, 1):
         for number, largest in each(list(enumerate(filling + passes, -len(filling)))):
-            own = number >= min(_OWN, len(passes) - 1)
-            values, weights = _fused(evidence, variance, estimate, own=own)
+            is_late = number >= min(_OWN, len(passes) - 1)
+            values, weights = _fused(evidence, variance, estimate, own=is_late)
             precision = np.minimum(weights / np.float32(variance), most if number < 0 else np.inf)
             noisy = Noisy(
                 with_border(axes.along(values)),

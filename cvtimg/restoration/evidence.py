@@ -40,9 +40,9 @@ class Evidence:
     def variances(self, data: Versions) -> list[float]:
         """Variances of a value of weight 1, as far as known: of the noise, and of the disagreement of versions."""
         known = np.isfinite(self.noise.levels)
-        found = [float((self.trust * self.noise.levels**2)[known].mean())] if known.any() else []
+        of_noise = [float((self.trust * self.noise.levels**2)[known].mean())] if known.any() else []
         apart = np.nan if self.channels else disagreement(data, self.trust)
-        return [*found, apart] if np.isfinite(apart) else found or [0.0]
+        return [*of_noise, apart] if np.isfinite(apart) else of_noise or [0.0]
 
     @property
     def noise_lines(self) -> Floats | None:
@@ -69,7 +69,7 @@ def prepare(
     level = None if level is None else check_positive("noise", level) * given.level(space)
     if model and given.n_versions == 1:
         warn(f"align={model!r} has nothing to align: there is one version")
-    defects = Defects.none(given.n_versions)
+    defects = Defects(np.zeros(given.n_versions), np.zeros((given.n_versions, 2)))
     if rule is not HIDDEN["none"] and not channels:
         given, defects = without_defects(given)
     with part(0, 0.4):
@@ -80,7 +80,7 @@ def prepare(
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
         noise = Noise.of(given, level=level, white=white, in_place=model is None and not channels)
     whitening = noise.whitening(given.rounding)
-    given, placed = (replace(one, lines=noise.lines, whitening=whitening) for one in (given, placed))
+    given, placed = (replace(stack, lines=noise.lines, whitening=whitening) for stack in (given, placed))
     versions, apart = placed, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)

@@ -54,27 +54,27 @@ def misfits(versions: Versions, noise: Floats, shared: SharedNoise | None = None
     spread[: 2 * lags + 1, : 2 * lags + 1] = shared.autocovariance.mean(axis=(2, 3))
     drawn = np.fft.fft2(np.random.default_rng(0).standard_normal(spread.shape)) * np.sqrt(np.abs(np.fft.fft2(spread)))
     noisy = noise**2 * np.var(_between_blurs(np.fft.ifft2(drawn).real)) / np.diag(shared.bands).mean()
-    found = np.zeros((n, n))
-    for one, other in combinations(range(n), 2):
-        both = structure[one][1] & structure[other][1]
-        tells = np.isfinite(_means(structure[one][0], both))
-        for power, rest in ((powers[one], noisy[one]), (powers[other], noisy[other])):
+    apart_by = np.zeros((n, n))
+    for first, other in combinations(range(n), 2):
+        both = structure[first][1] & structure[other][1]
+        tells = np.isfinite(_means(structure[first][0], both))
+        for power, rest in ((powers[first], noisy[first]), (powers[other], noisy[other])):
             seen = power[np.isfinite(power)]
             least = _POWER * max(np.quantile(seen, 0.75) - rest, 0) if len(seen) else 0.0
             tells &= (power - rest > least) & (power > 2 * rest)
         if not tells.any():
             continue
-        ours, theirs = (powers[s] - noisy[s] for s in (one, other))
+        ours, theirs = (powers[s] - noisy[s] for s in (first, other))
         gain = np.median((theirs / ours)[tells])  # of a longer exposure
         with np.errstate(invalid="ignore"):
             tells &= np.abs(np.log(gain * ours / theirs)) < _ALIKE
         if (n_windows := np.count_nonzero(tells)) >= _FEW:
-            apart = _means(np.square(structure[one][0] * np.float32(np.sqrt(gain)) - structure[other][0]), both)
-            parts = 2 * (apart - gain * noisy[one] - noisy[other]) / (gain * ours + theirs)
+            apart = _means(np.square(structure[first][0] * np.float32(np.sqrt(gain)) - structure[other][0]), both)
+            parts = 2 * (apart - gain * noisy[first] - noisy[other]) / (gain * ours + theirs)
             part = max(np.median(parts[tells]), 0)
             if n_windows >= _ENOUGH or part > 1:
-                found[one, other] = found[other, one] = part
-    return found
+                apart_by[first, other] = apart_by[other, first] = part
+    return apart_by
 
 
 def _structure(versions: Versions, version: int) -> tuple[Floats32, Bools]:
@@ -130,7 +130,7 @@ def fitting(
 
 def exposures(placed: Versions) -> Floats:
     """(S, C, 2) gain and offset of each version in place that bring it to the levels of the first."""
-    found = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
+    tones = np.tile([1.0, 0.0], (placed.n_versions, placed.stack[0].shape[2], 1))
     first = _levels(placed, 0)
     for version in range(1, placed.n_versions):
         other = _levels(placed, version)
@@ -139,8 +139,8 @@ def exposures(placed: Versions) -> Floats:
             both = both[:: -(-len(both) // _TOLD[1])]
             lines = [*side_by_side(_line, [*zip(other[both].T, first[both].T, strict=True)])]
             if not any(line is None for line in lines):
-                found[version] = lines
-    return found
+                tones[version] = lines
+    return tones
 
 
 def _levels(versions: Versions, version: int) -> Floats:

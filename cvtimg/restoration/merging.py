@@ -26,8 +26,6 @@ from cvtimg.segmentation.edge_weight import EdgeWeighted, descend
 #: Blurs, in pixels, of the images in which the search for segments begins; the lowest end is kept.
 _BLURS = {"fast": (1.0,), "balanced": (0.0, 1.5), "best": (0.0, 0.75, 1.5, 3.0)}
 
-_Labels = Ints
-
 
 def merge_versions(
     evidence: Evidence,
@@ -54,12 +52,12 @@ def merge_versions(
     center = values[weights > 0].mean(dtype=np.float64)
     values = values - np.float32(center)  # so that float32 is precise enough
 
-    def settled(labels: _Labels, own: Bools) -> EdgeWeighted:
+    def settled(labels: Ints, some: Bools) -> EdgeWeighted:
         """Lower the energy in some bands from initial labels until they rest."""
-        found = descend(values[:, :, own], labels, n_generators, edge_weight=cost * unit, weights=weights[:, :, own])
-        return replace(found, generators=found.generators + np.float32(center))
+        cells = descend(values[:, :, some], labels, n_generators, edge_weight=cost * unit, weights=weights[:, :, some])
+        return replace(cells, generators=cells.generators + np.float32(center))
 
-    def started(blur: float) -> _Labels:
+    def started(blur: float) -> Ints:
         """(H, W) cells, from 1, of the colors of the versions fused and blurred, where nothing is missing."""
         rows = _fused_rows(versions, evidence, blur)
         cells = cells_of(rows, n_generators, effort=effort)
@@ -69,8 +67,8 @@ def merge_versions(
     end = min(ends, key=lambda end: end.energies[-1])
     bands = [versions.version_of == version for version in range(1 if evidence.channels else versions.n_versions)]
 
-    generators, masses = (np.stack([values[:, own] for own in bands]) for values in (end.generators, end.masses))
-    alone = (settled(end.labels, own) for own in bands)  # once they have settled in each version
+    generators, masses = (np.stack([values[:, some] for some in bands]) for values in (end.generators, end.masses))
+    alone = (settled(end.labels, some) for some in bands)  # once they have settled in each version
     colors = RENORMALIZATIONS[renormalize](generators, masses, alone)
     white = peak(evidence.placed.dtypes[0]) if space != "rgb" else 1.0
     shown = from_space(colors, space, np.dtype(np.float64)) * white
@@ -82,10 +80,10 @@ def merge_versions(
     labels = rank[end.labels]
     by_version = np.full((len(order), versions.n_versions, int(np.bincount(versions.version_of).max())), np.nan)
     for version, dtype in enumerate(evidence.placed.dtypes):
-        own = versions.version_of == version
-        places = np.where(end.masses > 0, end.generators, np.nan)[order][:, own]
+        some = versions.version_of == version
+        places = np.where(end.masses > 0, end.generators, np.nan)[order][:, some]
         white = peak(dtype) if space != "rgb" else 1.0
-        by_version[:, version, : np.count_nonzero(own)] = from_space(places, space, np.dtype(np.float64)) * white
+        by_version[:, version, : np.count_nonzero(some)] = from_space(places, space, np.dtype(np.float64)) * white
     return Restoration.of(
         colors[order][labels - 1],
         versions,

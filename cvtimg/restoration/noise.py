@@ -38,8 +38,6 @@ _GROWING = (0.2, 0.5)
 #: Share of values at an end of the levels from which on a patch is cut off; a block; and, where most patches have a
 #: smaller one, but all have some, one that tells what bands share.
 _CUT_OFF = (0.02, 0.1, 0.2)
-#: Rounds in which the noise of each version is found from what two and two differ by.
-_ROUNDS = 32
 #: Classes of levels, in each of which noise is measured, and the chance with which even noise is taken to follow them.
 _CLASSES, _CHANCE = 8, 1e-3
 #: Blocks whose spectra tell what near pixels share: their side, which has room for a window and the lags, up to the
@@ -125,7 +123,7 @@ class Noise:
         # Versions are as they came: interpolation would smooth their noise.
         versions, _ = versions.distinct()
         squares, shared = _covariances(versions, in_place=in_place), None
-        bands = [np.sqrt(np.diag(own)) for own in squares]
+        bands = [np.sqrt(np.diag(covariance)) for covariance in squares]
         levels = cls(bands).levels
         is_seen, told = levels > versions.unseen, levels[levels > 0]
         variance = float(np.mean(told**2)) if len(told) else 0.0
@@ -140,10 +138,13 @@ class Noise:
             shared = shared_noise(versions, in_place=in_place)
             pairs = [*zip(versions.roundings, versions.stack, strict=False)]
             lost = [lost for rounding, values in pairs if rounding and (lost := rounding.lost(values)) is not None]
-            # What JPEG files have lost is noise, too; what versions in place differ by has it already.
+            # What JPEG files have lost is noise, too; what versions in place differ by has it already. The nearer it is
+            # to what is seen in power, the more of that it is: noise about as large as the steps has been rounded.
             if lost and (not in_place or versions.n_versions == 1):
-                own = (shared or SharedNoise.white(variance * np.eye(lost[0].shape[2]))).autocovariance
-                shared = SharedNoise(own + sum(SharedNoise.of(one).autocovariance for one in lost) / len(levels))
+                rounded = np.sum([SharedNoise.of(part).autocovariance for part in lost], axis=0) / len(levels)
+                seen = (shared or SharedNoise.white(variance * np.eye(lost[0].shape[2]))).autocovariance
+                less, more = sorted(float(np.trace(noise[_LAGS, _LAGS])) + 1e-30 for noise in (seen, rounded))
+                shared = SharedNoise((seen + rounded) * ((more + less * (1 - less / more)) / (more + less)))
         if _is_shared(across) and (shared is None or np.trace(shared.bands) < np.trace(across)):
             shared = SharedNoise.white(across)  # else texture would give it neighbors
             bands = [np.sqrt(np.diag(across)) * ratio for ratio in ratios]
@@ -151,14 +152,14 @@ class Noise:
             bands = [np.sqrt(np.diag(shared.bands)) * (1 if in_place else ratio) for ratio in ratios]
         _Look.of.cache_clear()
         if level is not None:
-            bands = [np.full(len(own), level) for own in bands]
+            bands = [np.full(len(covariance), level) for covariance in bands]
         return cls(bands, shared, versions.lines, bool(is_seen.any()) or shared is not None or level is not None)
 
 
 def _mean_of(squares: list[Floats], ratios: Floats) -> Floats:
     """(C, C) mean covariance of versions, (C, C) each, whose noise has ratios, (S,)."""
-    told = [own / ratio**2 for own, ratio in zip(squares, ratios, strict=True) if ratio > 0]
-    are_alike = len({own.shape for own in squares}) == 1  # channels may have other bands
+    told = [covariance / ratio**2 for covariance, ratio in zip(squares, ratios, strict=True) if ratio > 0]
+    are_alike = len({covariance.shape for covariance in squares}) == 1  # channels may have other bands
     return np.asarray(np.mean(told, axis=0) if told and are_alike else np.zeros_like(squares[0]))
 
 
@@ -204,8 +205,8 @@ class _Look:
             if min(self.lost.shape) >= side:
                 every = int(np.ceil(side * np.sqrt(self.lost.size / _MOST)))
                 values, image, lost = (
-                    np.lib.stride_tricks.sliding_window_view(one, (side, side), (0, 1))[::every, ::every]
-                    for one in (self.values, self.image, self.lost)
+                    np.lib.stride_tricks.sliding_window_view(array, (side, side), (0, 1))[::every, ::every]
+                    for array in (self.values, self.image, self.lost)
                 )
                 if most:
                     holes, lost = np.isinf(lost).mean(axis=(2, 3)), np.minimum(lost, 1)
@@ -223,10 +224,10 @@ class _Look:
     @cached_property
     def levels(self) -> Floats:
         """(C,) standard deviation of the noise in each band; NaN where too little is known or all is cut off."""
-        found = self.patches()
-        levels = np.full(self.values.shape[2], np.nan) if found is None else _levels_in(found[0])
-        if found is not None and self.white and found[0].shape[1] < _SIDES[0]:
-            means, sigmas = (one.astype(np.float32) for one in (found[1], levels + 1e-3))
+        measured = self.patches()
+        levels = np.full(self.values.shape[2], np.nan) if measured is None else _levels_in(measured[0])
+        if measured is not None and self.white and measured[0].shape[1] < _SIDES[0]:
+            means, sigmas = (values.astype(np.float32) for values in (measured[1], levels + 1e-3))
             levels /= np.sqrt(Clipped.of(means, sigmas, self.white).variance.mean(axis=0))
         return levels
 
@@ -241,8 +242,8 @@ def _halves_of(patches: Floats) -> tuple[Floats, Floats]:
     """(N, P / 2) even and odd parts of patches, (N, side, side, C), about their centers."""
     rows = patches.reshape(len(patches), -1, patches.shape[3])
     half = rows.shape[1] // 2
-    one, other = (part.reshape(len(patches), -1) for part in (rows[:, :half], rows[:, : -half - 1 : -1]))
-    return (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)
+    first, other = (part.reshape(len(patches), -1) for part in (rows[:, :half], rows[:, : -half - 1 : -1]))
+    return (first + other) / np.sqrt(2), (first - other) / np.sqrt(2)
 
 
 def _order_of(halves: Floats) -> Indices:
@@ -267,16 +268,13 @@ def _covariances(versions: Versions, *, in_place: bool) -> list[Floats]:
     # What versions in place differ by has no texture, and tells more if bands share noise.
     pairs = [*pairwise(seen), *([(seen[0], seen[-1])] if len(seen) > 2 else [])]
     apart = [*side_by_side(lambda pair: _covariance_of(versions, *pair), pairs)]
-    told = [(pair, own) for pair, own in zip(pairs, apart, strict=True) if np.isfinite(own).all() and own.any()]
-    mean = np.mean([own for _, own in told], axis=0) if told else np.eye(1)
+    told = [(pair, half) for pair, half in zip(pairs, apart, strict=True) if np.isfinite(half).all() and half.any()]
+    mean = np.mean([half for _, half in told], axis=0) if told else np.eye(1)
     if not _is_shared(mean):
-        return [np.diag(np.diag(own)) for own in alone]
-    # The traces of versions, > 0, from means of two: each round brings them nearer, from those of versions alone.
-    members = np.array([[(s in pair) / 2 for s in range(len(alone))] for pair, _ in told])
-    # That of a version that tells nothing, NaN, must not reach the others.
-    traces, wanted = np.fmax([np.trace(covariance) for covariance in alone], 1e-9), [np.trace(half) for _, half in told]
-    for _ in range(_ROUNDS):
-        traces *= (members.T @ (wanted / (members @ traces))) / np.maximum(members.sum(axis=0), 1e-9)
+        return [np.diag(np.diag(covariance)) for covariance in alone]
+    # Each alone tells how much of it is its own; NaN of one that tells nothing must not reach the others.
+    traces = np.fmax([np.trace(covariance) for covariance in alone], 1e-9)
+    traces *= sum(np.trace(half) for _, half in told) / sum(traces[[*pair]].mean() for pair, _ in told)
     return [mean * (trace / np.trace(mean)) if s in seen else alone[s] for s, trace in enumerate(traces)]
 
 
@@ -325,10 +323,10 @@ def _flat(patches: Floats, least: Floats) -> tuple[Floats, Floats]:
     high = waves[:, groups[1]].reshape(-1, n_bands)
     axis = np.linalg.eigh(high.T @ high / len(high) - least)[1][:, -1]
     powers = np.zeros((2, 2, n_bands, n_bands))  # of quiet and of louder patches, in middle and in high waves
-    for own, other in zip(halves, halves[::-1], strict=True):
+    for measured, other in zip(halves, halves[::-1], strict=True):
         order = np.argsort(sum(np.square(wave @ axis).sum(axis=1) for wave in other), kind="stable")
         for place, (start, end) in enumerate(((0, _QUIET), _GROWING)):
-            for number, wave in enumerate(own):
+            for number, wave in enumerate(measured):
                 rows = wave[order[int(start * n) : int(end * n)]].reshape(-1, n_bands)
                 share = wave.shape[1] / np.count_nonzero(groups[number])
                 powers[place, number] += share * (rows.T @ rows) / len(rows)
@@ -355,8 +353,8 @@ def _least(patches: Floats) -> float:
     few = min(_FEWEST * patches.shape[3], int(_OF_FEW * len(patches)))
     n_quiet = min(max(int(_QUIET * len(patches)), few, _PER_VALUE * even[0].size), len(patches))
     pairs = [(even, odd), (odd, even)]
-    found = [*side_by_side(lambda pair: _powers(pair[0][_order_of(pair[1])[:n_quiet]]), pairs)]
-    powers, again = np.concatenate(found, axis=1)
+    of_pairs = [*side_by_side(lambda pair: _powers(pair[0][_order_of(pair[1])[:n_quiet]]), pairs)]
+    powers, again = np.concatenate(of_pairs, axis=1)
     order = np.argsort(powers)
     # As many directions, but not two, as have a mean that is not above their median: texture would raise the mean.
     count = np.arange(1, len(powers) + 1)
@@ -384,8 +382,8 @@ def lines_of(versions: Versions, *, in_place: bool, across: Floats | None = None
     axes = np.linalg.eigh(across)[1][:, -1:] if across is not None and _is_shared(across) else None
     levels, variances, usual = [], [], []
     for numbers in _looks(versions, in_place=in_place):
-        if found := _Look.of(versions, *numbers).patches(*_SIDES[:2], per_value=3 * _CLASSES):
-            patches, means = found
+        if measured := _Look.of(versions, *numbers).patches(*_SIDES[:2], per_value=3 * _CLASSES):
+            patches, means = measured
             parts = np.array_split(np.argsort(means.mean(axis=1), kind="stable"), _CLASSES)
             patches = patches if axes is None else patches @ axes
             squares = np.square([*side_by_side(_levels_in, [patches[part] for part in parts])])
@@ -399,7 +397,7 @@ def lines_of(versions: Versions, *, in_place: bool, across: Floats | None = None
     seen, told = np.array(levels), np.array(variances)
     # Small lights make the one class that has them seem noisy: a line shows without any of the classes.
     classes = np.arange(len(seen)) % _CLASSES
-    chances = [_line(seen[classes != one], told[classes != one])[1] for one in range(_CLASSES)]
+    chances = [_line(seen[classes != number], told[classes != number])[1] for number in range(_CLASSES)]
     line, chance = _line(seen, told)
     return (line, np.mean(usual, axis=0)) if max(chance, *chances) < _CHANCE else None
 
@@ -422,19 +420,19 @@ def _line(levels: Floats, told: Floats) -> tuple[Floats, float]:
 def shared_noise(versions: Versions, *, in_place: bool) -> SharedNoise | None:
     """Find the noise that pixels share, a mean over versions; None where it is white or too little is known."""
     looks = side_by_side(lambda numbers: _shared_in(versions, numbers), _looks(versions, in_place=in_place))
-    found = [one for one in looks if one is not None]
-    return SharedNoise(np.mean(found, axis=0)) if found else None
+    shared = [look for look in looks if look is not None]
+    return SharedNoise(np.mean(shared, axis=0)) if shared else None
 
 
 def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
     """(2 L + 1, 2 L + 1, C, C) autocovariance of what pixels share; None where noise is white or too little known."""
     look, grain = _Look.of(versions, *numbers), _GRAIN * 256 * versions.rounding
-    found, level = look.patches(_BLOCK, per_value=1), look.levels.min()
-    if found is None or not level > 0:
+    whole, level = look.patches(_BLOCK, per_value=1), look.levels.min()
+    if whole is None or not level > 0:
         return None
-    rows = found[0].reshape(len(found[0]), _BLOCK**2, -1) / level
+    rows = whole[0].reshape(len(whole[0]), _BLOCK**2, -1) / level
     planes, _ = np.linalg.qr([(1, *place) for place in np.ndindex(_BLOCK, _BLOCK)])  # what fits them best is no noise
-    blocks = (rows - planes @ (planes.T @ rows)).reshape(found[0].shape)
+    blocks = (rows - planes @ (planes.T @ rows)).reshape(whole[0].shape)
     even, odd = _halves_of(blocks)
     halves = [((blocks + sign * blocks[:, ::-1, ::-1]) / 2, _order_of(half)) for sign, half in ((1, odd), (-1, even))]
     side = np.hanning(_BLOCK + 2)[1:-1]
@@ -444,7 +442,7 @@ def _shared_in(versions: Versions, numbers: tuple[int, ...]) -> Floats | None:
         """(X, Y, C, C) mean of the products of the bands of waves of some blocks."""
         group = slice(*(int(share * len(blocks)) for share in shares))
         waves = (np.fft.rfft2(half[order[group]] * window[:, :, None], sides, axes=(1, 2)) for half, order in halves)
-        return np.asarray(sum(np.einsum("bxyi,bxyj->xyij", one, one.conj()) / len(one) for one in waves))
+        return np.asarray(sum(np.einsum("bxyi,bxyj->xyij", wave, wave.conj()) / len(wave) for wave in waves))
 
     frequencies = np.hypot(np.fft.fftfreq(sides[0])[:, None], np.fft.rfftfreq(sides[1]))
     white, quiet = np.square(window).sum(), spectrum(_GROUPS[0 if look.has_texture else 2])
@@ -467,8 +465,8 @@ def _without_texture(quiet: Floats, louder: Floats, white: float, frequencies: F
     def by_ring(values: NDArray[np.complex128]) -> Floats:
         return np.bincount(rings.ravel(), values.real.ravel()).astype(np.float64)
 
-    first, next_ = (by_ring(np.einsum("xyii->xy", one)) for one in (quiet, louder))
-    together, common_next = (one.sum(axis=(2, 3)).real / n_bands for one in (quiet, louder))
+    first, next_ = (by_ring(np.einsum("xyii->xy", spectrum)) for spectrum in (quiet, louder))
+    together, common_next = (spectrum.sum(axis=(2, 3)).real / n_bands for spectrum in (quiet, louder))
     common, apart_next = by_ring(together), (next_ - by_ring(common_next)).sum()
     steady = np.clip(1 - _TIMES * (next_ / first - _GROWS), 0, 1)
     # What bands differ by is texture where all of it grows by as much again, as in pictures of many colors.
@@ -476,7 +474,7 @@ def _without_texture(quiet: Floats, louder: Floats, white: float, frequencies: F
     apart = share * (first - common) / max(n_bands - 1, 1)
     noise = steady * np.maximum(common - apart, 0) + np.minimum(common, apart)
     if n_bands > 1:
-        beyond = [by_ring(one - white)[1:].sum() for one in (np.einsum("xyii->xy", quiet) / n_bands, together)]
+        beyond = [by_ring(power - white)[1:].sum() for power in (np.einsum("xyii->xy", quiet) / n_bands, together)]
         if beyond[1] > _COMMON * n_bands * beyond[0]:
             # What bands differ by tells nothing, as where there is one. Grain is blurred: it falls, and falls again.
             noise = steady * common

@@ -156,9 +156,9 @@ class Groups:
 
     def of_pixels(self) -> Ints:
         """(N,) group of each pixel."""
-        found = np.empty(len(self.order), np.int32)
-        found[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
-        return found
+        groups = np.empty(len(self.order), np.int32)
+        groups[self.order] = np.repeat(np.arange(len(self), dtype=np.int32), self.sizes)
+        return groups
 
 
 def group_patches(features: Floats32, labels: Ints, largest: int) -> Groups:
@@ -218,8 +218,8 @@ class Noisy:
     def bands(self, chosen: slice) -> Noisy:
         """Return some of the bands."""
         values, estimate = (np.ascontiguousarray(image[:, :, chosen]) for image in (self.values, self.estimate))
-        own = np.eye(self.values.shape[2])[:, chosen]
-        return Noisy(values, estimate, self.precision, self.shared and self.shared.along(own))
+        matrix = np.eye(self.values.shape[2])[:, chosen]
+        return Noisy(values, estimate, self.precision, self.shared and self.shared.along(matrix))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -315,7 +315,7 @@ class _Filters:
     def sums(self, estimate: Floats32, change: Floats32) -> tuple[Floats32, Floats32]:
         """Weighted sums of the filtered patches, and their weights, in the block and its border."""
         groups, size = self.block.groups, self.means.shape[1]
-        image, own_change = (np.ascontiguousarray(one[self.block.bordered]) for one in (estimate, change))
+        image, own_change = (np.ascontiguousarray(band[self.block.bordered]) for band in (estimate, change))
         patches = np.empty((len(groups.order), size), np.float32)
         height, width = (side - 2 * REACH for side in image.shape[:2])
         group_of = groups.of_pixels().reshape(height, width)

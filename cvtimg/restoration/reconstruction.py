@@ -297,8 +297,8 @@ def restore_versions(
     about: dict[str, Any] = {"masks": masks, "nodata": nodata, "alpha": alpha}
     parameters = [signature(verb).parameters for verb in (restore, denoise)]  # what neither has, each refuses
     for_segments, for_detail = (
-        {name: value for name, value in options.items() if name in own or name not in other}
-        for own, other in (parameters, parameters[::-1])
+        {name: value for name, value in options.items() if name in taken or name not in other}
+        for taken, other in (parameters, parameters[::-1])
     )
     if for_segments.get("effort") == "auto":
         del for_segments["effort"]

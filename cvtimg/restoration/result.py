@@ -150,7 +150,7 @@ class Denoised(ReadOnly):
 
     def __repr__(self) -> str:
         height, width = self.image.shape[:2]
-        noise = ", ".join(f"{one:.3g}" for one in self.noise[:8]) + (", ..." if len(self.noise) > 8 else "")
+        noise = ", ".join(f"{level:.3g}" for level in self.noise[:8]) + (", ..." if len(self.noise) > 8 else "")
         return (
             f"{type(self).__name__}({width} x {height} pixels of {self.image.dtype} from {len(self.weights)} versions, "
             f"noise=[{noise}], unknown={(self.coverage == 0).mean():.2%}, left_out={(self.left_out > 0).mean():.2%})"

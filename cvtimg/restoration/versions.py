@@ -154,7 +154,7 @@ class Versions:
         chosen = [places.tolist().index(number) for number in range(len(numbers))]
         stack, tones = tuple(values[:, :, chosen] for values in self.stack), self.tones
         version_of = np.repeat(np.arange(self.n_versions), len(chosen))
-        tones, lines = (None if one is None else one[..., chosen, :] for one in (tones, self.lines))
+        tones, lines = (None if array is None else array[..., chosen, :] for array in (tones, self.lines))
         return replace(self, stack=stack, version_of=version_of, tones=tones, lines=lines), places
 
     def with_all(self, image: Floats32, places: Indices) -> Floats32:
@@ -311,10 +311,8 @@ def disagreement(versions: Versions, trust: Floats) -> float:
     """Variance, at weight 1, of versions about their mean where several know a pixel; NaN if there is no such pixel."""
     # Unlike the estimate of the noise, which ignores what is rare, it includes what is painted over in some version.
     mean, _ = fuse(versions, trust)
-    apart = np.zeros(versions.known.shape[:2])
-    for version in range(versions.n_versions):
-        squares = np.square(versions.bands(version) - mean).sum(axis=2)
-        apart += trust[version] * squares * versions.known[:, :, version]
+    weights = trust * versions.known
+    apart = sum(np.square(versions.bands(s) - mean).sum(axis=2) * weights[:, :, s] for s in range(len(trust)))
     freedom = np.maximum(versions.coverage - 1, 0).sum() * mean.shape[2]
     return float(apart[versions.coverage > 1].sum() / freedom) if freedom else np.nan
 
@@ -337,7 +335,7 @@ def fuse(
     for version in some:
         weight += np.float32(trust[version]) * versions.known[:, :, version]
         total += np.float32(trust[version]) * versions.bands(version)
-    total, near = (gaussian_filter(one, sigma, axes=(0, 1)) if sigma else one for one in (total, weight))
+    total, near = (gaussian_filter(sums, sigma, axes=(0, 1)) if sigma else sums for sums in (total, weight))
     return fill(total, near), weight
 
 

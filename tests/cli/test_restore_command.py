@@ -89,6 +89,20 @@ def test_a_version_given_twice_is_told(run: Run) -> None:
     assert "more than once" not in run("v_1.png", "v_2.png", "-k", "4", "--effort", "fast", "-o", "b.png")[2]
 
 
+def test_what_is_left_of_stripes_and_the_noise_that_is_known_are_told(run: Run, photograph: Array) -> None:
+    part = np.ascontiguousarray(photograph[:96, :96])
+    rows = np.random.default_rng(1).normal(0, 8, (96, 1, 1))
+    write_image("rows.png", np.clip(np.rint(part + rows), 0, 255).astype(np.uint8))
+    write_image("a.png", part)
+    write_image("b.png", part)
+    fast = ("--detail", "--effort", "fast", "-o", "c.png", "--overwrite")
+    assert re.search(
+        r"rows of the result differ by [4-9]\.\d levels", "".join(run("rows.png", *fast, "--hidden", "none")[1:])
+    )
+    told = re.search(r"no noise found: (.*); --noise", "".join(run("a.png", "b.png", *fast)[1:]))
+    assert told is None or re.fullmatch(r"0\.\d\d", told[1])
+
+
 @pytest.mark.slow
 def test_a_version_that_does_not_fit_is_told_by_its_name(run: Run, photograph: Array) -> None:
     small = np.ascontiguousarray(photograph[::2, ::2])

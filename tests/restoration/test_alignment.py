@@ -57,6 +57,7 @@ def test_flat_versions_are_left_where_they_are() -> None:
     np.testing.assert_array_equal(found.transforms, np.tile(np.eye(3), (2, 1, 1)))
 
 
+@pytest.mark.slow
 def test_equal_exposures_out_of_place_have_equal_noise_and_weight(photograph: Bytes) -> None:
     rng = np.random.default_rng(0)
     shifts = [(0, 0), (2.5, -3.5), (-1.5, 4.5), (0.5, 0.5)]

@@ -65,7 +65,7 @@ def test_nothing_is_found_in_what_has_no_defects(name: str) -> None:
     assert not found.stripes.any()
 
 
-@pytest.mark.parametrize(("axis", "gain"), [(1, 0.0), (0, 0.1)])
+@pytest.mark.parametrize(("axis", "gain"), [(1, 0.0), pytest.param(0, 0.1, marks=pytest.mark.slow)])
 def test_offsets_and_gains_of_rows_and_of_columns_are_taken_away(axis: int, gain: float) -> None:
     clean, rng = part(), np.random.default_rng(1)
     stripes = rng.normal(0, 1, (len(clean), 1, 1)).swapaxes(0, axis) * (gain * clean if gain else 8)
@@ -76,7 +76,7 @@ def test_offsets_and_gains_of_rows_and_of_columns_are_taken_away(axis: int, gain
     assert psnr(result.image / 255, clean / 255) > psnr(spoiled / 255, clean / 255) + 5
 
 
-@pytest.mark.parametrize("sigma", [0, 6])
+@pytest.mark.parametrize("sigma", [pytest.param(0, marks=pytest.mark.slow), 6])
 def test_hot_pixels_of_any_level_are_filled(sigma: float) -> None:
     clean, rng = part(), np.random.default_rng(4)
     hit = rng.random(clean.shape[:2]) < 0.01

@@ -49,6 +49,7 @@ def test_several_versions_of_any_number_of_bands_are_better_than_their_mean_deno
     assert psnr(restored(versions, masks=known), bands) > alone + 1
 
 
+@pytest.mark.slow
 def test_bands_of_unequal_noise_are_each_denoised(clean: Floats) -> None:
     image = noisy(clean, np.array([0.02, 0.05, 0.15]))
     found = restored([image])
@@ -154,7 +155,7 @@ def test_a_restoration_tells_its_share_at_each_part_and_ends_there_if_asked(clea
     assert shares[-1] < 0.9
 
 
-@pytest.mark.parametrize("sigma", [0, 3 / 255])
+@pytest.mark.parametrize("sigma", [0, pytest.param(3 / 255, marks=pytest.mark.slow)])
 def test_holes_are_filled_and_what_is_known_does_not_suffer(clean: Floats, sigma: float) -> None:
     known = np.random.default_rng(1).random(clean.shape[:2]) >= 0.1
     image = as_bytes(noisy(clean, sigma))
