@@ -78,19 +78,26 @@ def prepare(
         tones = exposures(placed)
         given, placed = side_by_side(partial(equalized, tones=tones), (given, placed))
     with part(0.4, 1):  # noise of what was given: interpolation smooths it
-        noise = Noise.of(given, level=level, white=white, in_place=model is None and not channels)
-    whitening = noise.whitening(given.rounding)
-    given, placed = (replace(stack, lines=noise.lines, whitening=whitening) for stack in (given, placed))
+        noise_of = partial(Noise.of, level=level, white=white, in_place=model is None and not channels)
+        noise = noise_of(given)
     versions, apart = placed, np.full(given.n_versions, np.nan)
     if not channels:
         usual = usual_noise(placed, noise.levels)
         versions, apart = fitting(placed, usual, noise.shared, aligned=bool(model), hidden=hidden or "none")
+        if (told := versions.known.any(axis=(0, 1))).sum() < placed.known.any(axis=(0, 1)).sum():
+            noise = noise_of(replace(given, known=given.known & told))  # what others differ from is no noise
+    whitening = noise.whitening(given.rounding)
+    given, placed, versions = (
+        replace(each, lines=noise.lines, whitening=whitening) for each in (given, placed, versions)
+    )
+    if not channels:
+        usual = usual_noise(placed, noise.levels)
         versions = rule(versions, usual, moved=bool(model))
     trust = trust_in(given, noise.levels)
     return Evidence(given, placed, versions, alignment, apart, noise, trust, channels, bool(model), defects)
 
 
-def that_tell(versions: Versions) -> Versions:
+def that_tell(versions: Versions, *, quietly: bool = False) -> Versions:
     """Warn of versions that are copies of one before, or of one color where others are not, and leave them out."""
     # The noise of copies is not independent; what is of one color, as through a covered lens, seems to have none.
     reasons, known, seen = [], versions.known.copy(), dict[int, int]()
@@ -110,6 +117,6 @@ def that_tell(versions: Versions) -> Versions:
         else:
             continue
         known[:, :, number] = False
-    if reasons:
+    if reasons and not quietly:
         warn("; ".join(reasons))
     return replace(versions, known=known) if reasons else versions

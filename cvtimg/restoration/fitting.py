@@ -3,7 +3,7 @@
 Those fit that show the same thing at the same place. Fine structure tells: what is left between two blurs, free of the
 noise of single pixels and of slow changes of exposure. In windows where two versions have some, what they differ by is
 compared with what there is, less noise: next to nothing where they show the same, as much where one is some pixels off,
-and twice as much for another picture.
+and twice as much for another picture. And so do levels that are far apart.
 
 Exposure and white balance are a gain and an offset for each band, to the first version, that most windows have.
 """
@@ -77,6 +77,25 @@ def misfits(versions: Versions, noise: Floats, shared: SharedNoise | None = None
     return apart_by
 
 
+def _apart_in_levels(versions: Versions, noise: Floats) -> Floats:
+    """(S, S) misfit of the levels of versions, as of a dark frame or of a short exposure.
+
+    Above `MOST_MISFIT` levels differ by more than a quarter of their variance and than the noise of both: leaving out
+    the other version costs less than taking it.
+    """
+    n = versions.n_versions
+    levels = [_means(versions.bands(s).mean(axis=2), versions.known[:, :, s]) for s in range(n)]
+    apart = np.zeros((n, n))
+    for one, other in combinations(range(n), 2):
+        seen = np.isfinite(levels[one] + levels[other])
+        if np.count_nonzero(seen) >= _FEW:
+            ours, theirs = levels[one][seen], levels[other][seen]
+            least = float(np.square(noise[[one, other]]).sum()) / MOST_MISFIT
+            spread = max((np.var(ours) + np.var(theirs)) / 2, least, np.finfo(np.float64).tiny)
+            apart[one, other] = apart[other, one] = np.median(np.square(ours - theirs)) / spread
+    return apart
+
+
 def _structure(versions: Versions, version: int) -> tuple[Floats32, Bools]:
     """(H, W) fine structure of the mean of the bands, and where it is known."""
     from scipy.ndimage import uniform_filter
@@ -110,19 +129,27 @@ def fitting(
 ) -> tuple[Versions, Floats]:
     """Warn of versions that do not fit the one that most fit, the first of these, and leave them out if asked for."""
     # Where motion is hidden, they must fit the first. Return also the (S,) misfit with that one.
-    apart = misfits(versions, noise, shared)
-    reference = 0 if hidden == "motion" else int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
-    is_out = apart[reference] > MOST_MISFIT
+    reference, apart = misfits_of_most(versions, noise, shared, first=hidden == "motion")
+    is_out = apart > MOST_MISFIT
     if not is_out.any():
-        return versions, apart[reference]
+        return versions, apart
     numbers = np.flatnonzero(is_out).tolist()
     names = ", ".join(f"images[{number}]" for number in numbers)
-    values = ", ".join(f"{apart[reference, number]:.2f}" for number in numbers)
+    values = ", ".join(f"{apart[number]:.2f}" for number in numbers)
     leaves_out = hidden != "none"
     done = ("is" if len(numbers) == 1 else "are") + " left out" if leaves_out else "may spoil the result"
-    why = "no alignment was found" if aligned else "align=True moves them into place"
+    why = "no alignment was found" if aligned else "align=True moves them into place, and to its levels"
     warn(f"{names} cannot be laid over images[{reference}] and {done}: misfit {values}, at most {MOST_MISFIT}; {why}")
-    return (replace(versions, known=versions.known & ~is_out) if leaves_out else versions), apart[reference]
+    return (replace(versions, known=versions.known & ~is_out) if leaves_out else versions), apart
+
+
+def misfits_of_most(
+    versions: Versions, noise: Floats, shared: SharedNoise | None = None, *, first: bool = False
+) -> tuple[int, Floats]:
+    """Return the version that most fit, or the first, and the (S,) misfits with it."""
+    apart = np.maximum(misfits(versions, noise, shared), _apart_in_levels(versions, noise))
+    reference = 0 if first else int(np.argmax((apart <= MOST_MISFIT).sum(axis=1)))
+    return reference, apart[reference]
 
 
 # --- exposure

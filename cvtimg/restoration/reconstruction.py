@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from inspect import signature
 from typing import Any, get_args
 
@@ -18,11 +19,12 @@ from cvtimg.engine.search import EFFORTS
 from cvtimg.files.whole import StrPath
 from cvtimg.restoration.detail import denoised
 from cvtimg.restoration.evidence import prepare, that_tell
+from cvtimg.restoration.fitting import MOST_MISFIT, misfits_of_most
 from cvtimg.restoration.merging import RENORMALIZATIONS, merge_versions
 from cvtimg.restoration.noise import Noise
 from cvtimg.restoration.patches import cells_of
 from cvtimg.restoration.result import Denoised, Restoration
-from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in, with_tables
+from cvtimg.restoration.versions import Versions, fuse, stack_versions, trust_in, usual_noise, with_tables
 
 #: Part of the time in which versions are prepared.
 _PREPARING = 0.2
@@ -327,7 +329,11 @@ def _shows_drawing(versions: Versions) -> bool:
     """Tell whether versions in place show a few flat colors, as far as noise lets see: it hides what is faint."""
     from scipy.ndimage import gaussian_gradient_magnitude
 
+    versions = that_tell(versions, quietly=True)
     noise = Noise.of(versions).levels
+    if versions.n_versions > 1:
+        _, apart = misfits_of_most(versions, usual_noise(versions, noise))
+        versions = replace(versions, known=versions.known & (apart <= MOST_MISFIT))
     trust = trust_in(versions, noise)
     picture, weight = fuse(versions, trust, _BLUR)
     slopes = [gaussian_gradient_magnitude(band, 1.0) for band in np.moveaxis(picture, 2, 0)]

@@ -15,6 +15,7 @@ from skimage.filters import gaussian
 
 from cvtimg import denoise, read_image, restore
 from cvtimg._shared.types import Array, Bytes
+from cvtimg.restoration import restore_versions
 
 Case = tuple[Bytes, list[Bytes]]
 SIDE = 72
@@ -110,6 +111,18 @@ def with_flat(case: Case) -> Case:
     return case[0], [*case[1], np.full_like(case[1][0], 37)]
 
 
+def with_dark(case: Case) -> Case:
+    """Add a frame of a tenth of the light, as through a lens that is nearly covered, and of little noise."""
+    return case[0], [*case[1], np.rint(case[0] / 10).astype(np.uint8)]
+
+
+def error_either_way(case: Case) -> float:
+    """Mean squared error of what the command restores: a photograph is no drawing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return error_of(restore_versions(case[1], effort="fast").image, case)
+
+
 def with_hot_pixel(version: Array) -> Array:
     hot = version.astype(float)
     hot[30, 41] = 1e6
@@ -170,6 +183,9 @@ RELATIONS = [
     Relation("denoise", "an empty band", ONE, first_band, each(lambda v: np.dstack([v, 0 * v[..., 0]])), equal, SINCE),
     Relation("denoise", "bands permuted", ONE, error, reversed_bands, close(0.03), SINCE, "other patches are alike"),
     Relation("denoise", "a frame of one color", spoiled(2), restored, with_flat, close(0, 1.0), SINCE, "weights are"),
+    Relation(
+        "denoise", "a dark frame", spoiled(2), error_either_way, with_dark, close(0.01), LATER, "sums are rounded"
+    ),
     Relation("denoise", "16 bits", ONE, restored, as_it_is, close(0, 2.0), SINCE, "8 bits are rounded", as_shorts),
     Relation("denoise", "a hot pixel", ONE, error_of_floats, each(with_hot_pixel), close(0.1), LATER, "it is filled"),
     Relation("denoise", "versions in another order", THREE, error, backwards, close(0.01), LATER, "sums are rounded"),
