@@ -429,10 +429,6 @@ class _Search:
                     break
                 more = 2 * more or close / 2 if n + 2 >= n_left and not reached else 0.0
                 number = self._number(wanted + more)
-                if n + 1 >= n_left and reached:  # what is far above is lowered by dearer bits
-                    number = min(
-                        (self._whole(some), some.n_colors) for some in self._results if self._whole(some) in reached
-                    )[1]
                 settings = (self._toward(wanted + more, number), self._toward(wanted + more + close), self._best)
                 rung = next((rung for rung in settings if rung not in self._results), rung)
                 if rung in self._results:
