@@ -79,7 +79,7 @@ class _Aiming(NamedTuple):
     near: float = 1.5
     far: float = 6.0
     n_trials: int = 4  # with one of few matches
-    n_more: int = 4  # where none has reached the quality, or is near
+    n_more: int = 9  # where none has reached the quality
     n_usual: int = 2  # of all matches, without a target
     # The quality without a target, at which images look the same, or `below_best` less than the best that can be had.
     same: float = 85.0
@@ -422,10 +422,8 @@ class _Search:
             for n in first_few(range(n_left + _AIMING.n_more)):
                 quality, wanted = self._whole(rung), self.least + given * close / 2
                 reached = [some for some in map(self._whole, self._results) if some >= self.least]
-                good = not given or min(reached, default=math.inf) <= self.least + 3 * close
-                if (n + 1 >= n_left and (good or (not reached and self._best in self._results))) or abs(
-                    quality - wanted
-                ) <= (close / 2 if given else 2.5 * close):
+                enough = (bool(reached) or not given or self._best in self._results) and n + 1 >= n_left
+                if enough or abs(quality - wanted) <= (close / 2 if given else 2.5 * close):
                     break
                 more = 2 * more or close / 2 if n + 2 >= n_left and not reached else 0.0
                 number = self._number(wanted + more)
@@ -558,15 +556,9 @@ class _Palettes:
         """Return what is expected to be lost, of the quality of endlessly many colors at no price."""
         return math.hypot(self._by_error(rung.n_colors), self._by_price(rung.price, rung.n_colors))
 
-    @cached_property
-    def _rising(self) -> list[int]:
-        """The numbers of colors that are expected to lose more, at the highest price, than all above them."""
-        lost = [self.expected(_Rung(n, self._free)) for n in self.numbers]
-        return [n for at, n in enumerate(self.numbers) if lost[at] > max(lost[at + 1 :], default=-1)]
-
     def rung(self, lost: float, n_colors: int | None = None) -> _Rung:
         """Return the setting of an expected loss: the fewest colors that lose no more at the highest price."""
-        cheap = (n for n in self._rising if self.expected(_Rung(n, self._free)) <= lost)
+        cheap = (n for n in self.numbers if self.expected(_Rung(n, self._free)) <= lost)
         number = n_colors or next(cheap, self.most)
         paid = math.sqrt(max(lost, 0) ** 2 - min(self._by_error(number), max(lost, 0)) ** 2)
         price = (paid / self._by_price(1, number)) ** (1 / (_AIMING.power_of_phrases if self._of_phrases else 1))

@@ -169,7 +169,8 @@ class Quantized(ReadOnly, Fidelity):
     def stored(self, storing: Storing) -> Array:
         """Return the pixels as pages and tiles hold them."""
         if storing.indexed:
-            return np.asarray(self.indices)
+            found: Array = self.indices
+            return found
         if not storing.clears:
             return self.image
         inside = np.ones(self.indices.shape, np.bool_) if self.inside is None else self.inside

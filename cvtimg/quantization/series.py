@@ -1,18 +1,18 @@
-"""Animations, pages and files in few colors, with one palette for all images."""
+"""Animations, pages and files in few colors, with one palette for all images or one for each."""
 
 from __future__ import annotations
 
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cvtimg._shared.checks import check_keywords
-from cvtimg._shared.choices import Row
+from cvtimg._shared.choices import DitherName, GoalName, Row, SpaceName
 from cvtimg._shared.types import Array, Bools, Bytes
 from cvtimg.colors.samples import color_samples, merge_samples
 from cvtimg.elbow.curves import EnergyCurve
@@ -152,9 +152,20 @@ def quantize_frames(
     frames: Frames | Pages,
     n_colors: int | None = None,
     *,
+    psnr: float | None = None,
+    max_bytes: int | None = None,
     alpha: bool | None = None,
     masks: Sequence[ArrayLike | None] | None = None,
-    **options: Any,
+    space: SpaceName = "rgb",
+    palette: ArrayLike | None = None,
+    ramp: bool = False,
+    locked: ArrayLike | None = None,
+    color_bits: int | Sequence[int] | None = None,
+    dither: DitherName | None = None,
+    dither_strength: float | None = None,
+    goal: GoalName = "error",
+    quality: float | tuple[float, float] | None = None,
+    **engine: Unpack[EngineOptions],
 ) -> QuantizedSeries:
     """Find the palette that represents all frames of an animation with the least error.
 
@@ -168,16 +179,20 @@ def quantize_frames(
     n_colors : int
         Size of a palette, in 1..65536; a .gif holds up to 256. With `psnr` and `max_bytes`, optional and the maximum
         size, by default 256. Not allowed with `palette`.
+    psnr : float, optional
+        Use the fewest colors that reach this quality in dB, over all frames.
+    max_bytes : int, optional
+        Use the most colors whose .gif has at most this size.
     alpha : bool, optional
         Whether the last channel is alpha; by default if there are four channels, or if the pages say so.
     masks : sequence of (H, W) array or None, optional
         For each frame, the pixels to quantize: those where the mask is not 0. The others have no influence, keep their
         value, and become transparent in indexed files.
-    **options
-        The others of `quantize`, but `weights`: `psnr` over all frames, `max_bytes` and `quality` for a .gif. The
-        quality is the mean of the frames, and without one `goal="eyes"` has a fixed price of bits; an animation then
-        has at most 255 colors, as one more can stand for what stays from the frame before. Error diffusion flickers
-        where the frames stand still; ordered dithering does not.
+    space, palette, ramp, locked, color_bits, dither, dither_strength, method, init, effort, volume_power, rng, callback
+        As in `quantize`. Error diffusion flickers where the frames stand still; ordered dithering does not.
+    goal, quality
+        As in `quantize`, for the bytes of a .gif; the quality is the mean of the frames, and without one bits have a
+        fixed price. An animation then has at most 255 colors; one more can stand for what stays from the frame before.
 
     Returns
     -------
@@ -192,10 +207,12 @@ def quantize_frames(
     >>> [int(one.image[0, 0]) for one in result.results]
     [11, 11, 200]
     """
-    names = {field.name for field in fields(QuantizeOptions) if field.init} - {"n_colors", "engine", "suffix"}
-    check_keywords(quantize_frames, options, names | EngineOptions.__annotations__.keys())
-    engine: Any = {name: options.pop(name) for name in EngineOptions.__annotations__.keys() & options.keys()}
-    how = QuantizeOptions(n_colors, **options, engine=engine, suffix=".gif").aimed()
+    check_keywords(quantize_frames, engine, EngineOptions.__annotations__)
+    how = QuantizeOptions(
+        n_colors, psnr=psnr, max_bytes=max_bytes, palette=palette, locked=locked, color_bits=color_bits, ramp=ramp,
+        space=space, dither=dither, dither_strength=dither_strength, goal=goal, quality=quality, engine=engine,
+        suffix=".gif",
+    ).aimed()  # fmt: skip
     how.check()
     source = SeriesSource(frames, how, alpha, masks)
     result: QuantizedSeries = quantized(source, source.how)

@@ -34,7 +34,7 @@ BEHIND = {
 }
 #: Where the defaults of other commands are, and those of records; the last that has an argument is right.
 USUAL = {verb: names for verb, (names, _) in BEHIND.items()} | {
-    "quantize": "cvtimg.tessellate cvtimg.quantization.Writing cvtimg.quantization.Reading cvtimg.quantize",
+    "quantize": "cvtimg.tessellate cvtimg.quantization.Writing cvtimg.quantization.Reading cvtimg.quantize_frames",
     "segment": "cvtimg.tessellate cvtimg.superpixels cvtimg.segment_hierarchy cvtimg.segment",
     "restore": "cvtimg.denoise cvtimg.restore",
     **{"palette": "cvtimg.find_palette", "mesh": "cvtimg.mesh_region", "surface": "cvtimg.surface_points"},
